@@ -1,0 +1,55 @@
+# Everything a newcomer needs: python3 (>= 3.11) with its venv module, and make.
+PYTHON ?= python3
+VENV   := .venv
+BIN    := $(VENV)/bin
+PIP    := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
+DEMO   ?=
+
+.PHONY: help demo test lint types layers test-train test-slow test-systemd install-sim install-dev install-train lock clean
+
+help:            ## this list
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 16
+
+demo: $(VENV)/.sim   ## the whole device against the rotor rig in software; options: make demo DEMO="--seconds 60 --seed 7"
+	@$(BIN)/orbitd demo $(DEMO)
+
+test: $(VENV)/.dev   ## the default tests (about 3 minutes)
+	@$(BIN)/python -m pytest
+
+lint: $(VENV)/.dev   ## ruff
+	@$(BIN)/ruff check firmware_py sim_hil models tests deploy
+
+types: $(VENV)/.dev $(VENV)/.train   ## mypy --strict
+	@$(BIN)/mypy
+
+layers: $(VENV)/.dev ## import order
+	@$(BIN)/lint-imports
+
+test-train: $(VENV)/.dev $(VENV)/.train   ## trainers, exports and a smoke training of every model (about 3 minutes)
+	@$(BIN)/python -m pytest tests/models -m "slow or not slow"
+
+test-slow: $(VENV)/.dev   ## the heavier suites (about 10 minutes)
+	@$(BIN)/python -m pytest -m slow --ignore=tests/models
+
+test-systemd: $(VENV)/.dev   ## boots a real systemd, installs, starts and kills the service (root, about 2 minutes)
+	@deploy/systemd_test/run.sh
+
+$(BIN)/python:
+	@$(PYTHON) -c 'import sys; sys.exit("orbitd needs Python 3.11 or newer, this is " + sys.version.split()[0] + "; set PYTHON=python3.11") if sys.version_info < (3, 11) else None'
+	@echo "creating the environment in $(VENV) (once, about a minute)"
+	@$(PYTHON) -m venv $(VENV)
+
+$(VENV)/.sim: pyproject.toml constraints.txt | $(BIN)/python
+	@$(PIP) -e '.[sim]' && touch $@
+
+$(VENV)/.dev: pyproject.toml constraints.txt | $(BIN)/python
+	@$(PIP) -e '.[dev]' && touch $@ $(VENV)/.sim
+
+$(VENV)/.train: pyproject.toml constraints.txt | $(BIN)/python
+	@$(PIP) -e '.[train]' && touch $@ $(VENV)/.sim
+
+lock:            ## renew constraints.txt from the present environment
+	@$(BIN)/python -m pip freeze --exclude-editable | sed 's/+cpu$$//' > constraints.txt
+
+clean:           ## remove the environment and all caches
+	@rm -rf $(VENV) build *.egg-info .mypy_cache .ruff_cache .pytest_cache
