@@ -38,7 +38,7 @@ class Record(msgspec.Struct, frozen=True, gc=False, tag_field="type"):
 # --------------------------------------------------------------------------- wire: what the node says
 
 
-class RawFrame(Record, tag=True):
+class RawFrame(Record, frozen=True, tag=True):
     """One frame as it came off a link: CAN FD payload, or one whole MAVLink packet."""
 
     arrival_ns: int
@@ -46,7 +46,7 @@ class RawFrame(Record, tag=True):
     data: bytes
 
 
-class SampleFrame(Record, tag=True):
+class SampleFrame(Record, frozen=True, tag=True):
     """Three sampling instants of eight channels (``int16``, little endian, instant-major)."""
 
     counter: int
@@ -57,7 +57,7 @@ class SampleFrame(Record, tag=True):
     samples: bytes
 
 
-class RigStatus(Record, tag=True):
+class RigStatus(Record, frozen=True, tag=True):
     """Slow measurements of the rig (every 50 ms)."""
 
     counter: int
@@ -75,7 +75,7 @@ class NodeMode(enum.IntEnum):
     FOLLOWING = 1
 
 
-class NodeState(Record, tag=True):
+class NodeState(Record, frozen=True, tag=True):
     """The actuator node's own account: whom it follows, where it goes, what it refused (every 50 ms)."""
 
     counter: int
@@ -92,7 +92,7 @@ class NodeState(Record, tag=True):
     refused_range: int
 
 
-class NodeInfo(Record, tag=True):
+class NodeInfo(Record, frozen=True, tag=True):
     """What the node is (every second): compared with the configuration before arming."""
 
     counter: int
@@ -108,7 +108,7 @@ class NodeInfo(Record, tag=True):
 # --------------------------------------------------------------------------- wire: what the device says
 
 
-class Command(Record, tag=True):
+class Command(Record, frozen=True, tag=True):
     """Target for the actuator node; expires there ``time_to_live`` after ``echo_tick_us``."""
 
     counter: int
@@ -137,7 +137,7 @@ class ArmState(enum.IntEnum):
     TRIPPED = 5
 
 
-class DeviceHeartbeat(Record, tag=True):
+class DeviceHeartbeat(Record, frozen=True, tag=True):
     """What the rig's drive obeys (every 50 ms): it coasts down on a trip request or on silence."""
 
     counter: int
@@ -151,7 +151,7 @@ class DeviceHeartbeat(Record, tag=True):
 WireMessage = SampleFrame | RigStatus | NodeState | NodeInfo | Command | DeviceHeartbeat
 
 
-class Rejected(Record, tag=True):
+class Rejected(Record, frozen=True, tag=True):
     """A frame that the codec refused; ``reason`` is one of the documented reject names."""
 
     reason: str
@@ -171,7 +171,7 @@ class Quality(enum.IntFlag):
     STALE = 8
 
 
-class Block(Record, tag=True):
+class Block(Record, frozen=True, tag=True):
     """A gap-free run of samples, time-stamped on the host's clock (ISO 13374 DA).
 
     ``samples`` holds ``n x 8`` little-endian ``int16``, row = instant.  ``t_acq_ns`` is the mapped host
@@ -193,7 +193,7 @@ class Block(Record, tag=True):
     samples: bytes
 
 
-class RigReading(Record, tag=True):
+class RigReading(Record, frozen=True, tag=True):
     """A :class:`RigStatus` and the latest :class:`NodeState` with their host time."""
 
     seq: int
@@ -215,7 +215,7 @@ class Severity(enum.IntEnum):
     FAULT = 3
 
 
-class Event(Record, tag=True):
+class Event(Record, frozen=True, tag=True):
     """Something that happened once: it stays with the guard until the gate acknowledges ``seq``."""
 
     seq: int
@@ -227,7 +227,7 @@ class Event(Record, tag=True):
     limit: float = 0.0
 
 
-class Alarm(Record, tag=True):
+class Alarm(Record, frozen=True, tag=True):
     """An alarm that stands now (published as a full cyclic list)."""
 
     name: str
@@ -238,7 +238,7 @@ class Alarm(Record, tag=True):
     latched: bool
 
 
-class GuardState(Record, tag=True):
+class GuardState(Record, frozen=True, tag=True):
     """Everything the guard says about itself ten times a second."""
 
     seq: int
@@ -265,7 +265,7 @@ class GuardState(Record, tag=True):
 # --------------------------------------------------------------------------- brain: HA, PA, AG
 
 
-class Diagnosis(Record, tag=True):
+class Diagnosis(Record, frozen=True, tag=True):
     """The classifier's word on one decision (ISO 13374 HA)."""
 
     seq: int
@@ -281,7 +281,7 @@ class Diagnosis(Record, tag=True):
     model: str
 
 
-class Forecast(Record, tag=True):
+class Forecast(Record, frozen=True, tag=True):
     """What the predictor expects ``horizon_s`` ahead for the present and the advised clearance (PA).
 
     Each quantity is ``(low, expected, high)``; ``conditional_on`` says which future was assumed.
@@ -303,7 +303,7 @@ class Forecast(Record, tag=True):
     model: str
 
 
-class Advice(Record, tag=True):
+class Advice(Record, frozen=True, tag=True):
     """A proposal to the guard, sent at a fixed rate even when there is nothing to propose (AG).
 
     ``clearance_um`` is None when the brain has no proposal; ``reasons`` then says why.  Expires
@@ -324,7 +324,7 @@ class Advice(Record, tag=True):
 # --------------------------------------------------------------------------- gate: commands
 
 
-class CommandRequest(Record, tag=True):
+class CommandRequest(Record, frozen=True, tag=True):
     """A person's or program's wish: ``verb`` is one of :data:`VERBS`."""
 
     seq: int
@@ -337,7 +337,7 @@ class CommandRequest(Record, tag=True):
 VERBS: Final = ("mode", "arm", "disarm", "reset", "set_clearance", "set_pressure")
 
 
-class CommandReply(Record, tag=True):
+class CommandReply(Record, frozen=True, tag=True):
     """Answer to :class:`CommandRequest` ``seq``: accepted, or *all* reasons why not."""
 
     seq: int
@@ -345,13 +345,13 @@ class CommandReply(Record, tag=True):
     reasons: list[str]
 
 
-class EventAck(Record, tag=True):
+class EventAck(Record, frozen=True, tag=True):
     """The gate has stored every event up to and including ``seq``."""
 
     seq: int
 
 
-class Hello(Record, tag=True):
+class Hello(Record, frozen=True, tag=True):
     """First record of a peer on a room's socket: which room it is (``brain``, ``gate``)."""
 
     role: str
@@ -361,7 +361,7 @@ class Hello(Record, tag=True):
 # --------------------------------------------------------------------------- guard: replay
 
 
-class Cycle(Record, tag=True):
+class Cycle(Record, frozen=True, tag=True):
     """All that one guard cycle read: with the snapshot before it, it determines the decision."""
 
     seq: int
@@ -374,7 +374,7 @@ class Cycle(Record, tag=True):
     link_up: bool
 
 
-class Decision(Record, tag=True):
+class Decision(Record, frozen=True, tag=True):
     """All that one guard cycle put out."""
 
     seq: int
@@ -386,7 +386,7 @@ class Decision(Record, tag=True):
     state: GuardState | None
 
 
-class CycleRecord(Record, tag=True):
+class CycleRecord(Record, frozen=True, tag=True):
     """One cycle for the flight recorder: what came in, and the frames and events that went out."""
 
     cycle: Cycle
@@ -394,7 +394,7 @@ class CycleRecord(Record, tag=True):
     events: list[Event]
 
 
-class Snapshot(Record, tag=True):
+class Snapshot(Record, frozen=True, tag=True):
     """The guard's whole state before cycle ``seq``: a replay segment starts here."""
 
     seq: int
@@ -402,7 +402,7 @@ class Snapshot(Record, tag=True):
     state: bytes
 
 
-class WindowRecord(Record, tag=True):
+class WindowRecord(Record, frozen=True, tag=True):
     """What the brain decided on: ``last_t_acq_ns`` closes the window, for replay."""
 
     seq: int
@@ -446,4 +446,5 @@ def decode(data: bytes) -> RoomRecord:
     msgspec.ValidationError, msgspec.DecodeError
         When ``data`` is not one whole record of a known type.
     """
-    return _decoder.decode(data)
+    record: RoomRecord = _decoder.decode(data)
+    return record

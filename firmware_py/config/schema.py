@@ -1,0 +1,230 @@
+"""The tables of the configuration file: typed, a unit in every name, one place per limit."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal
+
+import msgspec
+from msgspec import Meta
+
+from firmware_py.records import Mode
+
+Positive = Annotated[float, Meta(gt=0)]
+NonNegative = Annotated[float, Meta(ge=0)]
+Name = Annotated[str, Meta(pattern=r"^[a-z0-9_-]{1,32}$")]
+
+
+class Section(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Base of every table of the file."""
+
+
+class Device(Section, frozen=True):
+    """Who this device is, and how it starts."""
+
+    site: Name
+    rig: Name
+    instance: Name = "default"
+    mode_at_start: Literal["monitor", "manual", "auto"] = "monitor"
+
+    @property
+    def start_mode(self) -> Mode:
+        """``mode_at_start`` as the enumeration."""
+        return Mode[self.mode_at_start.upper()]
+
+
+class Bus(Section, frozen=True):
+    """The CAN FD bus, or the serial port that carries the same records as MAVLink 2."""
+
+    link: Literal["can", "serial"] = "can"
+    interface: Literal["orbitd_hub", "socketcan"] = "orbitd_hub"
+    channel: str = "orbitd0"
+    nominal_bitrate: Annotated[int, Meta(ge=10_000, le=1_000_000)] = 1_000_000
+    data_bitrate: Annotated[int, Meta(ge=10_000, le=8_000_000)] = 5_000_000
+    serial_port: str = ""
+    serial_baud: Annotated[int, Meta(ge=9600, le=12_000_000)] = 3_000_000
+
+
+class Sampling(Section, frozen=True):
+    """Rate of the eight channels, and how many frames make a block."""
+
+    rate_hz: Annotated[int, Meta(ge=100, le=10_000)] = 5000
+    frames_per_block: Annotated[int, Meta(ge=1, le=100)] = 10
+    fresh_age_ms: Positive = 20.0
+
+    @property
+    def period_us(self) -> int:
+        """Sample period in microseconds."""
+        return round(1e6 / self.rate_hz)
+
+
+class Channel(Section, frozen=True):
+    """One sensor channel: SI = ``counts * scale + offset``; outside ``ok_low .. ok_high`` it is not OK.
+
+    ``message`` and ``signal`` name another source than ``orbitd.dbc`` (then ``bus_dbc`` must be set).
+    """
+
+    name: str
+    unit: str
+    scale: float
+    ok_low: float
+    ok_high: float
+    offset: float = 0.0
+    angle_deg: float = 0.0
+    message: str = ""
+    signal: str = ""
+
+
+class Bearing(Section, frozen=True):
+    """The journal bearing; every clearance says radial or diametral."""
+
+    journal_radius_m: Positive
+    length_m: Positive
+    radial_clearance_min_um: Positive
+    radial_clearance_max_um: Positive
+    radial_clearance_nominal_um: Positive
+
+
+class Oil(Section, frozen=True):
+    """Viscosity law ``mu = mu_40 exp(-k (T - 40))`` and the inlet range that the safe value must cover."""
+
+    viscosity_at_40C_Pa_s: Positive
+    viscosity_slope_per_K: NonNegative
+    density_kg_m3: Positive
+    heat_capacity_J_kgK: Positive
+    inlet_min_C: float
+    inlet_max_C: float
+    film_max_C: float
+
+    def viscosity_Pa_s(self, temperature_C: float) -> float:
+        """Dynamic viscosity at ``temperature_C``."""
+        return self.viscosity_at_40C_Pa_s * math.exp(-self.viscosity_slope_per_K * (temperature_C - 40.0))
+
+
+class Feed(Section, frozen=True):
+    """Oil supply pressure: what the actuator may set, and the pump's efficiency."""
+
+    pressure_nominal_bar: NonNegative
+    pressure_min_bar: NonNegative
+    pressure_max_bar: Positive
+    pump_efficiency: Annotated[float, Meta(gt=0, le=1)] = 0.6
+
+
+class Rotor(Section, frozen=True):
+    """The rotor as the film sees it."""
+
+    mass_kg: Positive
+    effective_mass_at_bearing_kg: Positive
+    unbalance_normal_kg_m: NonNegative
+    coupling_stiffness_N_m: Positive
+    coupling_damping_N_s_m: NonNegative
+
+
+class Operating(Section, frozen=True):
+    """The declared range: protection, shield and the safe value answer for all of it."""
+
+    speed_min_rpm: NonNegative
+    speed_max_rpm: Positive
+    load_min_N: Positive
+    load_max_N: Positive
+    speed_ramp_max_rpm_s: Positive
+    load_ramp_max_N_s: Positive
+
+
+class Actuator(Section, frozen=True):
+    """The node's promises; ``safe`` must equal what the node boots with."""
+
+    safe_radial_clearance_um: Positive
+    safe_pressure_bar: NonNegative
+    rate_um_s: Positive
+    time_constant_s: NonNegative = 0.05
+    time_to_live_ms: Annotated[int, Meta(ge=10, le=1000)] = 100
+    command_period_ms: Annotated[int, Meta(ge=1, le=100)] = 20
+
+
+class Limits(Section, frozen=True):
+    """API 670 set points; peak-to-peak over at least one full turn."""
+
+    min_film_um: Positive
+    trip_film_um: Positive
+    displacement_alert_um: Positive
+    displacement_danger_um: Positive
+    clearance_share: Annotated[float, Meta(gt=0, le=1)]
+    acceleration_alert_m_s2: Positive
+    acceleration_danger_m_s2: Positive
+    alert_delay_s: NonNegative = 1.0
+    danger_delay_s: NonNegative = 1.0
+    hysteresis_share: Annotated[float, Meta(ge=0, le=0.5)] = 0.05
+    min_speed_rpm: NonNegative = 300.0
+
+
+class Authority(Section, frozen=True):
+    """How the model's right to act is lost and regained."""
+
+    good_advices: Annotated[int, Meta(ge=1)] = 10
+    regain_after_s: NonNegative = 2.0
+    max_regains_per_hour: Annotated[int, Meta(ge=1)] = 12
+    advice_age_max_ms: Positive = 500.0
+    provisional_may_act: bool = False
+
+
+class Models(Section, frozen=True):
+    """Where the ONNX files lie; empty means the ones shipped with the package."""
+
+    directory: str = ""
+    public_keys: list[str] = []
+
+
+class Drive(Section, frozen=True):
+    """What the rig's drive is told to do on a trip."""
+
+    trip_on_danger: bool = True
+    coast_down_on_lost_heartbeat: bool = True
+
+
+class Zenoh(Section, frozen=True):
+    """Local Unix-socket endpoint always; TCP stays off until endpoints are listed here."""
+
+    listen: list[str] = []
+    connect: list[str] = []
+    tls_root_ca: str = ""
+    tls_certificate: str = ""
+    tls_private_key: str = ""
+
+
+class Recorder(Section, frozen=True):
+    """The flight recorder."""
+
+    enabled: bool = True
+    directory: str = ""
+    max_megabytes: Annotated[int, Meta(ge=10)] = 2000
+    raw_frames: bool = True
+
+
+class Metrics(Section, frozen=True):
+    """Prometheus text and the live page over HTTP on the loopback; port 0 is off."""
+
+    port: Annotated[int, Meta(ge=0, le=65535)] = 0
+
+
+class Config(Section, frozen=True):
+    """The whole file."""
+
+    device: Device
+    bearing: Bearing
+    oil: Oil
+    feed: Feed
+    rotor: Rotor
+    operating: Operating
+    actuator: Actuator
+    limits: Limits
+    channel: list[Channel]
+    bus: Bus = Bus()
+    bus_dbc: str = ""
+    sampling: Sampling = Sampling()
+    authority: Authority = Authority()
+    models: Models = Models()
+    drive: Drive = Drive()
+    zenoh: Zenoh = Zenoh()
+    recorder: Recorder = Recorder()
+    metrics: Metrics = Metrics()
