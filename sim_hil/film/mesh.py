@@ -1,0 +1,178 @@
+"""The finite-volume mesh of the unwrapped film."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from .records import Feed, FilmError, Floats
+
+# Euler-Maclaurin end correction of the trapezoidal rule: exact for the parabola of a short bearing.
+_END_WEIGHTS = np.array([23 / 24, 7 / 6, 3 / 8])
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Nodes, faces, fixed pressures; lengths in journal radii, z from the middle plane or over both halves.
+
+    Face i lies between nodes i and i + 1 (the last theta face closes the ring). `copies` is 2 when only one
+    half of a symmetric film is meshed. `fixed` marks nodes of known pressure `fixed_Pa`, `port` those in a
+    feed.
+    """
+
+    theta: Floats
+    theta_face: Floats
+    theta_gap: Floats
+    theta_width: Floats
+    z: Floats
+    z_gap: Floats
+    z_width: Floats
+    z_weight: Floats
+    copies: int
+    fixed: np.ndarray
+    fixed_Pa: Floats
+    port: np.ndarray
+
+
+def build_mesh(
+    *,
+    radius_m: float,
+    length_m: float,
+    feed: Sequence[Feed],
+    end_pressure_Pa: tuple[float, float],
+    nodes: tuple[int, int],
+    hmax_rad: float,
+    eccentricity_ratio: float,
+    inlet_Pa: float | None,
+) -> Mesh:
+    """Mesh with nodes on every port edge, denser towards the smallest film.
+
+    Parameters
+    ----------
+    nodes
+        Nodes around the ring and intervals along the whole length.
+    hmax_rad
+        Angle of the thickest film; a film without feed starts its grid there.
+    eccentricity_ratio
+        Sets the density at the smallest film; 0 for a uniform grid.
+    inlet_Pa
+        Pressure of an axial inlet line at `hmax_rad`, None for a closed ring.
+    """
+    ports = [_port_extent(f, radius_m, length_m) for f in feed]
+    edges = [a + s * w / 2 for (a, w, _) in ports if w < 2 * np.pi for s in (-1, 1)]
+    if inlet_Pa is not None or not edges:
+        edges.append(hmax_rad)
+    theta = _ring_nodes(edges, nodes[0], hmax_rad, (1 - eccentricity_ratio) ** -0.25)
+    symmetric = end_pressure_Pa[0] == end_pressure_Pa[1]
+    z = _axial_nodes([half for (_, _, half) in ports], length_m / radius_m, nodes[1], symmetric)
+    fixed, fixed_Pa, port = _fixed_pressures(theta, z, ports, feed, end_pressure_Pa, hmax_rad, inlet_Pa)
+    theta_gap = np.diff(np.append(theta, theta[0] + 2 * np.pi))
+    z_gap = np.diff(z)
+    z_width = np.append(z_gap, 0.0) / 2 + np.append(0.0, z_gap) / 2
+    return Mesh(
+        theta=theta,
+        theta_face=theta + theta_gap / 2,
+        theta_gap=theta_gap,
+        theta_width=(theta_gap + np.roll(theta_gap, 1)) / 2,
+        z=z,
+        z_gap=z_gap,
+        z_width=z_width,
+        z_weight=_axial_weights(z_gap, z_width, symmetric),
+        copies=2 if symmetric else 1,
+        fixed=fixed,
+        fixed_Pa=fixed_Pa,
+        port=port,
+    )
+
+
+def _port_extent(feed: Feed, radius_m: float, length_m: float) -> tuple[float, float, float]:
+    """Centre angle, width (rad) and half length (radii) of the rectangle that stands for the port."""
+    values = (feed.angle_rad, feed.width_rad, feed.length_m, feed.pressure_Pa)
+    if feed.kind not in ("groove", "orifice"):
+        raise FilmError(f"feed kind {feed.kind!r}: use 'groove' or 'orifice'")
+    if not np.all(np.isfinite(values)):
+        raise FilmError(f"feed {feed}: every number must be finite")
+    if not (0 < feed.width_rad <= 2 * np.pi and 0 < feed.length_m <= length_m):
+        raise FilmError(f"feed {feed}: width must be in (0, 2 pi] rad and length in (0, {length_m}] m")
+    shrink = np.sqrt(np.pi) / 2 if feed.kind == "orifice" else 1.0
+    return feed.angle_rad, feed.width_rad * shrink, feed.length_m * shrink / (2 * radius_m)
+
+
+def _ring_nodes(edges: list[float], count: int, hmax_rad: float, stretch: float) -> Floats:
+    """Nodes of the ring: the edges, and between them nodes even in the stretched angle.
+
+    The stretched angle `g` with `tan(psi / 2) = k tan(g / 2)`, `psi` from the thickest film, packs nodes at
+    the smallest film k^2 times closer than at the thickest (Sommerfeld's substitution, another exponent).
+    """
+    turn = 2 * np.pi
+    start = edges[0]
+    offsets = sorted({round((e - start) % turn, 12) % turn for e in edges})
+    spans = np.diff([*offsets, turn])
+    counts = [max(2, round(count * span / turn)) for span in spans]
+    k = min(stretch, 4.0)
+    nodes = []
+    for offset, span, n in zip(offsets, spans, counts, strict=True):
+        first = _stretch(start + offset - hmax_rad, 1 / k)
+        last = _stretch(start + offset + span - hmax_rad, 1 / k)
+        last = last + turn if last <= first else last
+        nodes.append(_stretch(first + (last - first) * np.arange(n) / n, k) + hmax_rad)
+    return np.concatenate(nodes)
+
+
+def _stretch(angle: Floats | float, k: float) -> Floats:
+    """Angle `b` on the same turn as `angle` with `tan(b / 2) = k tan(angle / 2)`."""
+    a = np.asarray(angle, dtype=np.float64)
+    turns = np.floor(a / (2 * np.pi) + 0.5)
+    rest = a / 2 - np.pi * turns
+    return np.asarray(2 * np.arctan2(k * np.sin(rest), np.cos(rest)) + 2 * np.pi * turns)
+
+
+def _axial_nodes(half_ports: list[float], length: float, intervals: int, symmetric: bool) -> Floats:
+    """Nodes along the axis, on every port end; one half (from the middle plane) when symmetric."""
+    edges = sorted({0.0, length / 2, *(min(h, length / 2) for h in half_ports)})
+    parts = []
+    for a, b in pairwise(edges):
+        n = max(3, round(intervals * (b - a) / length))
+        parts.append(a + (b - a) * np.arange(n) / n)
+    half = np.append(np.concatenate(parts), length / 2)
+    return half if symmetric else np.concatenate([-half[:0:-1], half])
+
+
+def _axial_weights(z_gap: Floats, z_width: Floats, symmetric: bool) -> Floats:
+    """Quadrature weights along the axis."""
+    weight = z_width.copy()
+    weight[-3:] = _END_WEIGHTS * z_gap[-1]
+    if not symmetric:
+        weight[:3] = _END_WEIGHTS[::-1] * z_gap[0]
+    return weight
+
+
+def _fixed_pressures(
+    theta: Floats,
+    z: Floats,
+    ports: list[tuple[float, float, float]],
+    feed: Sequence[Feed],
+    end_pressure_Pa: tuple[float, float],
+    hmax_rad: float,
+    inlet_Pa: float | None,
+) -> tuple[np.ndarray, Floats, np.ndarray]:
+    shape = (theta.size, z.size)
+    fixed = np.zeros(shape, dtype=np.bool_)
+    pressure = np.zeros(shape)
+    port = np.zeros(shape, dtype=np.bool_)
+    if inlet_Pa is not None:
+        line = np.abs(np.remainder(theta - hmax_rad + np.pi, 2 * np.pi) - np.pi) < 1e-9
+        port[line, :] = fixed[line, :] = True
+        pressure[line, :] = inlet_Pa
+    for (angle, width, half), one in zip(ports, feed, strict=True):
+        around = np.abs(np.remainder(theta - angle + np.pi, 2 * np.pi) - np.pi) <= width / 2 + 1e-9
+        inside = around[:, None] & (np.abs(z) <= half + 1e-9)[None, :]
+        port |= inside
+        fixed |= inside
+        pressure[inside] = one.pressure_Pa
+    ends = [(-1, end_pressure_Pa[1])] if z[0] == 0.0 else [(0, end_pressure_Pa[0]), (-1, end_pressure_Pa[1])]
+    for j, value in ends:
+        fixed[:, j] = True
+        pressure[:, j] = value
+    return fixed, pressure, port

@@ -1,0 +1,105 @@
+"""What goes into and comes out of the fluid-film model.
+
+Frame: x right, y up, angles and speed positive from x to y. Forces act on the journal, clearances are radial,
+`z` runs along the axis from the middle plane.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Rupture = Literal["full", "gumbel", "reynolds"]
+Inlet = Literal["periodic", "groove_hmax"]
+Couette = Literal["full", "filled"]
+
+
+class FilmError(ValueError):
+    """The film cannot be computed; the message names the cause, the value and the limit."""
+
+
+class JournalOutsideClearance(FilmError):
+    """The journal touches or leaves the bearing: there is no film to compute."""
+
+
+class FilmNotConverged(FilmError):
+    """The rupture boundary or the equilibrium did not settle."""
+
+
+@dataclass(frozen=True)
+class Feed:
+    """A supply port centred on the middle plane, held at its supply pressure.
+
+    Parameters
+    ----------
+    kind
+        `groove`: a rectangle of `width_rad` times `length_m`; `orifice`: an ellipse of these two diameters,
+        computed as the rectangle of equal area and aspect. The pressure is that of the port itself: there is
+        no restrictor between it and the film.
+    angle_rad, width_rad
+        Centre and circumferential extent, rad.
+    length_m
+        Axial extent, m.
+    pressure_Pa
+        Pressure in the port, Pa.
+    """
+
+    kind: Literal["groove", "orifice"]
+    angle_rad: float
+    width_rad: float
+    length_m: float
+    pressure_Pa: float
+
+
+@dataclass(frozen=True)
+class FilmMemory:
+    """Fill of the film one time step ago; the JFO film needs it to follow a moving journal.
+
+    Parameters
+    ----------
+    dt_s
+        Time since the fill was that, s.
+    fill
+        Liquid share of the gap, shape (..., theta, z) on the grid of the call that returned it; or a number.
+    """
+
+    dt_s: float
+    fill: Floats | float = 1.0
+
+
+@dataclass(frozen=True)
+class FilmForce:
+    """Film force on the journal and what belongs to it; leading axes are the batch.
+
+    Parameters
+    ----------
+    force_N
+        Force on the journal (x, y), N, shape (..., 2).
+    friction_torque_N_m
+        Film torque on the journal against its rotation (positive = braking, for either sense), N m. At zero
+        speed: against the positive sense. Dissipated power is `torque * |speed| - force . velocity`.
+    side_flow_m3_s
+        Flow out of both ends, m3/s.
+    inflow_m3_s
+        Flow from the feeds into the film, m3/s.
+    min_film_m, max_pressure_Pa
+        Smallest gap, m, and highest pressure, Pa.
+    memory
+        For the next step of a film with memory, else None.
+    pressure_Pa, fill, theta_rad, z_m
+        Fields, shape (..., theta, z) and their coordinates (..., theta), (..., z), when asked for.
+    """
+
+    force_N: Floats
+    friction_torque_N_m: Floats
+    side_flow_m3_s: Floats
+    inflow_m3_s: Floats
+    min_film_m: Floats
+    max_pressure_Pa: Floats
+    memory: FilmMemory | None = None
+    pressure_Pa: Floats | None = None
+    fill: Floats | None = None
+    theta_rad: Floats | None = None
+    z_m: Floats | None = None
