@@ -1,0 +1,137 @@
+"""Unix ``SOCK_SEQPACKET`` sockets underneath the rooms: one packet is one record, nothing ever blocks."""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import os
+import socket
+import struct
+from collections import Counter
+from pathlib import Path
+from typing import Final
+
+import msgspec
+
+from firmware_py.records import RoomRecord, decode, encode
+
+MAX_RECORD_BYTES: Final = 128 * 1024
+"""A larger record is refused at both ends: it would fill half of a default socket buffer."""
+
+SOCKET_BUFFER_BYTES: Final = 4 * 1024 * 1024
+"""Asked for; the kernel grants up to ``net.core.wmem_max`` (212 kB by default, some 250 blocks)."""
+
+RECORDS_PER_POLL: Final = 256
+MAX_WAITING: Final = 8
+SOCKET_PATH_BYTES: Final = 107
+SOCKET_MODE: Final = 0o660
+
+_GONE: Final = (errno.EPIPE, errno.ECONNRESET, errno.ENOTCONN)
+
+
+class RoomError(OSError):
+    """A room's socket cannot be set up."""
+
+
+class RoomBusyError(RoomError):
+    """Another living process owns the socket."""
+
+
+class Peer:
+    """One connected socket: records in, records out, every loss counted under ``<what>_<role>``."""
+
+    def __init__(self, sock: socket.socket, counters: Counter[str], role: str = "newcomer") -> None:
+        sock.setblocking(False)
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SOCKET_BUFFER_BYTES)
+        self.sock = sock
+        self.role = role
+        self.alive = True
+        self.heard = False
+        self._counters = counters
+        self._buffer = memoryview(bytearray(MAX_RECORD_BYTES))
+
+    def receive(self, limit: int = RECORDS_PER_POLL) -> list[RoomRecord]:
+        """What is waiting, at most ``limit`` packets; ``alive`` turns False at the end of the connection."""
+        records: list[RoomRecord] = []
+        for _ in range(limit):
+            try:
+                size = self.sock.recv_into(self._buffer, 0, socket.MSG_TRUNC)
+            except BlockingIOError:
+                break
+            except OSError:
+                size = 0
+            if size == 0:
+                self.alive = False
+                break
+            self.heard = True
+            record = self._decode(size)
+            if record is not None:
+                records.append(record)
+        return records
+
+    def _decode(self, size: int) -> RoomRecord | None:
+        if size > MAX_RECORD_BYTES:
+            self._counters[f"oversized_{self.role}"] += 1
+            return None
+        try:
+            return decode(bytes(self._buffer[:size]))
+        except (msgspec.DecodeError, UnicodeDecodeError):
+            self._counters[f"malformed_{self.role}"] += 1
+            return None
+
+    def send(self, record: RoomRecord) -> bool:
+        """Hand ``record`` to the kernel; False: it is lost, and counted."""
+        data = encode(record)
+        if len(data) > MAX_RECORD_BYTES:
+            self._counters[f"oversized_{self.role}"] += 1
+            return False
+        try:
+            self.sock.send(data)
+            return True
+        except OSError as error:
+            self.alive = error.errno not in _GONE
+            oversized = error.errno == errno.EMSGSIZE
+            self._counters[f"{'oversized' if oversized else 'lost'}_{self.role}"] += 1
+            return False
+
+
+def own(path: Path) -> int:
+    """File descriptor of the lock that says this process owns ``path``; the kernel frees it at death."""
+    lock_path = path.with_name(path.name + ".lock")
+    try:
+        lock = os.open(lock_path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, SOCKET_MODE)
+    except OSError as error:
+        raise RoomError(f"{lock_path}: {error.strerror}; give a runtime directory that this user may "
+                        "write") from error
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        os.close(lock)
+        raise RoomBusyError(f"{path}: served by another process; stop it or choose another "
+                            "instance") from error
+    return lock
+
+
+def listen(path: Path) -> socket.socket:
+    """Listening socket at ``path``; the caller owns the lock, so a path found there is left over."""
+    if len(os.fsencode(path)) > SOCKET_PATH_BYTES:
+        raise RoomError(f"{path}: longer than the {SOCKET_PATH_BYTES} bytes of a Unix socket path; "
+                        "choose a shorter runtime directory or instance name")
+    path.unlink(missing_ok=True)
+    listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    try:
+        listener.bind(str(path))
+        path.chmod(SOCKET_MODE)
+    except OSError as error:
+        listener.close()
+        raise RoomError(f"{path}: {error.strerror}; check the runtime directory") from error
+    listener.listen(MAX_WAITING)
+    listener.setblocking(False)
+    return listener
+
+
+def peer_uid(sock: socket.socket) -> int:
+    """User id of the process at the other end, as the kernel knows it."""
+    credentials = sock.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, struct.calcsize("3i"))
+    uid: int = struct.unpack("3i", credentials)[1]
+    return uid

@@ -1,0 +1,276 @@
+"""The links between guard, brain and gate: ``SOCK_SEQPACKET`` Unix sockets that never block.
+
+One packet is one record (:func:`firmware_py.records.encode`).  A room that others talk to owns a
+:class:`RoomServer`; the others hold a :class:`RoomClient` each, which comes back by itself.  One peer per
+role: the first packet of a peer is a :class:`~firmware_py.records.Hello`, and the kernel vouches for its
+user.  A reader that is too slow loses its own records, counted; nobody waits for it.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import socket
+import stat
+from collections import Counter
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Final
+
+from firmware_py.records import Hello, RoomRecord
+from firmware_py.wire.room_socket import MAX_WAITING, Peer, RoomError, listen, own, peer_uid
+
+HELLO_WITHIN_NS: Final = 1_000_000_000
+RECONNECT_AFTER_NS: Final = 200_000_000
+INSTANCE_MODE: Final = 0o770
+SERVICE_BASE: Final = Path("/run/orbitd")
+
+
+def runtime_base(environment: Mapping[str, str], instance: str, uid: int) -> Path:
+    """Directory under which the instances' runtime directories lie.
+
+    In this order: ``RUNTIME_DIRECTORY`` (systemd's, for the services themselves), ``/run/orbitd`` when
+    the service runs this instance there, ``XDG_RUNTIME_DIR/orbitd``, ``/tmp/orbitd-<uid>``.
+    """
+    if given := environment.get("RUNTIME_DIRECTORY", "").partition(":")[0]:
+        return Path(given)
+    if (SERVICE_BASE / instance).is_dir():
+        return SERVICE_BASE
+    if session := environment.get("XDG_RUNTIME_DIR", ""):
+        return Path(session) / "orbitd"
+    return Path(f"/tmp/orbitd-{uid}")
+
+
+def runtime_dir(instance: str, base: Path) -> Path:
+    """Runtime directory of ``instance``: made when absent, refused when a stranger could own the sockets.
+
+    Raises
+    ------
+    RoomError
+        It cannot be made, or ``base`` is a link, world-writable, or neither ours, root's nor our group's.
+    """
+    try:
+        base.mkdir(mode=0o700, parents=True, exist_ok=True)
+        _check_owner(base)
+        path = base / instance
+        path.mkdir(mode=INSTANCE_MODE, exist_ok=True)
+    except OSError as error:
+        raise RoomError(f"runtime directory {base}/{instance}: {error.strerror or error}; remove what is "
+                        "there or set RUNTIME_DIRECTORY to a directory of your own") from error
+    return path
+
+
+def _check_owner(base: Path) -> None:
+    """Refuse a directory in which somebody else could put a socket of ours."""
+    found = base.lstat()
+    ours = found.st_uid in (0, os.geteuid()) or found.st_gid in os.getgroups()
+    if not stat.S_ISDIR(found.st_mode) or not ours or found.st_mode & stat.S_IWOTH:
+        raise RoomError(f"owner {found.st_uid}, mode {stat.filemode(found.st_mode)}: not safe to use")
+
+
+class RoomServer:
+    """The listening end.
+
+    Parameters
+    ----------
+    path
+        Socket path; its directory exists.  ``<path>.lock`` beside it says who owns it.
+    allowed
+        Roles that may connect, each with the user id that it must have; None is the server's own.
+
+    Raises
+    ------
+    RoomBusyError
+        Another process serves ``path``.
+    RoomError
+        The path is too long or cannot be bound.
+
+    Notes
+    -----
+    ``counters`` (by role): ``lost_``, ``oversized_``, ``malformed_``, ``connected_``, ``left_``; refused
+    newcomers: ``refused_role``, ``refused_uid``, ``refused_second``, ``refused_hello``, ``refused_crowd``.
+    """
+
+    def __init__(self, path: Path, allowed: Mapping[str, int | None]) -> None:
+        self.counters: Counter[str] = Counter()
+        self._allowed = {role: os.geteuid() if uid is None else uid for role, uid in allowed.items()}
+        self.path = path
+        self._lock = own(path)
+        try:
+            self._listener = listen(path)
+        except OSError:
+            os.close(self._lock)
+            raise
+        self._peers: dict[str, Peer] = {}
+        self._newcomers: dict[int, tuple[Peer, int]] = {}
+        self._by_fd: dict[int, Peer] = {}
+        self._epoll = select.epoll()
+        self._epoll.register(self._listener, select.EPOLLIN)
+
+    def fileno(self) -> int:
+        """Readable when :meth:`poll` has something to do."""
+        return self._epoll.fileno()
+
+    def poll(self, now_ns: int) -> list[tuple[str, RoomRecord]]:
+        """Every record that is waiting, with its sender's role; also admits and dismisses peers."""
+        received: list[tuple[str, RoomRecord]] = []
+        ready = [fd for fd, _ in self._epoll.poll(0, 16)]
+        # Peers before newcomers: who replaces a dead peer must find its place free.
+        for peer in [self._by_fd[fd] for fd in ready if fd in self._by_fd]:
+            received += [(peer.role, record) for record in peer.receive()]
+            if not peer.alive:
+                self._leave(peer)
+        if self._newcomers:
+            self._question(now_ns)
+        if self._listener.fileno() in ready:
+            self._accept(now_ns)
+        return received
+
+    def send(self, role: str, record: RoomRecord) -> bool:
+        """Send to ``role`` without waiting.
+
+        Returns
+        -------
+        False when nobody plays the role, or when the peer's queue is full (then counted ``lost_<role>``).
+        """
+        peer = self._peers.get(role)
+        if peer is None:
+            return False
+        sent = peer.send(record)
+        if not peer.alive:
+            self._leave(peer)
+        return sent
+
+    def connected(self, role: str) -> bool:
+        """Whether a peer plays ``role`` now."""
+        return role in self._peers
+
+    def close(self) -> None:
+        """Close every socket and remove the path."""
+        for peer in [*self._peers.values(), *(peer for peer, _ in self._newcomers.values())]:
+            peer.sock.close()
+        self._epoll.close()
+        self._listener.close()
+        self.path.unlink(missing_ok=True)
+        os.close(self._lock)
+
+    def _accept(self, now_ns: int) -> None:
+        """Let waiting connections into the hall; they have one second to say who they are."""
+        while True:
+            try:
+                sock, _ = self._listener.accept()
+            except OSError:
+                return
+            if len(self._newcomers) >= MAX_WAITING:
+                self.counters["refused_crowd"] += 1
+                sock.close()
+                continue
+            peer = Peer(sock, self.counters)
+            self._newcomers[sock.fileno()] = (peer, now_ns)
+            self._epoll.register(sock, select.EPOLLIN)
+
+    def _question(self, now_ns: int) -> None:
+        """Read the first packet of each newcomer: admit it to its role, or refuse it."""
+        for fd, (peer, since_ns) in list(self._newcomers.items()):
+            first = peer.receive(limit=1)
+            if peer.alive and not peer.heard and now_ns - since_ns < HELLO_WITHIN_NS:
+                continue
+            del self._newcomers[fd]
+            refusal = self._refusal(first[0] if first else None, peer.sock)
+            if refusal is None and isinstance(first[0], Hello):
+                self._admit(peer, first[0].role)
+            else:
+                self.counters[f"refused_{refusal}"] += 1
+                self._epoll.unregister(fd)
+                peer.sock.close()
+
+    def _refusal(self, first: RoomRecord | None, sock: socket.socket) -> str | None:
+        if not isinstance(first, Hello):
+            return "hello"
+        if first.role not in self._allowed:
+            return "role"
+        if peer_uid(sock) != self._allowed[first.role]:
+            return "uid"
+        return "second" if first.role in self._peers else None
+
+    def _admit(self, peer: Peer, role: str) -> None:
+        peer.role = role
+        self._peers[role] = peer
+        self._by_fd[peer.sock.fileno()] = peer
+        self.counters[f"connected_{role}"] += 1
+
+    def _leave(self, peer: Peer) -> None:
+        self._epoll.unregister(peer.sock)
+        del self._by_fd[peer.sock.fileno()]
+        del self._peers[peer.role]
+        self.counters[f"left_{peer.role}"] += 1
+        peer.sock.close()
+
+
+class RoomClient:
+    """The calling end: connects, says who it is, and comes back by itself when the server was away.
+
+    ``counters``: ``lost_<role>``, ``oversized_<role>``, ``malformed_<role>``, ``connected``, ``left``.
+    """
+
+    def __init__(self, path: Path, role: str) -> None:
+        self.counters: Counter[str] = Counter()
+        self.path = path
+        self._role = role
+        self._peer: Peer | None = None
+        self._next_try_ns: int | None = None
+
+    @property
+    def connected(self) -> bool:
+        """Whether the server has taken the connection (it may still refuse the role and close)."""
+        return self._peer is not None
+
+    def fileno(self) -> int:
+        """Readable when a record waits; -1 while not connected."""
+        return self._peer.sock.fileno() if self._peer else -1
+
+    def poll(self, now_ns: int) -> list[RoomRecord]:
+        """Every record that is waiting; also tries to connect, at most once in 0.2 s."""
+        if self._peer is None:
+            self._connect(now_ns)
+        if self._peer is None:
+            return []
+        records = self._peer.receive()
+        self._drop_if_dead()
+        return records
+
+    def send(self, record: RoomRecord) -> bool:
+        """Send without waiting; False when not connected, or when the server's queue is full (counted)."""
+        if self._peer is None:
+            return False
+        sent = self._peer.send(record)
+        self._drop_if_dead()
+        return sent
+
+    def close(self) -> None:
+        """Close the connection."""
+        if self._peer:
+            self._peer.sock.close()
+            self._peer = None
+
+    def _connect(self, now_ns: int) -> None:
+        if self._next_try_ns is not None and now_ns < self._next_try_ns:
+            return
+        self._next_try_ns = now_ns + RECONNECT_AFTER_NS
+        sock = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        peer = Peer(sock, self.counters, self._role)
+        try:
+            sock.connect(str(self.path))
+        except OSError:
+            sock.close()
+            return
+        if peer.send(Hello(role=self._role, pid=os.getpid())):
+            self._peer = peer
+            self.counters["connected"] += 1
+        else:
+            sock.close()
+
+    def _drop_if_dead(self) -> None:
+        if self._peer and not self._peer.alive:
+            self.close()
+            self.counters["left"] += 1
