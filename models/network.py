@@ -1,0 +1,94 @@
+"""The multilayer perceptron of equations (1) and (5): sigmoid hidden layers, linear output, float64 numpy.
+
+The weights travel as one flat vector, which is what Levenberg-Marquardt and scaled conjugate gradient want.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+def sigmoid(z: Floats) -> Floats:
+    """``1 / (1 + exp(-z))`` without overflow."""
+    half: Floats = 0.5 * (1.0 + np.tanh(0.5 * z))
+    return half
+
+
+@dataclass(frozen=True)
+class Mlp:
+    """Feed-forward network ``A(k) = (1, sigmoid(A(k-1) Theta(k-1)))`` with a linear last layer.
+
+    Parameters
+    ----------
+    sizes
+        Neurons of each layer, input first.
+    """
+
+    sizes: tuple[int, ...]
+
+    @property
+    def count(self) -> int:
+        """Number of weights, biases included."""
+        return sum((n + 1) * m for n, m in zip(self.sizes[:-1], self.sizes[1:], strict=True))
+
+    def layers(self, theta: Floats) -> list[Floats]:
+        """``theta`` as one ``(inputs + 1, outputs)`` matrix a layer; row 0 is the bias."""
+        matrices, start = [], 0
+        for n, m in zip(self.sizes[:-1], self.sizes[1:], strict=True):
+            matrices.append(theta[start : start + (n + 1) * m].reshape(n + 1, m))
+            start += (n + 1) * m
+        return matrices
+
+    def is_weight(self) -> NDArray[np.bool_]:
+        """True where ``theta`` holds a weight, False for a bias: equations (6) and (8) penalise only weights."""
+        mask, start = np.ones(self.count, dtype=bool), 0
+        for n, m in zip(self.sizes[:-1], self.sizes[1:], strict=True):
+            mask[start : start + m] = False
+            start += (n + 1) * m
+        return mask
+
+    def initial(self, rng: np.random.Generator) -> Floats:
+        """Random weights with unit spread at each neuron's input (Glorot and Bengio 2010)."""
+        parts = []
+        for n, m in zip(self.sizes[:-1], self.sizes[1:], strict=True):
+            matrix = rng.normal(0.0, 1.0 / np.sqrt(n), (n + 1, m))
+            parts.append(matrix.ravel())
+        return np.concatenate(parts)
+
+    def outputs(self, theta: Floats, x: Floats) -> Floats:
+        """Predictions ``(m, outputs)`` for inputs ``(m, inputs)``."""
+        return self._forward(theta, x)[-1]
+
+    def jacobian(self, theta: Floats, x: Floats) -> tuple[Floats, Floats]:
+        """Predictions ``(m, outputs)`` and their derivatives ``(m, outputs, count)``."""
+        activations = self._forward(theta, x)
+        samples, outputs = activations[-1].shape
+        delta = np.broadcast_to(np.eye(outputs), (samples, outputs, outputs))
+        blocks: list[Floats] = []
+        for matrix, a in zip(reversed(self.layers(theta)), reversed(activations[:-1]), strict=True):
+            ones = np.hstack([np.ones((samples, 1)), a])
+            blocks.append((ones[:, None, :, None] * delta[:, :, None, :]).reshape(samples, outputs, -1))
+            delta = (delta @ matrix[1:].T) * (a * (1.0 - a))[:, None, :]
+        return activations[-1], np.concatenate(blocks[::-1], axis=2)
+
+    def gradient(self, theta: Floats, x: Floats, slope: Floats) -> Floats:
+        """Gradient of a cost whose derivative to the predictions is ``slope`` ``(m, outputs)``."""
+        activations = self._forward(theta, x)
+        delta, blocks = slope, []
+        for matrix, a in zip(reversed(self.layers(theta)), reversed(activations[:-1]), strict=True):
+            blocks.append(np.vstack([delta.sum(axis=0), a.T @ delta]).ravel())
+            delta = (delta @ matrix[1:].T) * (a * (1.0 - a))
+        return np.concatenate(blocks[::-1])
+
+    def _forward(self, theta: Floats, x: Floats) -> list[Floats]:
+        activations = [x]
+        matrices = self.layers(theta)
+        for k, matrix in enumerate(matrices):
+            z = activations[-1] @ matrix[1:] + matrix[0]
+            activations.append(z if k == len(matrices) - 1 else sigmoid(z))
+        return activations
