@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-import os
+import ctypes
 import signal
 import subprocess
 import time
@@ -85,10 +85,24 @@ class Supervisor:
         self._children.clear()
 
 
+_libc = ctypes.CDLL(None)
+_PR_SET_PDEATHSIG = 1
+
+
+def _die_with_parent() -> None:
+    """Ask the kernel to end this child when its supervisor dies, however that happens (prctl(2))."""
+    _libc.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+
+
 def _spawn(program: Program) -> subprocess.Popen[bytes]:
     """Start in its own session, so that a Ctrl-C at the terminal reaches the supervisor alone."""
     program.log.parent.mkdir(parents=True, exist_ok=True)
     with program.log.open("ab") as log:
         return subprocess.Popen(
-            program.argv, stdin=subprocess.DEVNULL, stdout=log, stderr=log, start_new_session=True, env=os.environ
+            program.argv,
+            stdin=subprocess.DEVNULL,
+            stdout=log,
+            stderr=log,
+            start_new_session=True,
+            preexec_fn=_die_with_parent,
         )

@@ -81,7 +81,8 @@ def load(path: Path) -> tuple[Config, ConfigFile]:
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: cannot be read ({error}); name a readable TOML file") from error
+        cause = f"cannot be read ({error}); name a readable TOML file"
+        raise ConfigError(f"config error: {path}: {cause}") from error
     return parse(text, path)
 
 
@@ -91,7 +92,7 @@ def parse(text: str, path: Path = Path("<text>")) -> tuple[Config, ConfigFile]:
     try:
         table = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"{path.name}: not valid TOML: {error}") from error
+        raise ConfigError(f"config error: {path.name}: not valid TOML: {error}") from error
     try:
         config = msgspec.convert(table, Config)
     except msgspec.ValidationError as error:

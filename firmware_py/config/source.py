@@ -5,9 +5,13 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+from firmware_py.errors import OrbitdError
 
-class ConfigError(ValueError):
+
+class ConfigError(OrbitdError, ValueError):
     """The configuration cannot be used; the text names file, line, key, value, limit and next step."""
+
+    exit_code = 2
 
 
 class ConfigFile:
@@ -31,7 +35,7 @@ class ConfigFile:
         line = self._line(key)
         where = f"{self.path.name}:{line}" if line else self.path.name
         shown = "" if value is None else f" = {value}"
-        return ConfigError(f"{where}: {key}{shown}: {cause}")
+        return ConfigError(f"config error: {where}: {key}{shown}: {cause}")
 
     def _line(self, key: str) -> int:
         """Line of ``key`` or of the nearest table above it; 0 when neither is written."""

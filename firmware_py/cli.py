@@ -1,0 +1,101 @@
+"""The ``orbitd`` command: finds its subcommands, runs one, turns every refusal into one line.
+
+Exit codes: 0 done; 1 refused, failed or not ok; 2 wrong input (usage, configuration, file);
+3 the device or a process of it does not answer; 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import importlib.metadata
+import sys
+from collections.abc import Callable, Iterable
+
+from firmware_py import __version__
+from firmware_py.errors import OrbitdError
+
+Command = Callable[[list[str]], int]
+
+GROUP = "orbitd.commands"
+
+SUMMARIES = (
+    ("demo", "the whole device against the rotor rig in software, as a story"),
+    ("run", "guard, brain and gate together, supervised (without systemd)"),
+    ("guard", "the guard alone: bus, protection, shield, arming"),
+    ("brain", "the brain alone: diagnosis, prediction, policy"),
+    ("gate", "the gate alone: Zenoh, recorder, metrics, page, commands"),
+    ("hil", "the rig alone, in real time, on a bus or a serial port"),
+    ("bus", "watch what crosses the bus, decoded"),
+    ("check", "check a configuration, as the device would at start"),
+    ("status", "what the device says of itself"),
+    ("mode", "monitor, manual or auto"),
+    ("arm", "allow the device to move the actuator"),
+    ("disarm", "take that back; never refused"),
+    ("reset", "clear a latched trip"),
+    ("set", "set clearance or pressure by hand (mode manual)"),
+    ("inject", "give the rig in software a fault or another operating point"),
+    ("replay", "run a recording again and compare every decision"),
+    ("install", "install or remove the systemd units"),
+    ("train", "train a model (extra `train`)"),
+    ("evaluate", "judge a model on builds and duties drawn from a seed (extra `train`)"),
+)
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run ``orbitd ARGV`` and return its exit code."""
+    arguments = sys.argv[1:] if argv is None else argv
+    entry_points = {point.name: point for point in importlib.metadata.entry_points(group=GROUP)}
+    if not arguments or arguments[0] in ("-h", "--help", "help"):
+        print(_help(entry_points))
+        return 0 if arguments else 2
+    if arguments[0] == "--version":
+        print(f"orbitd {__version__}")
+        return 0
+    point = entry_points.get(arguments[0])
+    if point is None:
+        return _fail(f"no command {arguments[0]!r}; `orbitd --help` lists them", 2)
+    return _run(point, arguments[1:])
+
+
+def _run(point: importlib.metadata.EntryPoint, arguments: list[str]) -> int:
+    """Load and run one subcommand; every expected refusal becomes one line and an exit code."""
+    try:
+        command: Command = point.load()
+    except ModuleNotFoundError as error:
+        return _fail(f"`orbitd {point.name}` needs {error.name}, which is not installed; {_extra(point)}", 2)
+    try:
+        return command(arguments)
+    except OrbitdError as error:
+        return _fail(str(error), error.exit_code)
+    except BrokenPipeError:
+        return 0
+    except KeyboardInterrupt:
+        return 130
+
+
+def _extra(point: importlib.metadata.EntryPoint) -> str:
+    """Which extra brings what ``point`` misses."""
+    extra = {"sim_hil": "sim", "models": "train"}.get(point.module.partition(".")[0])
+    return f"install the extra: pip install 'orbitd[{extra}]'" if extra else "install orbitd again"
+
+
+def _fail(text: str, code: int) -> int:
+    print(f"orbitd: {text}", file=sys.stderr)
+    return code
+
+
+def _help(names: Iterable[str]) -> str:
+    known = dict(SUMMARIES)
+    order = [*known, *sorted(set(names) - set(known))]
+    lines = [f"  {name:<10}{known.get(name, '')}".rstrip() for name in order if name in set(names)]
+    return "\n".join(
+        (
+            "usage: orbitd COMMAND [OPTION ...]",
+            "",
+            "Simulates, diagnoses, predicts and controls a rotor on a fluid-film bearing.",
+            "",
+            *lines,
+            "",
+            "`orbitd COMMAND --help` tells the options.",
+            "Exit codes: 0 done, 1 refused or not ok, 2 wrong input, 3 the device does not answer.",
+        )
+    )
