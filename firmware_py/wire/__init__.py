@@ -1,0 +1,1 @@
+"""What crosses the wires: CAN FD frames and MAVLink packets, and the links that carry them."""
