@@ -1,0 +1,197 @@
+"""Feature vector of a window: what the classifier and its novelty score see.
+
+Amplitudes are ``log10`` of SI values (m, m/s2, Pa, W) above a floor near the sensor noise; orders above
+the first stand as ``log10`` ratios to the first order or to the total, which cancels gain errors and
+most of the spread between builds; phases are sine and cosine of differences between channels at one
+order, which cancels the unknown angle of the mark.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_py.acquire.orders import ORDERS, Orders, analyse
+from firmware_py.acquire.windows import Window
+
+BAND_EDGES_HZ: Final = (20.0, 100.0, 250.0, 500.0, 900.0, 1400.0, 2000.0)
+"""Fixed bands for housing resonances and the microphone."""
+
+FLOOR_DISPLACEMENT_M: Final = 1e-8
+FLOOR_ACCELERATION_M_S2: Final = 1e-3
+FLOOR_SOUND_PA: Final = 1e-4
+FLOOR_VOLT: Final = 1e-3
+FLOOR_POWER_W: Final = 0.1
+
+_ACC: Final = ("acc_bearing_vertical", "acc_bearing_horizontal", "acc_motor")
+_BANDED: Final = (*_ACC, "microphone")
+_PAIRS: Final = (
+    ("acc_bearing_vertical", 2, "shaft_y", 1),
+    ("acc_bearing_horizontal", 3, "shaft_x", 0),
+    ("acc_bearing_vertical", 2, "acc_bearing_horizontal", 3),
+    ("acc_motor", 4, "acc_bearing_vertical", 2),
+    ("shaft_y", 1, "shaft_x", 0),
+)
+"""Channel pairs whose phase difference at 1X is a feature."""
+
+
+def _names() -> tuple[str, ...]:
+    """Names in the order in which :func:`from_orders` fills the vector."""
+    return (
+        "log_speed_rad_s", "clearance_100um", "pressure_bar", "log_shaft_power_W", "oil_outlet_50C",
+        "mean_x_over_clearance", "mean_y_over_clearance",
+        "log_shaft_rms_m", "log_shaft_fwd_1x_m", "shaft_bwd_fwd_1x", "shaft_fwd_2x_1x", "shaft_bwd_2x_1x",
+        "shaft_fwd_3x_1x", "shaft_bwd_3x_1x", "shaft_half_fwd_rms", "shaft_half_bwd_rms", "shaft_not_1x_rms",
+        "shaft_p2p_x_clearance", "shaft_p2p_y_clearance",
+        *(f"{name}_{what}" for name in _ACC for what in (
+            "log_rms", "1x_rms", "2x_1x", "3x_1x", "4x_1x", "half_rms", "not_1x_rms", "kurtosis", "crest",
+            "1x_per_shaft", "2x_phase_sin", "2x_phase_cos")),
+        "acc_horizontal_vertical_1x", "acc_motor_bearing_1x",
+        "acc_horizontal_vertical_rms", "acc_motor_bearing_rms",
+        *(f"{a}_{b}_1x_{part}" for a, _, b, _ in _PAIRS for part in ("sin", "cos")),
+        "microphone_log_rms", "microphone_1x_rms", "microphone_2x_rms",
+        *(f"{name}_band_{low:.0f}_{high:.0f}" for name in _BANDED
+          for low, high in pairwise(BAND_EDGES_HZ)),
+        "pressure_log_std", "contact_mean_V", "contact_log_std_V", "contact_low_V",
+    )
+
+
+FEATURE_NAMES: Final = _names()
+"""Names of the features, in order; part of every classifier's metadata."""
+
+
+def features(window: Window) -> NDArray[np.float32]:
+    """Feature vector of ``window``, shape ``(len(FEATURE_NAMES),)``.
+
+    A reading that never came (NaN clearance, power, temperature) leaves NaN in its features: the caller
+    gives no diagnosis from them.
+
+    Parameters
+    ----------
+    window
+        With whole turns (quality without ``NO_MARK``).
+    """
+    return from_orders(window, analyse(window))
+
+
+def from_orders(window: Window, orders: Orders) -> NDArray[np.float32]:
+    """As :func:`features`, with the order analysis already at hand."""
+    log_bands, log_rms = _bands(window)
+    vector = np.concatenate([
+        _operating(window, orders),
+        _shaft(window, orders),
+        *(_acceleration(window, orders, channel) for channel in (2, 3, 4)),
+        _acceleration_ratios(orders),
+        _pair_phases(orders),
+        _microphone(orders),
+        (log_bands - log_rms[:, None]).ravel(),
+        _slow_channels(window),
+    ])
+    return vector.astype(np.float32)
+
+
+def _log(value: object, floor: float) -> NDArray[np.float64]:
+    """``log10`` of an amplitude above ``floor``, smooth through it."""
+    return np.asarray(0.5 * np.log10(np.square(np.asarray(value, np.float64)) + floor * floor))
+
+
+def _operating(window: Window, orders: Orders) -> NDArray[np.float64]:
+    return np.array([
+        np.log10(orders.speed_rad_s),
+        window.clearance_m / 1e-4,
+        np.mean(window.samples[:, 6]),
+        _log(window.shaft_power_W, FLOOR_POWER_W),
+        window.oil_outlet_C / 50.0,
+        orders.mean[0] / window.clearance_m,
+        orders.mean[1] / window.clearance_m,
+    ])
+
+
+def _shaft(window: Window, orders: Orders) -> NDArray[np.float64]:
+    floor = FLOOR_DISPLACEMENT_M
+    forward, backward = _log(orders.forward, floor), _log(orders.backward, floor)
+    rms = _log(np.hypot(orders.rms[0], orders.rms[1]), floor)
+    return np.array([
+        rms, forward[0], backward[0] - forward[0],
+        forward[1] - forward[0], backward[1] - forward[0], forward[2] - forward[0], backward[2] - forward[0],
+        _log(orders.half_forward, floor) - rms, _log(orders.half_backward, floor) - rms,
+        _log(np.hypot(orders.not_1x[0], orders.not_1x[1]), floor) - rms,
+        orders.peak_to_peak[0] / window.clearance_m, orders.peak_to_peak[1] / window.clearance_m,
+    ])
+
+
+def _acceleration(window: Window, orders: Orders, channel: int) -> NDArray[np.float64]:
+    floor = FLOOR_ACCELERATION_M_S2
+    lines = _log(np.abs(orders.harmonics[channel]), floor)
+    rms = _log(orders.rms[channel], floor)
+    shaft = _log(orders.speed_rad_s**2 * orders.forward[0], floor)
+    # A clipped wave locks its second harmonic to the first: the phase of H2 relative to twice that of H1.
+    relative = orders.harmonics[channel, 1] * np.conj(orders.harmonics[channel, 0]) ** 2
+    kurtosis, crest = _peakiness(window.samples[:, channel])
+    return np.array([
+        rms, lines[0] - rms, *(lines[1:ORDERS] - lines[0]),
+        _log(orders.half[channel], floor) - rms, _log(orders.not_1x[channel], floor) - rms,
+        kurtosis, crest, lines[0] - shaft, *_direction(relative),
+    ])
+
+
+def _peakiness(signal: NDArray[np.float64]) -> tuple[float, float]:
+    """``log10`` of the kurtosis and of the crest factor."""
+    deviation = signal - signal.mean()
+    square = deviation * deviation
+    variance = float(square.mean()) + FLOOR_ACCELERATION_M_S2**2
+    kurtosis = float(np.mean(square * square)) / variance**2
+    crest = float(square.max()) / variance
+    return float(np.log10(kurtosis + 0.1)), 0.5 * float(np.log10(crest + 0.1))
+
+
+def _acceleration_ratios(orders: Orders) -> NDArray[np.float64]:
+    floor = FLOOR_ACCELERATION_M_S2
+    first = _log(np.abs(orders.harmonics[2:5, 0]), floor)
+    rms = _log(orders.rms[2:5], floor)
+    return np.array([first[1] - first[0], first[2] - first[0], rms[1] - rms[0], rms[2] - rms[0]])
+
+
+def _pair_phases(orders: Orders) -> NDArray[np.float64]:
+    first = orders.harmonics[:, 0]
+    return np.concatenate([_direction(first[a] * np.conj(first[b])) for _, a, _, b in _PAIRS])
+
+
+def _direction(value: complex) -> NDArray[np.float64]:
+    """Sine and cosine of the phase of ``value``; zero for a zero."""
+    size = abs(value)
+    return np.array([value.imag, value.real]) / size if size > 0.0 else np.zeros(2)
+
+
+def _microphone(orders: Orders) -> NDArray[np.float64]:
+    lines = _log(np.abs(orders.harmonics[5, :2]), FLOOR_SOUND_PA)
+    rms = _log(orders.rms[5], FLOOR_SOUND_PA)
+    return np.array([rms, lines[0] - rms, lines[1] - rms])
+
+
+def _bands(window: Window) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """``log10`` rms per fixed band, shape (4, 6), and of the whole, shape (4,), of ``_BANDED``."""
+    signal = np.ascontiguousarray(window.samples[:, 2:6].T)
+    n = signal.shape[1]
+    weight = np.hanning(n)
+    deviation = (signal - signal.mean(axis=1, keepdims=True)) * weight
+    lines = np.fft.rfft(deviation)
+    power = (lines.real**2 + lines.imag**2) * (2.0 / (n * float(np.sum(weight**2))))
+    edges = np.minimum(np.round(np.array(BAND_EDGES_HZ) * n / window.rate_hz).astype(np.intp), power.shape[1])
+    running = np.concatenate([np.zeros((4, 1)), np.cumsum(power, axis=1)], axis=1)
+    floors = np.array([FLOOR_ACCELERATION_M_S2] * 3 + [FLOOR_SOUND_PA])[:, None] ** 2
+    bands = np.diff(running[:, edges], axis=1)
+    return 0.5 * np.log10(bands + floors), 0.5 * np.log10(running[:, -1] + floors[:, 0])
+
+
+def _slow_channels(window: Window) -> NDArray[np.float64]:
+    pressure, contact = window.samples[:, 6], window.samples[:, 7]
+    return np.array([
+        _log(pressure.std(), FLOOR_VOLT),
+        contact.mean(),
+        _log(contact.std(), FLOOR_VOLT),
+        np.partition(contact, len(contact) // 100)[len(contact) // 100],
+    ])

@@ -1,0 +1,143 @@
+"""Order analysis of a window: spectra over shaft angle instead of time.
+
+The once-per-turn marks give the shaft angle of every sample (linear between marks).  Each channel is
+averaged over equal angle bins by interpolating its running integral (a box filter in angle: no aliasing
+from resampling), and a Hann-weighted FFT over whole turns gives amplitudes per order.  The box and the
+sample-and-hold of the integration are divided out.  The orbit ``x + jy`` gives the full spectrum: forward
+orders (in the direction of rotation) and backward orders.
+
+Sources: order tracking by angular resampling, Fyfe and Munck 1997; full spectrum, Goldman and Muszynska 1999.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_py.acquire.windows import Window
+
+BINS: Final = 32
+"""Angle bins per turn."""
+TURN_STEP: Final = 8
+"""Turns are used in multiples of this, so that the FFT has small factors."""
+ORDERS: Final = 4
+"""Whole orders that are reported: 1X .. 4X."""
+HALF_BAND: Final = (0.35, 0.60)
+"""Orders in which oil whirl and half-order looseness show."""
+ROTATING: Final = 6
+"""Channels analysed over angle: shaft x, y, three accelerations, microphone."""
+
+_HANN_ENBW: Final = 1.5
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, slots=True)
+class Orders:
+    """Amplitudes (zero to peak, SI) of one window.
+
+    Attributes
+    ----------
+    speed_rad_s
+        Mean shaft speed over the whole turns.
+    harmonics
+        Shape (6, 4), complex: order k+1 of shaft x, y, accelerations, microphone; phase from the mark.
+    half
+        Shape (6,): amplitude of a sine with the energy of the half-order band.
+    forward, backward
+        Shape (4,): amplitudes of the orbit's orders 1 .. 4 with and against the rotation.
+    half_forward, half_backward
+        Of the orbit's half-order band.
+    peak_to_peak
+        Shape (2,): median over the turns, shaft x and y.
+    mean
+        Shape (6,).
+    rms
+        Shape (6,): without the mean.
+    not_1x
+        Shape (6,): rms of everything but the first order.
+    """
+
+    speed_rad_s: float
+    harmonics: Complexes
+    half: Floats
+    forward: Floats
+    backward: Floats
+    half_forward: float
+    half_backward: float
+    peak_to_peak: Floats
+    mean: Floats
+    rms: Floats
+    not_1x: Floats
+
+    @property
+    def subsync_share(self) -> float:
+        """Share of the orbit's vibration energy that lies in the half-order band."""
+        energy = float(np.sum(self.rms[:2] ** 2))
+        band = self.half_forward**2 + self.half_backward**2
+        return min(1.0, band / energy) if energy > 0.0 else 0.0
+
+
+def analyse(window: Window) -> Orders:
+    """Order analysis of ``window``, which must hold whole turns (quality without ``NO_MARK``)."""
+    turns = window.turns - window.turns % TURN_STEP
+    marks = window.marks[-1 - turns :]
+    samples_per_turn = (marks[-1] - marks[0]) / turns
+    angle = _by_angle(window.samples, marks)
+    whole = window.samples[int(marks[0]) : int(marks[-1]), :ROTATING]
+    mean = angle.mean(axis=1)
+    rms = whole.std(axis=0)
+
+    weight = np.hanning(angle.shape[1] + 1)[:-1]
+    weighted = (angle - mean[:, None]) * (weight / weight.sum())
+    spectrum = 2.0 * np.fft.rfft(weighted)
+    orbit = np.fft.fft(weighted[0] + 1j * weighted[1])
+    lines = turns * np.arange(1, ORDERS + 1)
+    loss = _loss(np.arange(1, ORDERS + 1), samples_per_turn)
+    harmonics = spectrum[:, lines] / loss
+    half = np.arange(round(HALF_BAND[0] * turns), round(HALF_BAND[1] * turns) + 1)
+    return Orders(
+        speed_rad_s=2.0 * np.pi * window.rate_hz / samples_per_turn,
+        harmonics=harmonics,
+        half=_band(spectrum[:, half]),
+        forward=np.abs(orbit[lines] / loss),
+        backward=np.abs(orbit[-lines] / loss),
+        half_forward=float(_band(orbit[half])),
+        half_backward=float(_band(orbit[-half])),
+        peak_to_peak=_peak_to_peak(angle[:2], turns),
+        mean=mean,
+        rms=rms,
+        not_1x=np.sqrt(np.maximum(rms**2 - 0.5 * np.abs(harmonics[:, 0]) ** 2, 0.0)),
+    )
+
+
+def _by_angle(samples: Floats, marks: Floats) -> Floats:
+    """Means over equal angle bins between the first and the last mark, shape (6, turns * BINS)."""
+    turns = len(marks) - 1
+    edges = np.interp(np.arange(turns * BINS + 1) / BINS, np.arange(turns + 1), marks)
+    rotating = np.ascontiguousarray(samples[:, :ROTATING].T)
+    integral = np.cumsum(rotating, axis=1) - rotating
+    # Sample i stands for [i - 1/2, i + 1/2): an edge at position t has t + 1/2 samples behind it.
+    position = np.clip(edges + 0.5, 0.0, len(samples))
+    below = np.minimum(position.astype(np.intp), len(samples) - 1)
+    at_edges = integral[:, below] + (position - below) * rotating[:, below]
+    return np.asarray(np.diff(at_edges) / np.diff(position))
+
+
+def _loss(orders: NDArray[np.int_], samples_per_turn: float) -> Complexes:
+    """Gain and phase of the angle bin (centre half a bin late) and of the sample-and-hold, per order."""
+    box = np.sinc(orders / BINS) * np.sinc(orders / samples_per_turn)
+    return np.asarray(box * np.exp(1j * np.pi * orders / BINS))
+
+
+def _band(lines: Complexes) -> Floats:
+    """Amplitude of a sine with the energy of ``lines`` (Hann weighted), over the last axis."""
+    return np.asarray(np.sqrt(np.sum(np.abs(lines) ** 2, axis=-1) / _HANN_ENBW))
+
+
+def _peak_to_peak(shaft: Floats, turns: int) -> Floats:
+    return np.asarray(np.median(np.ptp(shaft.reshape(2, turns, BINS), axis=2), axis=1))

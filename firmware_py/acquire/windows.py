@@ -1,0 +1,328 @@
+"""Windows: gap-free stretches of samples, long enough for order analysis (ISO 13374 DM).
+
+The same :class:`Windower` cuts the running machine's blocks and, through :func:`iter_windows`, a whole
+recording for training.  Window ends lie on a fixed grid of samples counted from the start of a gap-free
+run, so the windows do not depend on how the samples were chopped into blocks.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_py.config import Config
+from firmware_py.records import N_CHANNELS, Block, Quality, RigReading
+
+TURNS: Final = 32
+"""Turns that a window holds when its length allows."""
+MIN_TURNS: Final = 8
+"""Whole turns below which a window is marked ``NO_MARK``: order analysis would not resolve half-orders."""
+MIN_SECONDS: Final = 0.8
+MAX_SECONDS: Final = 2.0
+HOP_SECONDS: Final = 0.25
+MARK_RATIO_MAX: Final = 1.5
+"""Neighbouring turns that differ by more hold a lost or a false mark (a 4000 rpm/s ramp gives 1.1)."""
+
+WIRE_SCALES: Final = (1e-8, 1e-8, 1e-2, 1e-2, 1e-2, 1e-3, 1e-3, 1e-4)
+"""SI value of one count of each channel in ``orbitd.dbc`` (m, m, m/s2 x 3, Pa, bar, V)."""
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelMap:
+    """From counts to SI: ``counts * scale + offset``, and from the two probes to the machine's x, y.
+
+    Attributes
+    ----------
+    scale, offset
+        Shape (8,), SI per count and SI.
+    to_xy
+        Shape (2, 2): ``(x, y) = to_xy @ (disp_x, disp_y)``.
+    """
+
+    scale: Floats
+    offset: Floats
+    to_xy: Floats
+
+    @classmethod
+    def from_config(cls, config: Config) -> ChannelMap:
+        """Scales, offsets and probe angles of the configured channels."""
+        return cls(
+            np.array([channel.scale for channel in config.channel]),
+            np.array([channel.offset for channel in config.channel]),
+            _probe_inverse(config.channel[0].angle_deg, config.channel[1].angle_deg),
+        )
+
+    @classmethod
+    def wire(cls) -> ChannelMap:
+        """The scales of ``orbitd.dbc`` with probes at 45 and 135 degrees."""
+        return cls(np.array(WIRE_SCALES), np.zeros(N_CHANNELS), _probe_inverse(45.0, 135.0))
+
+    def to_si(self, counts: NDArray[np.int16]) -> Floats:
+        """Shape (n, 8) in SI; columns 0 and 1 are the shaft's x and y in metres."""
+        values = counts * self.scale + self.offset
+        values[:, :2] = values[:, :2] @ self.to_xy.T
+        return values
+
+
+def _probe_inverse(first_deg: float, second_deg: float) -> Floats:
+    """Inverse of ``probe_i = x cos a_i + y sin a_i``."""
+    angles = np.radians([first_deg, second_deg])
+    return np.linalg.inv(np.column_stack([np.cos(angles), np.sin(angles)]))
+
+
+@dataclass(frozen=True, slots=True)
+class Window:
+    """A gap-free stretch of samples with what the rig reported meanwhile.
+
+    Attributes
+    ----------
+    samples
+        Shape (n, 8), SI; columns 0 and 1 are the shaft's x and y (m) in the machine's frame.
+    rate_hz
+        Sampling rate.
+    marks
+        Positions of the once-per-turn marks in samples from the first row (fractional, increasing).
+    end_tick_us
+        Unwrapped node tick one period after the last row.
+    end_ns
+        Host time of that tick; 0 offline.
+    last_block_seq
+        Block that closed the window; 0 offline.
+    quality
+        :class:`~firmware_py.records.Quality` flags; ``NO_MARK`` when there are no usable turns.
+    channel_ok
+        Bit ``i`` set: channel ``i`` was OK throughout.
+    clearance_m, shaft_power_W, oil_outlet_C
+        Means of the rig's readings inside the window; NaN when there was none.
+    """
+
+    samples: Floats
+    rate_hz: float
+    marks: Floats
+    end_tick_us: int
+    end_ns: int
+    last_block_seq: int
+    quality: int
+    channel_ok: int
+    clearance_m: float
+    shaft_power_W: float
+    oil_outlet_C: float
+
+    @property
+    def turns(self) -> int:
+        """Whole turns between the first and the last mark."""
+        return max(0, len(self.marks) - 1)
+
+
+@dataclass(slots=True)
+class _Chunk:
+    """Samples as they arrive, from a block or from a recording."""
+
+    counts: NDArray[np.int16]
+    tick_us: int
+    period_us: int
+    marks_us: NDArray[np.int64]
+    t_acq_ns: int = 0
+    period_ns: int = 0
+    seq: int = 0
+    quality: int = 0
+    channel_ok: int = 0xFF
+
+
+@dataclass(slots=True)
+class Windower:
+    """Cuts a stream of blocks into overlapping windows; holds a fixed amount of memory.
+
+    Parameters
+    ----------
+    channels
+        Conversion to SI.
+    rate_hz
+        Sampling rate.
+    """
+
+    channels: ChannelMap
+    rate_hz: int
+    counters: dict[str, int] = field(default_factory=lambda: {"windows": 0, "windows_cut_by_gap": 0})
+    _ring: NDArray[np.int16] = field(init=False)
+    _fill: int = field(init=False, default=0)
+    _run: int = field(init=False, default=0)
+    _next_end: int = field(init=False, default=0)
+    _marks_us: deque[int] = field(init=False)
+    _flags: deque[tuple[int, int, int]] = field(init=False)
+    _readings: deque[tuple[int, float, float, float]] = field(init=False)
+    _end_tick_us: int = field(init=False, default=-1)
+
+    def __post_init__(self) -> None:
+        self._ring = np.zeros((2 * self._most, N_CHANNELS), np.int16)
+        self._marks_us = deque(maxlen=2048)
+        self._flags = deque(maxlen=8192)
+        self._readings = deque(maxlen=128)
+        self._restart()
+
+    @property
+    def _most(self) -> int:
+        return round(MAX_SECONDS * self.rate_hz)
+
+    def _restart(self) -> None:
+        self._fill = self._run = 0
+        self._next_end = round(MIN_SECONDS * self.rate_hz)
+        self._marks_us.clear()
+        self._flags.clear()
+
+    def note(self, reading: RigReading) -> None:
+        """Remember what the rig said about clearance, shaft power and oil."""
+        status = reading.status
+        tick_us = nearest_tick(status.tick_us, self._end_tick_us)
+        self._note(tick_us, status.clearance_actual_um * 1e-6, status.shaft_power_W, status.oil_outlet_C)
+
+    def _note(self, tick_us: int, clearance_m: float, power_W: float, oil_C: float) -> None:
+        self._readings.append((tick_us, clearance_m, power_W, oil_C))
+
+    def step(self, block: Block) -> list[Window]:
+        """Take one block; return the windows that it completes, oldest first."""
+        counts = np.frombuffer(block.samples, "<i2").reshape(-1, N_CHANNELS)
+        marks = np.array(block.mark_ticks_us, np.int64)
+        return self._take(_Chunk(counts, block.tick_us, block.sample_period_us, marks, block.t_acq_ns,
+                                 block.period_ns, block.seq, block.quality, block.channel_ok))
+
+    def _take(self, chunk: _Chunk) -> list[Window]:
+        joined = chunk.tick_us == self._end_tick_us and not chunk.quality & Quality.GAP_BEFORE
+        if self._run and not joined:
+            self.counters["windows_cut_by_gap"] += 1
+            self._restart()
+        self._end_tick_us = chunk.tick_us
+        self._marks_us.extend(chunk.marks_us.tolist())
+        windows: list[Window] = []
+        for start in range(0, len(chunk.counts), self._most):
+            windows += self._append(chunk, chunk.counts[start : start + self._most])
+        return windows
+
+    def _append(self, chunk: _Chunk, counts: NDArray[np.int16]) -> list[Window]:
+        """Add at most ``MAX_SECONDS`` of samples, then cut every window whose end has been reached."""
+        n = len(counts)
+        if self._fill + n > len(self._ring):
+            keep = min(self._fill, self._most)
+            self._ring[:keep] = self._ring[self._fill - keep : self._fill]
+            self._fill = keep
+        self._ring[self._fill : self._fill + n] = counts
+        self._fill += n
+        self._run += n
+        self._end_tick_us += n * chunk.period_us
+        self._flags.append((self._run, chunk.quality & ~Quality.GAP_BEFORE, chunk.channel_ok))
+        windows = []
+        while self._next_end <= self._run:
+            windows.append(self._cut(chunk, self._run - self._next_end))
+            self._next_end += round(HOP_SECONDS * self.rate_hz)
+        self.counters["windows"] += len(windows)
+        return windows
+
+    def _cut(self, chunk: _Chunk, back: int) -> Window:
+        """The window that ends ``back`` samples before the newest one."""
+        period_us = chunk.period_us
+        end_us = self._end_tick_us - back * period_us
+        marks_us = np.array(self._marks_us, np.int64)
+        marks_us = marks_us[marks_us < end_us]
+        n = min(self._length(marks_us), self._next_end, self._fill - back)
+        start_us = end_us - n * period_us
+        marks = (marks_us[marks_us >= start_us] - start_us) / period_us
+        quality, channel_ok = self._flags_over(self._next_end - n)
+        if not _usable(marks):
+            quality |= Quality.NO_MARK
+        after_ns = (chunk.tick_us + len(chunk.counts) * period_us - end_us) // period_us * chunk.period_ns
+        end_ns = chunk.t_acq_ns + len(chunk.counts) * chunk.period_ns - after_ns
+        stop = self._fill - back
+        samples = self.channels.to_si(self._ring[stop - n : stop])
+        return Window(samples, 1e6 / period_us, marks, end_us, end_ns, chunk.seq,
+                      quality, channel_ok, *self._reading_means(start_us, end_us))
+
+    def _length(self, marks_us: NDArray[np.int64]) -> int:
+        """Samples for ``TURNS`` turns at the present speed, within the two bounds."""
+        turn_s = (marks_us[-1] - marks_us[-2]) * 1e-6 if len(marks_us) > 1 else math.inf
+        seconds = min(max((TURNS + 1) * turn_s, MIN_SECONDS), MAX_SECONDS)
+        return round(seconds * self.rate_hz)
+
+    def _flags_over(self, start: int) -> tuple[int, int]:
+        """Union of the quality flags and intersection of the OK bits since sample ``start`` of the run."""
+        while len(self._flags) > 1 and self._flags[0][0] <= self._run - self._most - self.rate_hz:
+            self._flags.popleft()
+        quality, channel_ok = 0, 0xFF
+        for end, flags, ok in self._flags:
+            if end > start:
+                quality |= flags
+                channel_ok &= ok
+        return quality, channel_ok
+
+    def _reading_means(self, start_us: int, end_us: int) -> tuple[float, float, float]:
+        inside = [row[1:] for row in self._readings if start_us <= row[0] < end_us]
+        if not inside:
+            return math.nan, math.nan, math.nan
+        clearance, power, oil = (math.fsum(column) / len(inside) for column in zip(*inside, strict=True))
+        return clearance, power, oil
+
+
+def _usable(marks: Floats) -> bool:
+    """Enough whole turns, none of them torn by a lost or a false mark."""
+    if len(marks) <= MIN_TURNS:
+        return False
+    turns = np.diff(marks)
+    ratio = turns[1:] / np.maximum(turns[:-1], 1e-9)
+    return bool(turns.min() > 0 and ratio.max() < MARK_RATIO_MAX and ratio.min() > 1 / MARK_RATIO_MAX)
+
+
+def nearest_tick(tick_us: int, near_us: int) -> int:
+    """Unwrap the 32-bit ``tick_us`` to the value nearest to the unwrapped tick ``near_us``."""
+    return near_us + (tick_us - near_us + 0x8000_0000) % 0x1_0000_0000 - 0x8000_0000
+
+
+def iter_windows(
+    samples: NDArray[np.int16],
+    tick_us: int,
+    mark_ticks_us: NDArray[np.int64],
+    rate_hz: int,
+    *,
+    readings: Floats | None = None,
+    channels: ChannelMap | None = None,
+) -> Iterator[Window]:
+    """Windows of one gap-free recording, cut by the device's own :class:`Windower`.
+
+    Parameters
+    ----------
+    samples
+        Counts, shape (n, 8).
+    tick_us
+        Unwrapped node tick of the first row.
+    mark_ticks_us
+        Unwrapped ticks of the once-per-turn marks, increasing.
+    rate_hz
+        Sampling rate.
+    readings
+        Shape (m, 4): unwrapped tick (us), radial clearance (m), shaft power (W), oil outlet (degC).
+    channels
+        Conversion to SI; default: ``orbitd.dbc``.
+
+    Yields
+    ------
+    Window
+        Every ``HOP_SECONDS``, oldest first.
+    """
+    windower = Windower(channels or ChannelMap.wire(), rate_hz)
+    table = np.empty((0, 4)) if readings is None else readings
+    period_us = round(1e6 / rate_hz)
+    step = round(HOP_SECONDS * rate_hz)
+    for start in range(0, len(samples), step):
+        counts = samples[start : start + step]
+        first_us = tick_us + start * period_us
+        last_us = first_us + len(counts) * period_us
+        for row in table[(table[:, 0] >= first_us) & (table[:, 0] < last_us)]:
+            windower._note(int(row[0]), row[1], row[2], row[3])
+        marks = mark_ticks_us[(mark_ticks_us >= first_us) & (mark_ticks_us < last_us)]
+        yield from windower._take(_Chunk(counts, first_us, period_us, marks))
