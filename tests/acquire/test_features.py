@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from synthetic_recording import readings, recording
 
 from firmware_py.acquire.features import FEATURE_NAMES, features
 from firmware_py.acquire.orders import Orders, analyse
 from firmware_py.acquire.windows import Window, iter_windows
+
+from .synthetic_recording import readings, recording
 
 
 def last_window(rate: int = 5000, **what: object) -> Window:

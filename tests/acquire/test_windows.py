@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from synthetic_recording import readings, recording
 
 from firmware_py.acquire.windows import (
     MAX_SECONDS,
@@ -17,6 +16,8 @@ from firmware_py.acquire.windows import (
     nearest_tick,
 )
 from firmware_py.records import Block, Quality, RigReading, RigStatus
+
+from .synthetic_recording import readings, recording
 
 RATE = 5000
 
