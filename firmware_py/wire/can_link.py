@@ -1,0 +1,138 @@
+"""CanLink: a CAN FD bus that may come and go, through python-can (Unix hub or SocketCAN)."""
+
+from __future__ import annotations
+
+import logging
+import socket
+import time
+from collections.abc import Callable
+from typing import Final
+
+import can
+
+from firmware_py.records import RawFrame
+from firmware_py.wire.hub_bus import OrbitdHubBus
+
+BATCH: Final = 256
+RETRY_NS: Final = 500_000_000
+START_WAIT_S: Final = 5.0
+RECEIVE_BUFFER_BYTES: Final = 4 << 20
+EXTENDED_ID: Final = 1 << 31
+"""Set in ``RawFrame.frame_id`` of a 29-bit identifier, so that it never passes for an 11-bit one."""
+
+
+OpenBus = Callable[[float], can.BusABC]
+"""Opens a bus; is told how many seconds it may wait; raises ``can.CanError`` or ``OSError``."""
+
+
+def bus_opener(interface: str, channel: str) -> OpenBus:
+    """How to open ``channel`` of ``interface`` (``orbitd_hub`` or ``socketcan``)."""
+    if interface == "socketcan":
+        return lambda wait_s: _open_socketcan(channel)
+    return lambda wait_s: OrbitdHubBus(channel, timeout_s=wait_s)
+
+
+def _open_socketcan(channel: str) -> can.BusABC:
+    logging.getLogger("can.interfaces.socketcan").setLevel(logging.CRITICAL)  # ``fault`` says it once
+    bus = can.Bus(channel, interface="socketcan", fd=True, ignore_config=True)
+    with socket.socket(fileno=socket.dup(bus.fileno())) as raw:
+        raw.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
+    return bus
+
+
+class CanLink:
+    """The ``Link`` of :mod:`firmware_py.wire.link` on a CAN bus.
+
+    Frames are stamped with the time at which the kernel (or the hub) took them, on the clock of
+    ``now_ns``.  A bus that fails is closed, named in ``fault``, and tried again every 0.5 s.
+    """
+
+    def __init__(self, open_bus: OpenBus) -> None:
+        self._open_bus = open_bus
+        self._bus: can.BusABC | None = None
+        self._retry_ns = 0
+        self._hub_lost = 0
+        self.fault = ""
+        self.counters = {
+            "frames_in": 0, "frames_out": 0, "send_failed": 0, "error_frames": 0, "queue_overflow": 0,
+            "link_lost": 0,
+        }
+        self._open(START_WAIT_S)
+
+    @property
+    def up(self) -> bool:
+        """False while the bus is away."""
+        return self._bus is not None
+
+    def fileno(self) -> int:
+        """Descriptor that polls readable with a frame, -1 while the bus is away."""
+        return self._bus.fileno() if self._bus else -1
+
+    def receive(self, now_ns: int) -> list[RawFrame]:
+        """Everything waiting, at most 256 frames; never blocks, never raises for a lost bus."""
+        frames: list[RawFrame] = []
+        bus = self._bus or self._reopen(now_ns)
+        if bus is not None:
+            try:
+                self._drain(bus, now_ns, frames)
+            except can.CanError as error:
+                self._drop(str(error))
+        self.counters["frames_in"] += len(frames)
+        return frames
+
+    def _drain(self, bus: can.BusABC, now_ns: int, frames: list[RawFrame]) -> None:
+        """Append what waits.  Stamps are wall time, so only their age is used, and never a negative one."""
+        offset_ns = now_ns - time.time_ns()
+        for _ in range(BATCH):
+            message = bus.recv(0)
+            if message is None:
+                break
+            if message.is_error_frame or message.is_remote_frame:
+                self.counters["error_frames"] += 1
+                continue
+            frame_id = message.arbitration_id | (EXTENDED_ID if message.is_extended_id else 0)
+            arrival_ns = min(now_ns, int(message.timestamp * 1e9) + offset_ns)
+            frames.append(RawFrame(arrival_ns, frame_id, bytes(message.data)))
+        if isinstance(bus, OrbitdHubBus):
+            self.counters["queue_overflow"] += (bus.lost - self._hub_lost) & 0xFFFFFFFF
+            self._hub_lost = bus.lost
+
+    def _open(self, wait_s: float) -> can.BusABC | None:
+        try:
+            self._bus = self._open_bus(wait_s)
+        except (can.CanError, OSError) as error:
+            self.fault = str(error)
+            return None
+        self.fault = ""
+        self._hub_lost = 0
+        return self._bus
+
+    def _reopen(self, now_ns: int) -> can.BusABC | None:
+        if now_ns < self._retry_ns:
+            return None
+        self._retry_ns = now_ns + RETRY_NS
+        return self._open(0.0)
+
+    def _drop(self, fault: str) -> None:
+        self.close()
+        self.fault = fault
+        self.counters["link_lost"] += 1
+
+    def send(self, frame: RawFrame) -> bool:
+        """True when the bus took the frame; a refused one is counted in ``send_failed``."""
+        try:
+            if self._bus is None:
+                raise can.CanOperationError("link down")
+            self._bus.send(can.Message(arbitration_id=frame.frame_id, is_extended_id=False, is_fd=True,
+                                       bitrate_switch=True, data=frame.data), timeout=0)
+        except can.CanError:
+            self.counters["send_failed"] += 1
+            return False
+        self.counters["frames_out"] += 1
+        return True
+
+    def close(self) -> None:
+        """Leave the bus."""
+        if self._bus is not None:
+            self._bus.shutdown()
+            self._bus = None

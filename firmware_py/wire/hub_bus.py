@@ -1,0 +1,222 @@
+"""python-can interface ``orbitd_hub``: a CAN FD bus between processes of one machine, without root.
+
+    can.Bus(interface="orbitd_hub", channel="orbitd0", fd=True)
+
+The first bus of a channel starts the hub (:mod:`firmware_py.wire.hub`).  The hub's death looks like an
+unplugged adapter: ``recv`` and ``send`` raise :class:`can.CanOperationError`.
+"""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import os
+import re
+import select
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import can
+
+from firmware_py.wire import hub
+from firmware_py.wire.hub import (
+    BIT_RATE_SWITCH,
+    ERROR_FRAME,
+    ERROR_STATE,
+    EXTENDED,
+    FD,
+    HEADER,
+    MAX_PACKET,
+    OWN,
+    REMOTE,
+    SOCKET_BUFFER_BYTES,
+)
+
+DIRECTORY_VARIABLE = "ORBITD_BUS_DIR"
+
+
+class OrbitdHubBus(can.BusABC):
+    """One node on the hub's bus.
+
+    Parameters
+    ----------
+    channel
+        Name of the bus: letters, digits, ``_ . -``, at most 32.
+    can_filters, receive_own_messages
+        As everywhere in python-can.
+    directory
+        Where the hubs' sockets lie; default ``$ORBITD_BUS_DIR``, else ``/tmp/orbitd-<uid>/bus``.
+    timeout_s
+        How long to wait for a hub that is only starting; 0 tries once.
+
+    Attributes
+    ----------
+    lost : int
+        Frames that the hub could not keep for this node, as of the last one received.
+
+    Raises
+    ------
+    can.CanInitializationError
+        The channel's name is not usable, the directory belongs to someone else, or no hub came up.
+    """
+
+    def __init__(
+        self,
+        channel: str = "orbitd0",
+        can_filters: Any = None,
+        *,
+        receive_own_messages: bool = False,
+        directory: str | Path | None = None,
+        timeout_s: float = 5.0,
+        fd: bool = True,
+        **kwargs: object,
+    ) -> None:
+        if not re.fullmatch(r"[\w.-]{1,32}", channel, re.ASCII):
+            raise can.CanInitializationError(f"channel {channel!r}: use 1 to 32 of letters, digits, _ . -")
+        self._path = _directory(directory) / f"{channel}.sock"
+        self._own = OWN if receive_own_messages else 0
+        self._socket = _connect(self._path, timeout_s)
+        self._buffer = bytearray(MAX_PACKET)
+        self._view = memoryview(self._buffer)
+        self.lost = 0
+        self.channel_info = f"orbitd_hub {channel}"
+        self._can_protocol = can.CanProtocol.CAN_FD
+        super().__init__(channel, can_filters, **kwargs)
+
+    def fileno(self) -> int:
+        """Descriptor for select and epoll; -1 after :meth:`shutdown`."""
+        return self._socket.fileno()
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        """Give ``msg`` to the hub; never blocks, whatever ``timeout`` says.
+
+        Raises
+        ------
+        can.CanOperationError
+            The hub is behind (``EAGAIN``) or has gone.
+        ValueError
+            The message is not a valid CAN or CAN FD frame.
+        """
+        msg._check()
+        header = HEADER.pack(0, msg.arbitration_id, 0, _flags(msg) | self._own, len(msg.data))
+        try:
+            self._socket.send(header + msg.data)
+        except BlockingIOError as error:
+            raise can.CanOperationError("the hub is behind: frame not sent", errno.EAGAIN) from error
+        except OSError as error:
+            raise can.CanOperationError(f"hub lost: {error.strerror}", error.errno) from error
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        size = self._read()
+        if size < 0 and timeout != 0:
+            select.select([self._socket], [], [], timeout)
+            size = self._read()
+        return (self._message(size) if size >= 0 else None), False
+
+    def _read(self) -> int:
+        """Bytes of the packet now in the buffer, -1 when none waits."""
+        try:
+            size = self._socket.recv_into(self._buffer)
+        except BlockingIOError:
+            return -1
+        except OSError as error:
+            raise can.CanOperationError(f"hub lost: {error.strerror}", error.errno) from error
+        if size < HEADER.size:
+            raise can.CanOperationError("hub lost: it closed the connection", errno.ECONNRESET)
+        return size
+
+    def _message(self, size: int) -> can.Message:
+        timestamp_ns, arbitration_id, self.lost, flags, length = HEADER.unpack_from(self._buffer)
+        return can.Message(
+            timestamp=timestamp_ns * 1e-9,
+            arbitration_id=arbitration_id,
+            is_extended_id=bool(flags & EXTENDED),
+            is_fd=bool(flags & FD),
+            bitrate_switch=bool(flags & BIT_RATE_SWITCH),
+            error_state_indicator=bool(flags & ERROR_STATE),
+            is_error_frame=bool(flags & ERROR_FRAME),
+            is_remote_frame=bool(flags & REMOTE),
+            is_rx=not flags & OWN,
+            dlc=length,
+            data=self._buffer[HEADER.size:size],
+        )
+
+    def shutdown(self) -> None:
+        """Leave the bus."""
+        super().shutdown()
+        self._socket.close()
+
+
+def _flags(msg: can.Message) -> int:
+    return (
+        msg.is_extended_id * EXTENDED
+        | msg.is_fd * FD
+        | msg.bitrate_switch * BIT_RATE_SWITCH
+        | msg.error_state_indicator * ERROR_STATE
+        | msg.is_error_frame * ERROR_FRAME
+        | msg.is_remote_frame * REMOTE
+    )
+
+
+def _directory(given: str | Path | None) -> Path:
+    """The directory of the hubs' sockets, made when it is not there."""
+    chosen = given or os.environ.get(DIRECTORY_VARIABLE)
+    directory = Path(chosen or f"/tmp/orbitd-{os.geteuid()}/bus")
+    try:
+        directory.mkdir(parents=True, exist_ok=True, mode=0o700)
+        owner = directory.stat().st_uid
+    except OSError as error:
+        cause = f"{directory}: {error.strerror}; set {DIRECTORY_VARIABLE} to a folder of yours"
+        raise can.CanInitializationError(cause) from error
+    if not chosen and owner != os.geteuid():  # anyone may write to /tmp
+        cause = f"{directory} belongs to user {owner}; set {DIRECTORY_VARIABLE} to a folder of yours"
+        raise can.CanInitializationError(cause)
+    return directory
+
+
+def _connect(path: Path, timeout_s: float) -> socket.socket:
+    """A connection to the hub at ``path``, which is started when it does not run."""
+    deadline = time.monotonic() + timeout_s
+    while True:
+        connection = _try_connect(path)
+        if connection:
+            return connection
+        if time.monotonic() >= deadline:
+            raise can.CanInitializationError(f"no hub at {path} after {timeout_s:g} s", errno.ENOTCONN)
+        time.sleep(0.005)
+
+
+def _try_connect(path: Path) -> socket.socket | None:
+    """A connection to a running hub; else starts one, unless somebody is at it, and returns None."""
+    with hub.lock_path_of(path).open("w") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return None
+        connection = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        try:
+            connection.connect(str(path))
+        except (FileNotFoundError, ConnectionRefusedError):
+            connection.close()
+            _start_hub(path, lock.fileno())
+            return None
+        connection.setblocking(False)
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SOCKET_BUFFER_BYTES)
+        return connection
+
+
+def _start_hub(path: Path, lock: int) -> None:
+    """Start the hub detached; it inherits the lock and frees it once it listens.
+
+    The shell makes it a child of init, so that whoever came first need not wait for its end.
+    """
+    command = [sys.executable, "-IS", hub.__file__, str(path), str(lock)]
+    subprocess.run(
+        ["/bin/sh", "-c", '"$@" &', "sh", *command],
+        pass_fds=[lock], start_new_session=True, check=True,
+        stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+    )
