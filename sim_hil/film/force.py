@@ -63,8 +63,7 @@ class Bearing:
         lowest = min(*self.end_pressure_Pa, *(f.pressure_Pa for f in self.feed))
         if self.rupture != "full" and lowest < self.cavitation_pressure_Pa:
             raise FilmError(
-                f"cavitation_pressure_Pa = {self.cavitation_pressure_Pa}: "
-                f"above a feed or end pressure ({lowest})"
+                f"cavitation_pressure_Pa = {self.cavitation_pressure_Pa}: above a feed or end pressure ({lowest})"
             )
         if len(self.grid) != 2 or self.grid[0] < 12 or self.grid[1] < 6:
             raise FilmError(f"grid = {self.grid}: needs at least 12 nodes around and 6 intervals along")
@@ -169,8 +168,7 @@ def film_force(
     position, velocity = _states(position_m, velocity_m_s)
     batch = position.shape[:-1]
     results = [
-        _one(bearing, e, v, fields)
-        for e, v in zip(position.reshape(-1, 2), velocity.reshape(-1, 2), strict=True)
+        _one(bearing, e, v, fields) for e, v in zip(position.reshape(-1, 2), velocity.reshape(-1, 2), strict=True)
     ]
     return _stack(results, batch, fields)
 

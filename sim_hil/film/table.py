@@ -1,0 +1,137 @@
+"""Table of the unfed Reynolds film: at one length over diameter the force is a function of two numbers.
+
+They are the eccentricity ratio and the angle from the eccentricity to the effective squeeze velocity; speed,
+viscosity, clearance and radius scale out exactly. `table_kernel` evaluates it.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from .force import film_force
+from .records import FilmError, Floats
+from .table_kernel import EPS_TABLE, table_force
+
+__all__ = ["FilmTable", "table_force"]
+
+_DATA = Path(__file__).parent / "data"
+_RATE_STEP = 0.01
+
+
+@dataclass(frozen=True)
+class FilmTable:
+    """Spline coefficients for `table_kernel.table_force`.
+
+    Parameters
+    ----------
+    length_over_diameter
+        The one bearing shape that the table holds for.
+    coefficients
+        Uniform bicubic B-spline coefficients, shape (cells of -log(1 - eps) + 3, cells of the angle + 3, 5).
+    """
+
+    length_over_diameter: float
+    coefficients: Floats
+
+    @classmethod
+    def build(
+        cls, length_over_diameter: float, cells: tuple[int, int] = (40, 56), grid: tuple[int, int] = (96, 12)
+    ) -> "FilmTable":
+        """Compute the table with `film_force`, extrapolated from `grid` and twice that grid (Richardson).
+
+        Some seven thousand film solutions at each grid with the standard cells: about a minute.
+        """
+        eps = -np.expm1(np.log1p(-EPS_TABLE) * np.arange(cells[0] + 1) / cells[0])
+        gamma = np.pi * np.arange(cells[1] + 1) / cells[1]
+        values = _reduced_film(length_over_diameter, eps, gamma, grid)
+        return cls(length_over_diameter, _spline_coefficients(values))
+
+    @classmethod
+    def load(cls, length_over_diameter: float) -> "FilmTable":
+        """The shipped table of that shape.
+
+        Raises
+        ------
+        FilmError
+            No table of that shape is shipped.
+        """
+        path = _DATA / _file_name(length_over_diameter)
+        if not path.exists():
+            shipped = sorted(p.name for p in _DATA.glob("table_ld*.npz"))
+            raise FilmError(
+                f"no film table for length/diameter {length_over_diameter} (shipped: {shipped}); "
+                "make one with FilmTable.build"
+            )
+        with np.load(path) as stored:
+            return cls(float(stored["length_over_diameter"]), np.ascontiguousarray(stored["coefficients"]))
+
+    def save(self, folder: Path = _DATA) -> Path:
+        """Write the table where `load` finds it; returns the file."""
+        path = folder / _file_name(self.length_over_diameter)
+        np.savez_compressed(path, length_over_diameter=self.length_over_diameter, coefficients=self.coefficients)
+        return path
+
+
+def _file_name(length_over_diameter: float) -> str:
+    shape = f"{length_over_diameter:g}".replace(".", "p")
+    return f"table_ld{shape}.npz"
+
+
+def _reduced_film(length_over_diameter: float, eps: Floats, gamma: Floats, grid: tuple[int, int]) -> Floats:
+    """Table values (a, d, q, a', d') of `table_kernel`, shape (eps, gamma, 5)."""
+    still = _polar(length_over_diameter, eps, gamma, grid, 0.0)
+    opening = _polar(length_over_diameter, eps, gamma, grid, _RATE_STEP)
+    closing = _polar(length_over_diameter, eps, gamma, grid, -_RATE_STEP)
+    rates = (opening - closing)[..., :2] / (2 * _RATE_STEP)
+    return np.concatenate([still, rates], axis=-1)
+
+
+def _polar(length_over_diameter: float, eps: Floats, gamma: Floats, grid: tuple[int, int], rate: float) -> Floats:
+    """Log of the scaled force, its turn from the direction against v_s, and the scaled flow at |v_s| = 1 m/s."""
+    c = 1e-3
+    position = np.zeros((eps.size, gamma.size, 2))
+    position[..., 0] = c * eps[:, None]
+    velocity = np.stack(np.broadcast_arrays(np.cos(gamma), np.sin(gamma)), axis=-1)
+    coarse, fine = (
+        film_force(
+            position,
+            velocity,
+            radius_m=1.0,
+            length_m=2 * length_over_diameter,
+            clearance_m=c,
+            viscosity_Pa_s=c**3 / 12,
+            speed_rad_s=0.0,
+            clearance_rate_m_s=rate,
+            grid=(k * grid[0], k * grid[1]),
+        )
+        for k in (1, 2)
+    )
+    force = (4 * fine.force_N - coarse.force_N) / 3
+    flow = (4 * fine.side_flow_m3_s - coarse.side_flow_m3_s) / 3
+    turn = np.arctan2(force[..., 1], force[..., 0]) - np.arctan2(-velocity[..., 1], -velocity[..., 0])
+    turn = np.remainder(turn + np.pi, 2 * np.pi) - np.pi
+    turn[:, [0, -1]] = 0.0
+    return np.stack([np.log(np.hypot(force[..., 0], force[..., 1])), turn, flow], axis=-1)
+
+
+def _spline_coefficients(values: Floats) -> Floats:
+    """Uniform cubic B-spline coefficients through values (eps, gamma, 5), one more on each side and a spare."""
+    even = np.array([1.0, -1.0, 1.0, 1.0, -1.0])
+    along_eps = np.linalg.solve(_not_a_knot(values.shape[0]), np.pad(values, ((1, 1), (0, 0), (0, 0))).reshape(
+        values.shape[0] + 2, -1)).reshape(values.shape[0] + 2, values.shape[1], -1)  # fmt: skip
+    mirrored = np.concatenate([along_eps, even * along_eps[:, -2:0:-1]], axis=1)
+    waves = np.fft.fft(mirrored, axis=1)
+    smoothing = (2 + np.cos(2 * np.pi * np.arange(mirrored.shape[1]) / mirrored.shape[1])) / 3
+    ring = np.fft.ifft(waves / smoothing[:, None], axis=1).real
+    around = np.arange(-1, values.shape[1] + 1)
+    return np.ascontiguousarray(ring[:, around % mirrored.shape[1]])
+
+
+def _not_a_knot(count: int) -> Floats:
+    """Collocation matrix of a uniform cubic B-spline with zero fourth difference at either end."""
+    matrix = np.zeros((count + 2, count + 2))
+    for k in range(1, count + 1):
+        matrix[k, k - 1 : k + 2] = np.array([1, 4, 1]) / 6
+    matrix[0, :5] = matrix[-1, -5:] = [1, -4, 6, -4, 1]
+    return matrix

@@ -1,0 +1,115 @@
+"""The tabulated film against the film itself."""
+
+import math
+
+import numpy as np
+import pytest
+
+from sim_hil.film import FilmError, film_force
+from sim_hil.film.table import FilmTable, table_force
+from sim_hil.film.table_kernel import CONTACT_STIFFNESS_N_M, EPS_TABLE
+
+C, MU, R, L = 60e-6, 0.01, 0.02, 0.02
+BEARING = {"radius_m": R, "length_m": L, "clearance_m": C, "viscosity_Pa_s": MU}
+
+
+@pytest.fixture(scope="module")
+def coefficients():
+    return FilmTable.load(0.5).coefficients
+
+
+def states(count, seed=3):
+    """Random journal states to eccentricity 0.95; every fourth a pure squeeze, in or out."""
+    rng = np.random.default_rng(seed)
+    eps, angle, whirl = rng.uniform(0, 0.95, count), *rng.uniform(-np.pi, np.pi, (2, count))
+    speed = rng.uniform(-600, 600, count)
+    velocity = rng.uniform(0, 0.25, count) * C * 600 * np.array([np.cos(whirl), np.sin(whirl)])
+    squeeze = np.arange(count) % 4 == 0
+    radial = rng.choice([-1, 1], count) * 1e-3 * np.array([np.cos(angle), np.sin(angle)])
+    speed[squeeze], velocity[:, squeeze] = 0.0, radial[:, squeeze]
+    return C * eps * np.array([np.cos(angle), np.sin(angle)]), velocity, speed
+
+
+def converged(position, velocity, speed, name):
+    coarse, fine = (
+        getattr(film_force(position, velocity, speed_rad_s=speed, grid=g, **BEARING), name)
+        for g in ((112, 14), (224, 28))
+    )
+    return (4 * fine - coarse) / 3
+
+
+def test_force_and_flow_follow_the_converged_film(coefficients):
+    errors, flow_errors = [], []
+    for e, v, w in zip(*(a.T for a in states(60)), strict=True):
+        fx, fy, _, flow = table_force(coefficients, *e, *v, w, C, MU, R, L)
+        truth = converged(e, v, w, "force_N")
+        errors.append(math.hypot(fx - truth[0], fy - truth[1]) / np.hypot(*truth))
+        flow_errors.append(flow / converged(e, v, w, "side_flow_m3_s") - 1)
+    assert np.sqrt(np.mean(np.square(errors))) <= 5e-4
+    assert max(errors) <= 2e-3
+    assert np.max(np.abs(flow_errors)) <= 1e-3
+
+
+def test_friction_torque_follows_the_film(coefficients):
+    for e, v, w in zip(*(a.T for a in states(12, seed=5)), strict=True):
+        torque = table_force(coefficients, *e, *v, w, C, MU, R, L)[2]
+        assert torque == pytest.approx(
+            film_force(e, v, speed_rad_s=w, **BEARING).friction_torque_N_m, rel=5e-3, abs=1e-8
+        )
+
+
+@pytest.mark.parametrize("rate", [-0.05, 0.05])
+def test_clearance_rate_is_followed_to_first_order(coefficients, rate):
+    position, velocity = (0.7 * C, 0.1 * C), (0.0, 0.0)
+    squeeze = 150.0 * math.hypot(*position)
+    table = table_force(coefficients, *position, *velocity, 300.0, C, MU, R, L, rate * squeeze)
+    film = film_force(position, velocity, speed_rad_s=300.0, clearance_rate_m_s=rate * squeeze, **BEARING)
+    still = film_force(position, velocity, speed_rad_s=300.0, **BEARING)
+    effect = np.hypot(*(film.force_N - still.force_N))
+    assert np.hypot(*(film.force_N - table[:2])) <= 0.1 * effect
+
+
+def test_force_opposes_the_effective_squeeze_velocity(coefficients):
+    for e, v, w in zip(*(a.T for a in states(5000, seed=7)), strict=True):
+        fx, fy, _, _ = table_force(coefficients, *e, *v, w, C, MU, R, L)
+        assert fx * (v[0] + w / 2 * e[1]) + fy * (v[1] - w / 2 * e[0]) <= 0
+
+
+def test_mirror_symmetry_is_exact(coefficients):
+    right = table_force(coefficients, 2e-5, 1e-5, 1e-3, 5e-4, 300.0, C, MU, R, L)
+    left = table_force(coefficients, -2e-5, 1e-5, -1e-3, 5e-4, -300.0, C, MU, R, L)
+    assert left == pytest.approx((-right[0], *right[1:]), rel=1e-12)
+
+
+def test_still_journal_in_still_oil_feels_nothing(coefficients):
+    assert table_force(coefficients, 0.0, 0.0, 0.0, 0.0, 0.0, C, MU, R, L) == (0.0, 0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("excess", [1e-9, 1e-6, 1e-3])
+def test_past_the_table_asperities_push_back_and_stay_finite(coefficients, excess):
+    e = EPS_TABLE * C + excess
+    result = table_force(coefficients, e, 0.0, 0.0, 0.0, 0.0, C, MU, R, L)
+    assert np.all(np.isfinite(result))
+    assert result[0] == pytest.approx(-CONTACT_STIFFNESS_N_M * excess, rel=1e-6)
+
+
+def test_contact_rub_brakes_both_ways(coefficients):
+    e = EPS_TABLE * C + 1e-6
+    _, fy, torque, _ = table_force(coefficients, e, 0.0, 0.0, 0.0, 1e-9, C, MU, R, L)
+    _, fy_back, torque_back, _ = table_force(coefficients, e, 0.0, 0.0, 0.0, -1e-9, C, MU, R, L)
+    assert torque > 0
+    assert torque_back == pytest.approx(torque)
+    assert fy < 0  # the journal surface at the contact moves along +y
+    assert fy_back == pytest.approx(-fy)
+
+
+def test_unknown_shape_is_refused():
+    with pytest.raises(FilmError, match=r"no film table .* 0\.7"):
+        FilmTable.load(0.7)
+
+
+def test_saved_table_is_the_built_one(tmp_path, monkeypatch):
+    built = FilmTable.build(1.0, cells=(6, 8), grid=(16, 6))
+    assert built.save(tmp_path).name == "table_ld1.npz"
+    monkeypatch.setattr("sim_hil.film.table._DATA", tmp_path)
+    np.testing.assert_array_equal(FilmTable.load(1.0).coefficients, built.coefficients)
