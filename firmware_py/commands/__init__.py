@@ -1,0 +1,1 @@
+"""The parts of the `orbitd` command line that belong to the device itself."""

@@ -1,0 +1,58 @@
+"""``orbitd run``: guard, brain and gate together, each in its own process, restarted when it dies."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import sys
+import time
+from pathlib import Path
+from types import FrameType
+
+from firmware_py import config
+from firmware_py.supervise import Program, Supervisor
+from firmware_py.wire.rooms import runtime_dir
+
+ROOMS = ("guard", "brain", "gate")
+
+
+def programs(options: list[str], log_folder: Path) -> list[Program]:
+    """The three rooms as programs; ``options`` are passed to each."""
+    return [
+        Program(room, (sys.executable, "-m", "firmware_py", room, *options), log_folder / f"{room}.log")
+        for room in ROOMS
+    ]
+
+
+def main(argv: list[str]) -> int:
+    """Start the three rooms and keep them alive until interrupted."""
+    parser = argparse.ArgumentParser(prog="orbitd run", description=__doc__)
+    parser.add_argument("--config", type=Path, default=config.SHIPPED / "bench.toml")
+    parser.add_argument("--instance", help="name of this device on this machine (default: device.instance)")
+    parser.add_argument("--runtime-dir", type=Path, help="folder of sockets and logs")
+    options = parser.parse_args(argv)
+    loaded, _ = config.load(options.config)
+    folder = options.runtime_dir or runtime_dir(options.instance or loaded.device.instance)
+    passed = ["--config", str(options.config), "--runtime-dir", str(folder)]
+    if options.instance:
+        passed += ["--instance", options.instance]
+    print(f"orbitd run: {loaded.device.site}/{loaded.device.rig}, logs in {folder / 'log'}; Ctrl-C stops", flush=True)
+    return _keep_alive(programs(passed, folder / "log"))
+
+
+def _keep_alive(rooms: list[Program]) -> int:
+    supervisor = Supervisor()
+    signal.signal(signal.SIGTERM, _interrupt)
+    try:
+        for room in rooms:
+            supervisor.start(room)
+        while True:
+            for died in supervisor.poll(time.monotonic()):
+                print(f"orbitd run: {died.name} ended with {died.code} (start {died.starts}); starting it again")
+            time.sleep(0.05)
+    finally:
+        supervisor.stop()
+
+
+def _interrupt(signum: int, frame: FrameType | None) -> None:
+    raise KeyboardInterrupt
