@@ -9,9 +9,8 @@ import time
 from pathlib import Path
 from types import FrameType
 
-from firmware_py import config
+from firmware_py import launch
 from firmware_py.supervise import Program, Supervisor
-from firmware_py.wire.rooms import runtime_dir
 
 ROOMS = ("guard", "brain", "gate")
 
@@ -27,16 +26,12 @@ def programs(options: list[str], log_folder: Path) -> list[Program]:
 def main(argv: list[str]) -> int:
     """Start the three rooms and keep them alive until interrupted."""
     parser = argparse.ArgumentParser(prog="orbitd run", description=__doc__)
-    parser.add_argument("--config", type=Path, default=config.SHIPPED / "bench.toml")
-    parser.add_argument("--instance", help="name of this device on this machine (default: device.instance)")
-    parser.add_argument("--runtime-dir", type=Path, help="folder of sockets and logs")
+    launch.add_options(parser)
     options = parser.parse_args(argv)
-    loaded, _ = config.load(options.config)
-    folder = options.runtime_dir or runtime_dir(options.instance or loaded.device.instance)
-    passed = ["--config", str(options.config), "--runtime-dir", str(folder)]
-    if options.instance:
-        passed += ["--instance", options.instance]
-    print(f"orbitd run: {loaded.device.site}/{loaded.device.rig}, logs in {folder / 'log'}; Ctrl-C stops", flush=True)
+    started = launch.from_options(options)
+    device, folder = started.config.device, started.runtime
+    passed = ["--config", str(options.config), "--instance", device.instance, "--runtime-dir", str(folder)]
+    print(f"orbitd run: {device.site}/{device.rig}, logs in {folder / 'log'}; Ctrl-C stops", flush=True)
     return _keep_alive(programs(passed, folder / "log"))
 
 
