@@ -9,7 +9,7 @@ from pathlib import Path
 
 import msgspec
 
-from firmware_py import config
+from firmware_py.config import SHIPPED, Config, ConfigFile, load
 from firmware_py.wire.rooms import runtime_dir
 
 
@@ -17,8 +17,8 @@ from firmware_py.wire.rooms import runtime_dir
 class Launch:
     """A checked configuration and the folder of this instance's sockets."""
 
-    config: config.Config
-    source: config.ConfigFile
+    config: Config
+    source: ConfigFile
     runtime: Path
 
 
@@ -27,7 +27,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--config",
         type=Path,
-        default=config.SHIPPED / "bench.toml",
+        default=SHIPPED / "bench.toml",
         metavar="FILE",
         help="TOML configuration (default: the shipped bench.toml)",
     )
@@ -43,7 +43,7 @@ def from_options(options: argparse.Namespace) -> Launch:
     ConfigError, RoomError
         The configuration is wrong, or the directory is not safe to use.
     """
-    loaded, source = config.load(options.config)
+    loaded, source = load(options.config)
     if options.instance:
         device = msgspec.structs.replace(loaded.device, instance=options.instance)
         loaded = msgspec.structs.replace(loaded, device=device)
