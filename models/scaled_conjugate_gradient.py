@@ -54,9 +54,7 @@ def scaled_conjugate_gradient(
     w = start
     cost, gradient = cost_and_gradient(w)
     if not (np.isfinite(cost) and np.all(np.isfinite(gradient))):
-        raise ValueError(
-            "cost or gradient at the start is not finite: scale the data or choose another start"
-        )
+        raise ValueError("cost or gradient at the start is not finite: scale the data or choose another start")
     best = BestSoFar(monitor, patience)
     best.offer(w, cost)
     r = p = -gradient
@@ -94,9 +92,7 @@ def scaled_conjugate_gradient(
     return ScgResult(best.theta, cost, best.score, k, reason)
 
 
-def _next_direction(
-    p: Floats, r: Floats, r_new: Floats, mu: float, *, restart: bool
-) -> tuple[Floats, Floats]:
+def _next_direction(p: Floats, r: Floats, r_new: Floats, mu: float, *, restart: bool) -> tuple[Floats, Floats]:
     """Conjugate direction and residual; steepest descent at a restart or when rounding has lost descent."""
     p_new = r_new + float(r_new @ (r_new - r)) / mu * p
     return (r_new, r_new) if restart or p_new @ r_new <= 0.0 else (p_new, r_new)

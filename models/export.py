@@ -1,0 +1,156 @@
+"""From a torch module to one self-contained ONNX file with metadata, and the manifest that trusts it."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import os
+import subprocess
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnx
+import onnxruntime
+import torch
+from numpy.typing import NDArray
+
+from firmware_py import records
+
+ARTIFACTS = Path(__file__).parent / "artifacts"
+PHYSICS_VERSION = "1"
+"""Raised when film, rotor, faults or sensors change so that a model made before no longer fits."""
+
+OPSET = 17
+
+
+class ExportError(ValueError):
+    """The exported graph is not what it should be; the text names what differs."""
+
+
+@dataclass(frozen=True)
+class Metadata:
+    """What a model file says about itself (DESIGN rule 7); lists and maps travel as JSON."""
+
+    kind: str
+    version: str
+    inputs: Sequence[str]
+    outputs: Sequence[str]
+    domain: Mapping[str, tuple[float, float]]
+    rigs: Sequence[str]
+    data_hash: str
+    metrics: Mapping[str, object]
+    units: Sequence[str]
+    channels: Sequence[str] = records.CHANNELS
+    rate_hz: Sequence[int] = (5000, 10000)
+    window: Mapping[str, float] | None = None
+    settings: Mapping[str, object] | None = None
+    status: str = "provisional"
+    physics_version: str = PHYSICS_VERSION
+
+    def properties(self) -> dict[str, str]:
+        """All fields as strings, with the commit that made the file."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        texts = {k: v if isinstance(v, str) else json.dumps(v, sort_keys=True) for k, v in values.items()}
+        return {**texts, "commit": _commit()}
+
+
+def export(
+    module: torch.nn.Module,
+    example: torch.Tensor,
+    path: Path,
+    *,
+    input_name: str,
+    output_names: Sequence[str],
+    metadata: Metadata,
+) -> None:
+    """Write ``module`` to ``path`` as one file (no external data), batch dimension free.
+
+    Parameters
+    ----------
+    example
+        One input, ``(m, inputs)``; its dtype is the graph's.
+
+    Raises
+    ------
+    ExportError
+        When the metadata names another number of inputs than the graph takes.
+    """
+    if len(metadata.inputs) != example.shape[1]:
+        raise ExportError(
+            f"{metadata.kind}: metadata names {len(metadata.inputs)} inputs, the graph takes {example.shape[1]}"
+        )
+    buffer: Any = io.BytesIO()  # the stubs know only paths, the exporter also takes a stream
+    with warnings.catch_warnings():
+        # The older exporter is announced to go; the newer one writes a second .onnx.data file.
+        warnings.simplefilter("ignore")
+        torch.onnx.export(
+            module.eval(), (example,), buffer, dynamo=False, opset_version=OPSET, input_names=[input_name],
+            output_names=list(output_names),
+            dynamic_axes={name: {0: "batch"} for name in (input_name, *output_names)},
+        )  # fmt: skip
+    model = onnx.load_from_string(buffer.getvalue())
+    for node in model.graph.node:
+        node.doc_string = ""
+    onnx.helper.set_model_props(model, metadata.properties())
+    onnx.checker.check_model(model, full_check=True)
+    _write_whole(path, model.SerializeToString())
+
+
+def session(path: Path) -> onnxruntime.InferenceSession:
+    """One-thread session on the bytes of ``path``."""
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = options.inter_op_num_threads = 1
+    return onnxruntime.InferenceSession(path.read_bytes(), options, providers=["CPUExecutionProvider"])
+
+
+def parity(module: torch.nn.Module, path: Path, x: NDArray[np.generic]) -> float:
+    """Largest difference between ``module`` and the file at ``path`` over inputs ``x``, relative to ``1 + |y|``."""
+    with torch.no_grad():
+        expected = module.eval()(torch.from_numpy(x))
+    expected = expected if isinstance(expected, tuple) else (expected,)
+    run = session(path)
+    answers = run.run(None, {run.get_inputs()[0].name: x})
+    worst = 0.0
+    for want, got in zip(expected, answers, strict=True):
+        w = want.numpy()
+        worst = max(worst, float(np.max(np.abs(w - got) / (1.0 + np.abs(w)))))
+    return worst
+
+
+def write_manifest(folder: Path) -> None:
+    """Renew ``manifest.json``: SHA-256 and size of every ONNX file in ``folder``."""
+    files = {
+        path.name: {"sha256": hashlib.sha256(path.read_bytes()).hexdigest(), "bytes": path.stat().st_size}
+        for path in sorted(folder.glob("*.onnx"))
+    }
+    text = json.dumps({"schema": 1, "files": files}, indent=2, sort_keys=True) + "\n"
+    _write_whole(folder / "manifest.json", text.encode())
+
+
+def data_hash(*arrays: NDArray[np.generic]) -> str:
+    """SHA-256 over the bytes of ``arrays`` in order."""
+    digest = hashlib.sha256()
+    for array in arrays:
+        digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()
+
+
+def _write_whole(path: Path, content: bytes) -> None:
+    """Replace ``path`` at once: an interrupted write leaves the old file."""
+    part = path.with_suffix(path.suffix + ".part")
+    part.write_bytes(content)
+    os.replace(part, path)
+
+
+def _commit() -> str:
+    """Commit of the code that trains, ``unknown`` outside a checkout."""
+    command = ["git", "-C", str(Path(__file__).parent), "rev-parse", "HEAD"]
+    try:
+        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+    except (OSError, subprocess.CalledProcessError):
+        return "unknown"

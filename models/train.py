@@ -1,0 +1,52 @@
+"""``orbitd train MODEL``: train, judge, export; ``--ship`` makes the result the shipped model."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from models.runs import Run, load_settings
+
+EXIT_BAD_INPUT = 2
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="orbitd train", description=__doc__)
+    parser.add_argument("model", choices=("surrogate", "predictor", "classifier", "actor"),
+                        help="predictor is another name for surrogate: the predictor's only learned part")  # fmt: skip
+    parser.add_argument("--seed", type=int, default=0, help="every random number follows from it")
+    parser.add_argument("--smoke", action="store_true", help="the same steps in seconds, a model for tests only")
+    parser.add_argument("--config", type=Path, help="TOML file with training settings")
+    parser.add_argument("--out", type=Path, default=Path("runs"), help="folder for the run (default: runs)")
+    parser.add_argument("--ship", action="store_true", help="make the result the shipped model")
+    return parser
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry of ``orbitd train``; returns the exit code."""
+    args = _parser().parse_args(argv)
+    if args.ship and args.smoke:
+        print("orbitd train: --ship with --smoke: a smoke model is for tests only; drop one", file=sys.stderr)
+        return EXIT_BAD_INPUT
+    try:
+        report = _train("surrogate" if args.model == "predictor" else args.model, args)
+    except ValueError as error:
+        print(f"orbitd train: {error}", file=sys.stderr)
+        return EXIT_BAD_INPUT
+    print(json.dumps(report, indent=2, sort_keys=True))
+    return 0
+
+
+def _train(kind: str, args: argparse.Namespace) -> dict[str, object]:
+    trainer = importlib.import_module(f"models.{kind}")  # brings torch: only the one that is asked for
+    settings = load_settings(trainer.SETTINGS, args.config)
+    settings = settings.smoked() if args.smoke else settings
+    run = Run(args.out, kind, args.seed, settings, smoke=args.smoke)
+    report: dict[str, object] = trainer.train(run, settings)
+    if args.ship:
+        run.ship()
+    return report
