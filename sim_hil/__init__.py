@@ -1,5 +1,5 @@
 """The rotor rig in software: what stands in for the machine when there is none."""
 
-from .film import Feed, FilmForce, film_force
+from .film import Equilibrium, Feed, FilmForce, equilibrium, film_force
 
-__all__ = ["Feed", "FilmForce", "film_force"]
+__all__ = ["Equilibrium", "Feed", "FilmForce", "equilibrium", "film_force"]

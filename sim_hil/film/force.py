@@ -1,7 +1,7 @@
 """Film force of a finite-length plain journal bearing: the Reynolds equation with a rupture rule."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import get_args
 
 import numpy as np
@@ -12,6 +12,7 @@ from .mesh import Mesh, build_mesh
 from .records import (
     Couette,
     Feed,
+    FilmArguments,
     FilmError,
     FilmForce,
     FilmMemory,
@@ -67,6 +68,13 @@ class Bearing:
             )
         if len(self.grid) != 2 or self.grid[0] < 12 or self.grid[1] < 6:
             raise FilmError(f"grid = {self.grid}: needs at least 12 nodes around and 6 intervals along")
+
+    @classmethod
+    def of(cls, arguments: FilmArguments) -> "Bearing":
+        """The bearing that these arguments describe; the end pressures and feeds become tuples."""
+        bearing = cls(**arguments)
+        lower, upper = bearing.end_pressure_Pa
+        return replace(bearing, feed=tuple(bearing.feed), end_pressure_Pa=(float(lower), float(upper)))
 
     @property
     def pressure_scale_Pa_s(self) -> float:
@@ -168,7 +176,7 @@ def film_force(
     position, velocity = _states(position_m, velocity_m_s)
     batch = position.shape[:-1]
     results = [
-        _one(bearing, e, v, fields) for e, v in zip(position.reshape(-1, 2), velocity.reshape(-1, 2), strict=True)
+        evaluate(bearing, e, v, fields) for e, v in zip(position.reshape(-1, 2), velocity.reshape(-1, 2), strict=True)
     ]
     return _stack(results, batch, fields)
 
@@ -249,7 +257,8 @@ def _film_rate(bearing: Bearing, mesh: Mesh, position: Floats, velocity: Floats)
     return np.asarray(rate / bearing.clearance_m)
 
 
-def _one(bearing: Bearing, position: Floats, velocity: Floats, fields: bool) -> FilmForce:
+def evaluate(bearing: Bearing, position: Floats, velocity: Floats, fields: bool = False) -> FilmForce:
+    """`film_force` of one state, position and velocity of shape (2,), SI."""
     film = solve_film(bearing, position, velocity)
     mesh = film.mesh
     scale = bearing.pressure_scale_Pa_s

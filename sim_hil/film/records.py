@@ -4,8 +4,9 @@ Frame: x right, y up, angles and speed positive from x to y. Forces act on the j
 `z` runs along the axis from the middle plane.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, Required, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,6 +52,24 @@ class Feed:
     width_rad: float
     length_m: float
     pressure_Pa: float
+
+
+class FilmArguments(TypedDict, total=False):
+    """The film arguments of `film_force` that describe bearing, oil and rules, for functions that pass them on."""
+
+    radius_m: Required[float]
+    length_m: Required[float]
+    clearance_m: Required[float]
+    viscosity_Pa_s: Required[float]
+    speed_rad_s: Required[float]
+    rupture: Rupture
+    inlet: Inlet
+    feed: Sequence[Feed]
+    end_pressure_Pa: tuple[float, float]
+    cavitation_pressure_Pa: float
+    couette: Couette
+    clearance_rate_m_s: float
+    grid: tuple[int, int]
 
 
 @dataclass(frozen=True)
