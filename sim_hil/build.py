@@ -1,0 +1,113 @@
+"""One build of a rig: how this example differs from the drawing, within the spread of ``classes.json``."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim_hil.rigs import RigData, read_json
+from sim_hil.rotor.parameters import N_SENSORS, Floats
+
+GRADE_RPM = 6000.0
+"""Balance grades G of the rig are meant at this speed, for the effective mass at the bearing."""
+
+_BOLT_SPREAD = 0.05
+_ROUGHNESS_M = (0.5e-6, 1.0e-6)
+_ROOM_DB = (60.0, 75.0)
+_HOUSING_HZ = (1600.0, 1450.0, 1700.0)
+_REFERENCE_PA = 20e-6
+
+
+def unbalance_of_grade(rig: RigData, grade: float) -> float:
+    """Unbalance in kg m of balance grade G (ISO 21940-11: ``G = e omega`` in mm/s) at 6000 rpm."""
+    return grade * 1e-3 * rig.rotor.effective_mass_kg / (GRADE_RPM * 2 * math.pi / 60)
+
+
+@dataclass(frozen=True)
+class Build:
+    """Factors (1 = as drawn) and absolute errors of one build.
+
+    ``bolt``: stiffness factors of the four pedestal and four motor bolts.  ``bolt_gap_m``: how far each
+    would back off when loose.  ``gain``, ``zero``: calibration of the channels, SI.
+    ``runout_m``: amplitude of the two displacement probes in orders 1 to 3, shape (2, 3).
+    """
+
+    mass: float
+    inertia: float
+    coupling: float
+    contact: float
+    damping: float
+    clearance_error_m: float
+    viscosity: float
+    unbalance_kg_m: float
+    unbalance_angle_rad: float
+    bolt: Floats
+    bolt_gap_m: Floats
+    gain: Floats
+    zero: Floats
+    runout_m: Floats
+    runout_phase_rad: Floats
+    housing_rad_s: Floats
+    roughness_m: float
+    room_Pa: float
+    excitation: float
+    motor_angle_rad: float
+
+    @classmethod
+    def nominal(cls, rig: RigData) -> Build:
+        """The drawing itself with ideal sensors and the rig's own normal unbalance."""
+        return cls(
+            mass=1.0, inertia=1.0, coupling=1.0, contact=1.0, damping=1.0, clearance_error_m=0.0, viscosity=1.0,
+            unbalance_kg_m=rig.rotor.unbalance_kg_m, unbalance_angle_rad=0.0,
+            bolt=np.ones(8), bolt_gap_m=np.full(8, 1e-4), gain=np.ones(N_SENSORS), zero=np.zeros(N_SENSORS),
+            runout_m=np.zeros((2, 3)), runout_phase_rad=np.zeros((2, 3)),
+            housing_rad_s=2 * math.pi * np.array(_HOUSING_HZ), roughness_m=0.75e-6,
+            room_Pa=_REFERENCE_PA * 10 ** (66 / 20), excitation=1.0, motor_angle_rad=0.0,
+        )  # fmt: skip
+
+    @classmethod
+    def draw(cls, rig: RigData, rng: np.random.Generator) -> Build:
+        """One build within the declared spread (uniform; grade, gap and excitation log-uniform)."""
+        table = read_json("classes.json")
+        spread, gaps = table["build_spread"], table["severity"]["bolt_gap_m"]
+
+        def around(share: float) -> float:
+            return 1.0 + float(rng.uniform(-share, share))
+
+        def log_uniform(low: float, high: float, size: int | None = None) -> Floats:
+            return np.exp(rng.uniform(math.log(low), math.log(high), size))
+
+        gain, zero = _calibration(rng)
+        return cls(
+            mass=around(spread["mass"]),
+            inertia=around(spread["inertia"]),
+            coupling=around(spread["coupling_stiffness"]),
+            contact=around(spread["contact_stiffness"]),
+            damping=around(spread["foundation_damping"]),
+            clearance_error_m=float(rng.uniform(-1, 1)) * spread["radial_clearance_m"],
+            viscosity=around(spread["viscosity"]),
+            unbalance_kg_m=unbalance_of_grade(rig, float(log_uniform(*spread["normal_unbalance_G"]))),
+            unbalance_angle_rad=float(rng.uniform(0, 2 * math.pi)),
+            bolt=1.0 + rng.uniform(-_BOLT_SPREAD, _BOLT_SPREAD, 8),
+            bolt_gap_m=log_uniform(gaps[0], gaps[1], 8),
+            gain=gain,
+            zero=zero,
+            runout_m=rng.uniform(*spread["runout_m"], (2, 1)) * np.array([0.6, 0.3, 0.1]),
+            runout_phase_rad=rng.uniform(0, 2 * math.pi, (2, 3)),
+            housing_rad_s=2 * math.pi * np.array(_HOUSING_HZ)
+            * (1 + rng.uniform(-1, 1, 3) * spread["housing_mode_frequency"]),
+            roughness_m=float(rng.uniform(*_ROUGHNESS_M)),
+            room_Pa=_REFERENCE_PA * 10 ** (float(rng.uniform(*_ROOM_DB)) / 20),
+            excitation=float(log_uniform(0.5, 2.0)),
+            motor_angle_rad=float(rng.uniform(0, 2 * math.pi)),
+        )
+
+
+def _calibration(rng: np.random.Generator) -> tuple[Floats, Floats]:
+    """Gain and zero of each channel within ``sensors.json`` (uniform); displacement zeros are given in um."""
+    channels = read_json("sensors.json")["channels"]
+    gain = np.array([1 + rng.uniform(-1, 1) * c.get("gain_error", 0.0) for c in channels])
+    zero = np.array([rng.uniform(-1, 1) * c.get("zero_error", 0.0) * 1e-6 for c in channels])
+    return gain, zero

@@ -1,0 +1,47 @@
+"""Faults of the machine and of the sensors, by name and continuous severity.
+
+``FaultSet`` maps names to severities: :data:`MACHINE_FAULTS`, or ``sensor_<kind>:<channel>``.
+"""
+
+from __future__ import annotations
+
+from sim_hil.faults.machine import MACHINE_FAULTS, apply_machine_faults
+from sim_hil.faults.sensor import SENSOR_FAULTS, SensorFault, sensor_fault
+
+FaultSet = dict[str, float]
+
+
+class UnknownFault(ValueError):
+    """No fault of that name, or a severity outside its range."""
+
+
+def check_fault(name: str, severity: float) -> None:
+    """Refuse an unknown name or a severity outside its declared range.
+
+    Raises
+    ------
+    UnknownFault
+        Names the fault, the value, the range and what exists.
+    """
+    kind = name.partition(":")[0].removeprefix("sensor_")
+    if name in MACHINE_FAULTS:
+        low, high = MACHINE_FAULTS[name].severity_range
+    elif name.startswith("sensor_") and kind in SENSOR_FAULTS and sensor_fault(name) is not None:
+        low, high = SENSOR_FAULTS[kind].severity_range
+    else:
+        known = ", ".join([*MACHINE_FAULTS, *(f"sensor_{k}:<channel>" for k in SENSOR_FAULTS)])
+        raise UnknownFault(f"fault = {name}: unknown; choose one of {known}")
+    if not low <= severity <= high:
+        raise UnknownFault(f"severity of {name} = {severity:g}: outside {low:g} .. {high:g}; choose a value inside")
+
+
+__all__ = [
+    "MACHINE_FAULTS",
+    "SENSOR_FAULTS",
+    "FaultSet",
+    "SensorFault",
+    "UnknownFault",
+    "apply_machine_faults",
+    "check_fault",
+    "sensor_fault",
+]

@@ -1,0 +1,143 @@
+"""One machine in time: the compiled plant, its random excitation and its sensors, behind two methods."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim_hil.build import Build
+from sim_hil.faults import FaultSet, apply_machine_faults, check_fault, sensor_fault
+from sim_hil.film.table import FilmTable
+from sim_hil.rigs import RigData
+from sim_hil.rotor.assembly import assemble
+from sim_hil.rotor.parameters import N_SENSORS, N_TRUTH, Floats, new_state
+from sim_hil.sensors.antialias import antialias_taps
+from sim_hil.sensors.chain import Counts, SensorChain
+from sim_hil.sensors.kernel import advance
+
+MAX_STEP_S = 40e-6
+"""Longest integration step; a sampling period is cut into equal steps no longer than this."""
+
+_N_AMBIENT = 4
+
+
+@dataclass(frozen=True)
+class Batch:
+    """``n`` sampling instants: counts (n, 8), truth (n, 14, see ``TRUTH_COLUMNS``), marks (n,).
+
+    ``marks`` holds the time of a once-per-turn edge from the start of the sampling period, s, else -1.
+    ``counts`` and the truth differ by the delay of the anti-alias filter (``Machine.delay_s``).
+    """
+
+    counts: Counts
+    truth: Floats
+    marks: Floats
+
+
+class Machine:
+    """A rotor rig without its wires.
+
+    Parameters
+    ----------
+    rig, build
+        What is fixed, and how this example differs.
+    rate_hz
+        Sampling rate of the channels.
+    clearance_m, pressure_Pa
+        Start of the actuator; the rig's nominal values when None.
+    inlet_C, thermal
+        Oil inlet temperature, and whether the film warms up by its own friction.
+    max_step_s
+        Longest integration step.
+    """
+
+    def __init__(
+        self,
+        rig: RigData,
+        build: Build,
+        seed: int,
+        *,
+        rate_hz: int = 5000,
+        clearance_m: float | None = None,
+        pressure_Pa: float | None = None,
+        inlet_C: float | None = None,
+        thermal: bool = True,
+        max_step_s: float = MAX_STEP_S,
+    ) -> None:
+        self.rig, self.build, self.rate_hz = rig, build, rate_hz
+        self.period_s = 1.0 / rate_hz
+        self._healthy = assemble(rig, build, inlet_C=inlet_C, thermal=thermal)
+        self._substeps = max(1, math.ceil(self.period_s / max_step_s - 1e-9))
+        self._taps = antialias_taps(rate_hz, self._substeps)
+        self.delay_s = (self._taps.size - 1) / 2 * self.period_s / self._substeps
+        self._table = FilmTable.load(rig.bearing.length_m / (2 * rig.bearing.radius_m)).coefficients
+        self._rng = np.random.default_rng(seed)
+        self._state = new_state(
+            self._taps.size,
+            rig.bearing.clearance_nominal_m if clearance_m is None else clearance_m,
+            rig.supply.nominal_Pa if pressure_Pa is None else pressure_Pa,
+            self._healthy.film.inlet_C,
+            float(self._rng.uniform(0, 2 * math.pi)),
+        )
+        self._chain = SensorChain(build)
+        self._faults: dict[str, tuple[float, float]] = {}
+        self._plant = self._healthy
+        self._instants = 0
+
+    @property
+    def time_s(self) -> float:
+        """Time since the start, s."""
+        return self._instants * self.period_s
+
+    @property
+    def faults(self) -> FaultSet:
+        """Present faults and their severities."""
+        return {name: severity for name, (severity, _) in self._faults.items()}
+
+    def inject(self, name: str, severity: float) -> None:
+        """Set a fault from now on; see :mod:`sim_hil.faults` for names and severities.
+
+        Raises
+        ------
+        UnknownFault
+            No such fault, or severity outside its range.
+        """
+        check_fault(name, severity)
+        self._faults[name] = (severity, self.time_s)
+        self._plant = apply_machine_faults(self._healthy, self.rig, self.build, self.faults)
+
+    def heal(self) -> None:
+        """Remove all faults."""
+        self._faults.clear()
+        self._plant = self._healthy
+
+    def advance(self, drive: Floats, clearance_m: float, pressure_Pa: float) -> Batch:
+        """Advance by ``len(drive) - 1`` sampling periods.
+
+        Parameters
+        ----------
+        drive
+            Speed, rad/s, and static bearing load, N, at the borders of the periods, shape (n + 1, 2).
+        clearance_m, pressure_Pa
+            Targets of the actuator.
+        """
+        n = len(drive) - 1
+        normal = self._rng.standard_normal((n, N_SENSORS + _N_AMBIENT))
+        signals, truth, marks = np.empty((n, N_SENSORS)), np.empty((n, N_TRUTH)), np.empty(n)
+        ambient = np.ascontiguousarray(normal[:, N_SENSORS:]) * self._plant.excite.ambient
+        advance(
+            self._plant, self._state, self._table, self._taps, drive, np.array([clearance_m, pressure_Pa]),
+            ambient, self.period_s, self._substeps, signals, truth, marks,
+        )  # fmt: skip
+        time_s = (self._instants + np.arange(n)) * self.period_s
+        counts = self._chain.counts(signals, normal[:, :N_SENSORS], self._uniform(n), time_s, self._faults)
+        self._instants += n
+        return Batch(counts, truth, marks)
+
+    def _uniform(self, n: int) -> Floats:
+        """Random numbers for sensor faults, drawn only while there is one."""
+        if any(sensor_fault(name) for name in self._faults):
+            return self._rng.random((n, N_SENSORS))
+        return np.zeros((n, N_SENSORS))

@@ -1,0 +1,130 @@
+"""Plant parameters of one build without faults."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from sim_hil.build import Build
+from sim_hil.rigs import Body, RigData, read_json
+from sim_hil.rotor.parameters import Act, Excite, Film, Floats, Foot, Pickup, Plant, Shaft
+
+BOLT_STIFFNESS_SHARE = 0.5
+"""A bolt that stops a lift, relative to the joint's contact stiffness."""
+_MODE_DAMPING = 0.02
+_MODE_GAIN = 0.2
+_SOUND_PA_S_M = 200.0
+_TOOTH_SOUND_PA = 0.05
+_PRESSURE_TIME_CONSTANT_S = 0.1
+
+
+def assemble(rig: RigData, build: Build, *, inlet_C: float | None = None, thermal: bool = True) -> Plant:
+    """Parameters of a healthy machine.
+
+    Parameters
+    ----------
+    inlet_C
+        Oil inlet temperature; the rig's own when None.
+    thermal
+        False holds the oil at the inlet temperature (isothermal results).
+    """
+    return Plant(
+        shaft=_shaft(rig, build),
+        pedestal=_foot(rig, build, rig.foundation.pedestal, build.bolt[:4]),
+        motor=_foot(rig, build, rig.foundation.motor, build.bolt[4:]),
+        film=_film(rig, build, rig.oil.inlet_C if inlet_C is None else inlet_C, thermal),
+        excite=_excite(rig, build),
+        pickup=_pickup(build),
+        act=Act(
+            rig.actuator.rate_m_per_s, rig.actuator.time_constant_s, rig.actuator.backlash_m,
+            _PRESSURE_TIME_CONSTANT_S, 1.0,
+        ),
+    )  # fmt: skip
+
+
+def _shaft(rig: RigData, build: Build) -> Shaft:
+    r = rig.rotor
+    return Shaft(
+        mass=r.mass_kg * build.mass,
+        diametral=r.diametral_inertia_kg_m2 * build.inertia,
+        polar=r.polar_inertia_kg_m2 * build.inertia,
+        to_coupling=r.coupling_to_cg_m,
+        to_bearing=r.bearing_to_cg_m,
+        coupling_stiffness=r.coupling_stiffness_N_m * build.coupling,
+        coupling_damping=float(r.coupling_damping_N_s_m),
+        unbalance=build.unbalance_kg_m,
+        unbalance_angle=build.unbalance_angle_rad,
+    )
+
+
+def _foot(rig: RigData, build: Build, body: Body, bolt: Floats) -> Foot:
+    f = rig.foundation
+    stiffness = f.contact_stiffness_N_m / 4 * build.contact * bolt
+    ratio = f.damping_ratio * build.damping
+    return Foot(
+        mass=body.mass_kg,
+        inertia=body.inertia_kg_m2,
+        depth=body.foot_below_cg_m,
+        axis_height=body.axis_above_cg_m,
+        x=np.array(body.bolt_x_m),
+        stiffness=stiffness,
+        damping=2 * ratio * np.sqrt(stiffness * body.mass_kg / 4),
+        clamp=np.full(4, f.preload_N),
+        gap=np.zeros(4),
+        tangential_share=f.tangential_share,
+        friction=f.friction,
+        bolt_stiffness=BOLT_STIFFNESS_SHARE * f.contact_stiffness_N_m / 4,
+    )
+
+
+def _film(rig: RigData, build: Build, inlet_C: float, thermal: bool) -> Film:
+    oil = rig.oil
+    return Film(
+        radius=rig.bearing.radius_m,
+        length=rig.bearing.length_m,
+        viscosity=oil.viscosity_Pa_s * build.viscosity,
+        viscosity_slope=oil.slope_per_K,
+        reference_C=oil.reference_C,
+        inlet_C=float(inlet_C),
+        heat_capacity_per_m3=float(oil.density_kg_m3 * oil.heat_capacity_J_kgK),
+        thermal_capacity=rig.thermal.capacity_J_K,
+        jacket_flow=rig.thermal.jacket_flow_m3_s,
+        share=1.0,
+        wear=build.clearance_error_m,
+        pressure_needed=0.5 * rig.supply.min_Pa,
+        windage=rig.windage_W_s3,
+        thermal=1.0 if thermal else 0.0,
+    )
+
+
+def _excite(rig: RigData, build: Build) -> Excite:
+    e = rig.excitation
+    return Excite(
+        motor_unbalance=e.motor_unbalance_kg_m * build.excitation,
+        motor_angle=build.motor_angle_rad,
+        line_force=e.line_force_N * build.excitation,
+        line_rad_s=2 * math.pi * e.line_hz,
+        tooth_force=e.tooth_force_N * build.excitation,
+        teeth=float(e.teeth),
+        ambient=e.ambient_force_rms_N * build.excitation,
+        misalignment=0.0,
+        rub_gap=0.0,
+        rub_stiffness=0.0,
+        rub_friction=0.2,
+    )
+
+
+def _pickup(build: Build) -> Pickup:
+    bandwidth = np.array([c["bandwidth_Hz"] for c in read_json("sensors.json")["channels"]], dtype=np.float64)
+    return Pickup(
+        mode_rad_s=build.housing_rad_s,
+        mode_damping=_MODE_DAMPING,
+        mode_gain=_MODE_GAIN,
+        roughness=build.roughness_m,
+        sound=_SOUND_PA_S_M,
+        tooth_sound=_TOOTH_SOUND_PA * build.excitation,
+        lag_rad_s=2 * math.pi * bandwidth,
+        runout_cos=build.runout_m * np.cos(build.runout_phase_rad),
+        runout_sin=-build.runout_m * np.sin(build.runout_phase_rad),
+    )

@@ -1,0 +1,221 @@
+"""Equation of motion of the whole machine, advanced in place by compiled code.
+
+Positions stand at whole steps, velocities at half steps (leap-frog, second order).  The film's damping is
+far stiffer than any affordable step, so its force is taken linearly implicit in the velocity: with the
+Jacobian ``J = dF/dw`` of the film force on the relative velocity ``w`` and the mobility ``A`` of journal and
+housing, ``(I - theta dt A J) dw = dt A F(q, w) + ...`` is solved for the two components that the film joins.
+The gyroscopic coupling is a Cayley rotation.
+
+Rotor (equation (2) of the paper with its omissions mended: the skew coupling carries the speed, gravity acts,
+moments are cross products), tilts ``A = dx/dz``, ``B = dy/dz``::
+
+    m x'' = sum Fx                     J_d A'' = sum z Fx - J_p (omega B' + alpha B)
+    m y'' = sum Fy - m g               J_d B'' = sum z Fy + J_p (omega A' + alpha A)
+
+Unbalance with run-up: ``U (omega^2 cos + alpha sin, omega^2 sin - alpha cos)`` of the shaft angle.
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+from sim_hil.film.table_kernel import table_force
+from sim_hil.rotor.joints import foot_forces
+from sim_hil.rotor.parameters import (
+    ANGLE,
+    CLEARANCE,
+    DEMAND,
+    FLOW,
+    MEAN_X,
+    MEAN_Y,
+    OIL,
+    POSITION,
+    POWER,
+    PRESSURE,
+    TIME,
+    Act,
+    Excite,
+    Film,
+    Floats,
+    Plant,
+    State,
+)
+
+GRAVITY = 9.81
+THETA = 0.55
+"""Share of the new velocity in the film force: 1/2 is centred, a little more damps the stiffest modes."""
+_MEAN_RATE = 5.0
+
+
+@njit(cache=True)
+def relative(plant: Plant, z: Floats) -> tuple[float, float]:
+    """Journal minus housing at the bearing, for positions or velocities ``z``."""
+    b, height = plant.shaft.to_bearing, plant.pedestal.axis_height
+    return z[0] + b * z[2] - (z[4] - height * z[6]), z[1] + b * z[3] - z[5]
+
+
+@njit(cache=True)
+def film_jacobian(
+    film: Film, table: Floats, ex: float, ey: float, vx: float, vy: float, omega: float, c: float, mu: float,
+    c_rate: float,
+) -> tuple[float, float, float, float]:
+    """dF/dv of the film force by forward differences: xx, xy, yx, yy."""
+    dv = 1e-4 * (c * abs(omega) + abs(vx) + abs(vy)) + 1e-9
+    r, length = film.radius, film.length
+    f0x, f0y, _, _ = table_force(table, ex, ey, vx, vy, omega, c, mu, r, length, c_rate)
+    f1x, f1y, _, _ = table_force(table, ex, ey, vx + dv, vy, omega, c, mu, r, length, c_rate)
+    f2x, f2y, _, _ = table_force(table, ex, ey, vx, vy + dv, omega, c, mu, r, length, c_rate)
+    return (f1x - f0x) / dv, (f2x - f0x) / dv, (f1y - f0y) / dv, (f2y - f0y) / dv
+
+
+@njit(cache=True)
+def move_actuator(act: Act, scalar: Floats, clearance: float, pressure: float, dt: float) -> float:
+    """Rate limit, first-order lag, backlash; returns the rate of change of the clearance, m/s."""
+    step = min(max(clearance - scalar[DEMAND], -act.rate * dt), act.rate * dt)
+    scalar[DEMAND] += step
+    scalar[POSITION] += (scalar[DEMAND] - scalar[POSITION]) * -math.expm1(-dt / act.time_constant)
+    before = scalar[CLEARANCE]
+    play = 0.5 * act.backlash
+    scalar[CLEARANCE] = min(max(before, scalar[POSITION] - play), scalar[POSITION] + play)
+    supplied = act.pressure_gain * pressure
+    scalar[PRESSURE] += (supplied - scalar[PRESSURE]) * -math.expm1(-dt / act.pressure_time_constant)
+    rate: float = (scalar[CLEARANCE] - before) / dt
+    return rate
+
+
+@njit(cache=True)
+def viscosity_now(film: Film, scalar: Floats) -> float:
+    """Effective viscosity, Pa s: temperature law times filled share of the film."""
+    fed = 1.0 if film.pressure_needed <= 0.0 else min(1.0, max(0.3, scalar[PRESSURE] / film.pressure_needed))
+    law = math.exp(-film.viscosity_slope * (scalar[OIL] - film.reference_C))
+    return film.viscosity * law * film.share * fed
+
+
+@njit(cache=True)
+def heat_oil(film: Film, scalar: Floats, dt: float) -> None:
+    """One-node oil temperature: ``C dT/dt = P - rho c_p (Q_jacket + Q_side) (T - T_inlet)``."""
+    carried = film.heat_capacity_per_m3 * (film.jacket_flow + max(0.0, scalar[FLOW]))
+    flow_C = scalar[OIL] - film.inlet_C
+    scalar[OIL] += film.thermal * dt * (scalar[POWER] - carried * flow_C) / film.thermal_capacity
+
+
+@njit(cache=True)
+def rub_force(excite: Excite, dx: float, dy: float, omega: float) -> tuple[float, float]:
+    """Stator contact at ``rub_gap`` around the mean position with dry friction against the rotation."""
+    r = math.hypot(dx, dy)
+    if excite.rub_stiffness <= 0.0 or r <= excite.rub_gap or r == 0.0:
+        return 0.0, 0.0
+    normal = excite.rub_stiffness * (r - excite.rub_gap)
+    drag = excite.rub_friction * normal if omega >= 0.0 else -excite.rub_friction * normal
+    return (-normal * dx + drag * dy) / r, (-normal * dy - drag * dx) / r
+
+
+@njit(cache=True)
+def coupling_force(plant: Plant, q: Floats, v: Floats, angle: float) -> tuple[float, float]:
+    """On the rotor's coupling end: linear spring and damper, alignment preload, misalignment, tooth force."""
+    s, e = plant.shaft, plant.excite
+    x = q[0] - s.to_coupling * q[2] - (q[7] - plant.motor.axis_height * q[9])
+    y = q[1] - s.to_coupling * q[3] - q[8]
+    vx = v[0] - s.to_coupling * v[2] - (v[7] - plant.motor.axis_height * v[9])
+    vy = v[1] - s.to_coupling * v[3] - v[8]
+    tooth = e.tooth_force * math.sin(e.teeth * angle)
+    carried = s.mass * GRAVITY * s.to_bearing / (s.to_coupling + s.to_bearing)
+    fx = -s.coupling_stiffness * x - s.coupling_damping * vx + 0.5 * tooth
+    fy = -s.coupling_stiffness * y - s.coupling_damping * vy + tooth + carried
+    if e.misalignment != 0.0:
+        fx += e.misalignment * (math.cos(2 * angle) + math.cos(angle) / 3)
+        fy += e.misalignment * (math.sin(2 * angle) + math.sin(angle) / 3)
+    return fx, fy
+
+
+@njit(cache=True)
+def accelerate_feet(plant: Plant, st: State, film_x: float, film_y: float, ambient: Floats) -> None:
+    """Pedestal accelerations into ``st.a[4:7]``: feet, film reaction at the axis, ambient force."""
+    q, v, ped = st.q, st.v, plant.pedestal
+    fx, fy, moment = foot_forces(ped, q[4], q[5], q[6], v[4], v[5], v[6], st.slip, 0)
+    st.a[4] = (fx - film_x + ambient[0]) / ped.mass
+    st.a[5] = (fy - film_y + ambient[1]) / ped.mass - GRAVITY
+    st.a[6] = (moment + ped.axis_height * film_x) / ped.inertia
+
+
+@njit(cache=True)
+def accelerate_motor(
+    plant: Plant, st: State, coupling_x: float, coupling_y: float, omega: float, ambient: Floats
+) -> None:
+    """Motor accelerations into ``st.a[7:10]``: feet, coupling reaction, own unbalance, line-frequency force."""
+    q, v, motor, e = st.q, st.v, plant.motor, plant.excite
+    fx, fy, moment = foot_forces(motor, q[7], q[8], q[9], v[7], v[8], v[9], st.slip, 4)
+    angle = st.scalar[ANGLE] + e.motor_angle
+    spin = e.motor_unbalance * omega * omega
+    line = e.line_force * math.sin(e.line_rad_s * st.scalar[TIME])
+    push = -coupling_x + spin * math.cos(angle)
+    st.a[7] = (fx + push + ambient[2]) / motor.mass
+    st.a[8] = (fy - coupling_y + spin * math.sin(angle) + line + ambient[3]) / motor.mass - GRAVITY
+    st.a[9] = (moment - motor.axis_height * push) / motor.inertia
+
+
+@njit(cache=True)
+def substep(
+    plant: Plant, st: State, table: Floats, jacobian: tuple[float, float, float, float], omega: float,
+    alpha: float, load: float, c: float, c_rate: float, mu: float, ambient: Floats, dt: float,
+) -> None:
+    """One step of ``dt``: accelerations into ``st.a``, then velocities, positions, angle and time."""
+    s, film, q, v, a, scalar = plant.shaft, plant.film, st.q, st.v, st.a, st.scalar
+    b = s.to_bearing
+    ex, ey = relative(plant, q)
+    wx, wy = relative(plant, v)
+    fx, fy, torque, flow = table_force(
+        table, ex, ey, wx, wy, omega, c, mu, film.radius, film.length, c_rate
+    )
+    scalar[MEAN_X] += _MEAN_RATE * dt * (ex - scalar[MEAN_X])
+    scalar[MEAN_Y] += _MEAN_RATE * dt * (ey - scalar[MEAN_Y])
+    rub_x, rub_y = rub_force(plant.excite, ex - scalar[MEAN_X], ey - scalar[MEAN_Y], omega)
+    angle = scalar[ANGLE] + s.unbalance_angle
+    cosine, sine = math.cos(angle), math.sin(angle)
+    share = s.mass * GRAVITY * s.to_coupling / (s.to_coupling + b)
+    at_x = s.unbalance * (omega * omega * cosine + alpha * sine) + rub_x
+    at_y = s.unbalance * (omega * omega * sine - alpha * cosine) + rub_y - (load - share)
+    coupling_x, coupling_y = coupling_force(plant, q, v, scalar[ANGLE])
+    accelerate_motor(plant, st, coupling_x, coupling_y, omega, ambient)
+    accelerate_feet(plant, st, fx + rub_x, fy + rub_y, ambient)
+
+    a[0] = (fx + at_x + coupling_x) / s.mass
+    a[1] = (fy + at_y + coupling_y) / s.mass - GRAVITY
+    a[2] = (b * (fx + at_x) - s.to_coupling * coupling_x - s.polar * alpha * q[3]) / s.diametral
+    a[3] = (b * (fy + at_y) - s.to_coupling * coupling_y + s.polar * alpha * q[2]) / s.diametral
+
+    # film force at the new velocity, for the two components that it joins
+    height = plant.pedestal.axis_height
+    ground_y = 1 / s.mass + b * b / s.diametral + 1 / plant.pedestal.mass
+    ground_x = ground_y + height * height / plant.pedestal.inertia
+    ax, ay = relative(plant, a)
+    jxx, jxy, jyx, jyy = jacobian
+    h = THETA * dt
+    mxx, mxy = 1 - h * ground_x * jxx, -h * ground_x * jxy
+    myx, myy = -h * ground_y * jyx, 1 - h * ground_y * jyy
+    det = mxx * myy - mxy * myx
+    new_x, new_y = (myy * ax - mxy * ay) / det, (mxx * ay - myx * ax) / det
+    dfx, dfy = h * (jxx * new_x + jxy * new_y), h * (jyx * new_x + jyy * new_y)
+    a[0] += dfx / s.mass
+    a[1] += dfy / s.mass
+    a[2] += b * dfx / s.diametral
+    a[3] += b * dfy / s.diametral
+    a[4] -= dfx / plant.pedestal.mass
+    a[5] -= dfy / plant.pedestal.mass
+    a[6] += height * dfx / plant.pedestal.inertia
+
+    g = 0.5 * dt * s.polar * omega / s.diametral
+    tilt_x = v[2] - g * v[3] + dt * a[2]
+    tilt_y = v[3] + g * v[2] + dt * a[3]
+    for i in range(10):
+        v[i] += dt * a[i]
+    v[2] = (tilt_x - g * tilt_y) / (1 + g * g)
+    v[3] = (tilt_y + g * tilt_x) / (1 + g * g)
+    for i in range(10):
+        q[i] += dt * v[i]
+    scalar[POWER] = torque * abs(omega) - (fx * wx + fy * wy) + film.windage * abs(omega) ** 3
+    scalar[FLOW] = flow
+    scalar[ANGLE] += (omega + 0.5 * alpha * dt) * dt
+    scalar[TIME] += dt

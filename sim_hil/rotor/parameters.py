@@ -1,0 +1,189 @@
+"""What the compiled plant needs, grouped by part: plain named tuples that Numba reads without copying.
+
+Frame: x right, y up, z along the axis from the coupling to the bearing; angles and speed positive from x
+to y.  SI throughout.
+"""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+N_SENSORS: Final = 8
+N_TRUTH: Final = 14
+TRUTH_COLUMNS: Final = (
+    "angle_rad",
+    "speed_rad_s",
+    "load_N",
+    "clearance_m",
+    "pressure_Pa",
+    "oil_C",
+    "viscosity_Pa_s",
+    "eccentricity_x_m",
+    "eccentricity_y_m",
+    "min_film_m",
+    "shaft_power_W",
+    "side_flow_m3_s",
+    "film_force_x_N",
+    "film_force_y_N",
+)
+"""Columns of the truth at each sampling instant."""
+
+
+class Foot(NamedTuple):
+    """One body on four bolts (:mod:`sim_hil.rotor.joints`); arrays have one entry per bolt."""
+
+    mass: float
+    inertia: float
+    depth: float
+    axis_height: float
+    x: Floats
+    stiffness: Floats
+    damping: Floats
+    clamp: Floats
+    gap: Floats
+    tangential_share: float
+    friction: float
+    bolt_stiffness: float
+
+
+class Shaft(NamedTuple):
+    """Rigid rotor: mass, inertias, distances to coupling and bearing, coupling, unbalance at the bearing."""
+
+    mass: float
+    diametral: float
+    polar: float
+    to_coupling: float
+    to_bearing: float
+    coupling_stiffness: float
+    coupling_damping: float
+    unbalance: float
+    unbalance_angle: float
+
+
+class Film(NamedTuple):
+    """Bearing and oil; ``share`` is the part of the film that is filled, ``wear`` adds radial clearance."""
+
+    radius: float
+    length: float
+    viscosity: float
+    viscosity_slope: float
+    reference_C: float
+    inlet_C: float
+    heat_capacity_per_m3: float
+    thermal_capacity: float
+    jacket_flow: float
+    share: float
+    wear: float
+    pressure_needed: float
+    windage: float
+    thermal: float
+
+
+class Excite(NamedTuple):
+    """Forces beside the unbalance; misalignment is a rotating force in orders 1 and 2 at the coupling."""
+
+    motor_unbalance: float
+    motor_angle: float
+    line_force: float
+    line_rad_s: float
+    tooth_force: float
+    teeth: float
+    ambient: float
+    misalignment: float
+    rub_gap: float
+    rub_stiffness: float
+    rub_friction: float
+
+
+class Pickup(NamedTuple):
+    """How motion becomes sensor signals: housing modes, contact law, sound, sensor lags."""
+
+    mode_rad_s: Floats
+    mode_damping: float
+    mode_gain: float
+    roughness: float
+    sound: float
+    tooth_sound: float
+    lag_rad_s: Floats
+    runout_cos: Floats
+    runout_sin: Floats
+
+
+class Act(NamedTuple):
+    """Clearance and pressure actuator; ``pressure_gain`` below 1 is a lost supply."""
+
+    rate: float
+    time_constant: float
+    backlash: float
+    pressure_time_constant: float
+    pressure_gain: float
+
+
+class Plant(NamedTuple):
+    """All parameters of one build with its present faults."""
+
+    shaft: Shaft
+    pedestal: Foot
+    motor: Foot
+    film: Film
+    excite: Excite
+    pickup: Pickup
+    act: Act
+
+
+class State(NamedTuple):
+    """Everything that changes; advanced in place by the kernel.
+
+    ``q``, ``v``: rotor x, y, tilt dx/dz, tilt dy/dz; pedestal x, y, roll; motor x, y, roll.
+    ``a``: their accelerations in the last step.  ``slip``: slip of the eight feet.  ``mode``: three housing modes, position and velocity.
+    ``lag``: sensor lags.  ``ring``: anti-alias history, each instant stored twice.
+    ``scalar``: the :data:`SCALARS`.
+    """
+
+    q: Floats
+    v: Floats
+    a: Floats
+    slip: Floats
+    mode: Floats
+    lag: Floats
+    ring: Floats
+    scalar: Floats
+
+
+ANGLE: Final = 0
+TIME: Final = 1
+DEMAND: Final = 2
+POSITION: Final = 3
+CLEARANCE: Final = 4
+PRESSURE: Final = 5
+OIL: Final = 6
+RING: Final = 7
+MEAN_X: Final = 8
+MEAN_Y: Final = 9
+POWER: Final = 10
+FLOW: Final = 11
+N_SCALARS: Final = 12
+
+
+def new_state(taps: int, clearance_m: float, pressure_Pa: float, oil_C: float, angle_rad: float) -> State:
+    """A machine at rest in the middle of its clearance, with ``taps`` instants of filter history."""
+    scalar = np.zeros(N_SCALARS)
+    scalar[[DEMAND, POSITION, CLEARANCE]] = clearance_m
+    scalar[PRESSURE] = pressure_Pa
+    scalar[OIL] = oil_C
+    scalar[ANGLE] = angle_rad
+    return State(
+        q=np.zeros(10),
+        v=np.zeros(10),
+        a=np.zeros(10),
+        slip=np.zeros(8),
+        mode=np.zeros(6),
+        lag=np.zeros(N_SENSORS),
+        ring=np.zeros((N_SENSORS, 2 * taps)),
+        scalar=scalar,
+    )

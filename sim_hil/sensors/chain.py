@@ -1,0 +1,66 @@
+"""From filtered signals to counts: calibration error, noise, sensor faults, range, quantisation."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_hil.build import Build
+from sim_hil.faults.sensor import sensor_fault
+from sim_hil.rigs import read_json
+from sim_hil.rotor.parameters import Floats
+
+SCALES: Final = np.array([1e-8, 1e-8, 1e-2, 1e-2, 1e-2, 1e-3, 1e-3, 1e-4])
+"""SI units per count of the eight channels, as on the wire."""
+
+_SI_PER_UNIT: Final = {"um": 1e-6, "m/s2": 1.0, "Pa": 1.0, "bar": 1.0, "V": 1.0}
+_MICROPHONE: Final = 5
+
+Counts = NDArray[np.int16]
+
+
+class SensorChain:
+    """The eight channels of one build."""
+
+    def __init__(self, build: Build) -> None:
+        channels = read_json("sensors.json")["channels"]
+        si = np.array([_SI_PER_UNIT[c["unit"]] for c in channels])
+        self._low = np.array([c["range"][0] for c in channels]) * si
+        self._high = np.array([c["range"][1] for c in channels]) * si
+        self._noise = np.array([c.get("noise_rms", 0.0) for c in channels]) * si
+        self._noise[_MICROPHONE] = build.room_Pa
+        self._build = build
+
+    def counts(
+        self, signals: Floats, normal: Floats, uniform: Floats, time_s: Floats, faults: dict[str, tuple[float, float]]
+    ) -> Counts:
+        """Wire counts.
+
+        Parameters
+        ----------
+        signals
+            Filtered signals, SI, shape (n, 8).
+        normal, uniform
+            Random numbers, shape (n, 8): standard normal and uniform on [0, 1).
+        time_s
+            Time of each instant, s, shape (n,).
+        faults
+            Severity and start time, s, of each sensor fault by name.
+        """
+        y = signals * self._build.gain + self._build.zero + normal * self._noise
+        for name, (severity, start_s) in faults.items():
+            found = sensor_fault(name)
+            if found is not None:
+                fault, i = found
+                y[:, i] = fault.apply(y[:, i], time_s - start_s, float(self._high[i]), severity, uniform[:, i])
+        np.clip(y, self._low, self._high, out=y)
+        return np.rint(y / SCALES).astype(np.int16)
+
+
+def units(counts: Counts) -> Floats:
+    """Counts as SI values, shape as given."""
+    return counts * SCALES
+
+

@@ -1,0 +1,184 @@
+"""Sensor signals of the compiled plant, and the loop over sampling instants.
+
+Signals are SI (m, m/s2, Pa, bar, V) in the order of :data:`firmware_py.records.CHANNELS`.
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+from sim_hil.rotor.kernel import (
+    film_jacobian,
+    heat_oil,
+    move_actuator,
+    relative,
+    substep,
+    table_force,
+    viscosity_now,
+)
+from sim_hil.rotor.parameters import (
+    ANGLE,
+    CLEARANCE,
+    FLOW,
+    OIL,
+    POWER,
+    PRESSURE,
+    RING,
+    TIME,
+    Floats,
+    Pickup,
+    Plant,
+    State,
+)
+
+CIRCUIT_V = 2.0
+CIRCUIT_OHM = 100e3
+FILM_OHM_PER_M = 2e10
+ASPERITY_OHM = 10.0
+_DIAGONAL = math.sqrt(0.5)
+_PASCAL_PER_BAR = 1e5
+_PUMP_TEETH_RAD_S = 2 * math.pi * 225.0
+_PUMP_RIPPLE = 0.01
+
+
+@njit(cache=True)
+def contact_voltage(min_film: float, roughness: float) -> float:
+    """Voltage over the film: its resistance (proportional to the minimum film) beside asperity contacts.
+
+    ``R_film = 2e10 h``, ``R_asperity = 10 exp(h / sigma)``, both ohm, in parallel, fed from 2 V through
+    100 kOhm.  ``sigma`` is the composite roughness; the exponential height distribution of asperities is
+    Greenwood and Williamson's (1966).
+    """
+    h = max(min_film, 0.0)
+    film = FILM_OHM_PER_M * h
+    asperity = ASPERITY_OHM * math.exp(min(h / roughness, 60.0))
+    if film <= 0.0:
+        return 0.0
+    parallel = 1.0 / (1.0 / film + 1.0 / asperity)
+    return CIRCUIT_V * parallel / (parallel + CIRCUIT_OHM)
+
+
+@njit(cache=True)
+def housing_mode(pickup: Pickup, mode: Floats, i: int, base: float, dt: float) -> float:
+    """Acceleration at sensor ``i``: that of its base plus a share of a local housing mode (ringing)."""
+    w = pickup.mode_rad_s[i]
+    inner = -2 * pickup.mode_damping * w * mode[3 + i] - w * w * mode[i]
+    mode[3 + i] += dt * (inner - base)
+    mode[i] += dt * mode[3 + i]
+    return base + pickup.mode_gain * inner
+
+
+@njit(cache=True)
+def sense(plant: Plant, st: State, c: float, dt: float) -> None:
+    """Signals of this instant through the sensor lags into the anti-alias history."""
+    p, q, v, a, scalar = plant.pickup, st.q, st.v, st.a, st.scalar
+    ex, ey = relative(plant, q)
+    c1, s1 = math.cos(scalar[ANGLE]), math.sin(scalar[ANGLE])
+    c2, s2 = c1 * c1 - s1 * s1, 2 * s1 * c1
+    c3, s3 = c2 * c1 - s2 * s1, s2 * c1 + c2 * s1
+    taps = st.ring.shape[1] // 2
+    at = int(scalar[RING])
+    tooth = math.sin(plant.excite.teeth * scalar[ANGLE])
+    for i in range(8):
+        if i < 2:
+            value = _DIAGONAL * (ex + ey) if i == 0 else _DIAGONAL * (ey - ex)
+            value += p.runout_cos[i, 0] * c1 + p.runout_cos[i, 1] * c2 + p.runout_cos[i, 2] * c3
+            value += p.runout_sin[i, 0] * s1 + p.runout_sin[i, 1] * s2 + p.runout_sin[i, 2] * s3
+        elif i == 2:
+            value = housing_mode(p, st.mode, 0, a[5], dt)
+        elif i == 3:
+            value = housing_mode(p, st.mode, 1, a[4] - plant.pedestal.axis_height * a[6], dt)
+        elif i == 4:
+            value = housing_mode(p, st.mode, 2, a[8], dt)
+        elif i == 5:
+            value = p.sound * (v[4] + v[5] + v[7] + v[8]) + p.tooth_sound * tooth
+        elif i == 6:
+            ripple = _PUMP_RIPPLE * math.sin(_PUMP_TEETH_RAD_S * scalar[TIME])
+            value = scalar[PRESSURE] / _PASCAL_PER_BAR * (1 + ripple)
+        else:
+            value = contact_voltage(c - math.hypot(ex, ey), p.roughness)
+        st.lag[i] += p.lag_rad_s[i] * dt / (1 + p.lag_rad_s[i] * dt) * (value - st.lag[i])
+        st.ring[i, at] = st.lag[i]
+        st.ring[i, at + taps] = st.lag[i]
+    scalar[RING] = (at + 1) % taps
+
+
+@njit(cache=True, fastmath={"reassoc", "contract"})
+def filtered(ring: Floats, start: int, taps: Floats, out: Floats) -> None:
+    """Anti-alias filter: the last ``len(taps)`` instants of each channel against the impulse response."""
+    n = taps.size
+    for channel in range(ring.shape[0]):
+        total = 0.0
+        for k in range(n):
+            total += taps[k] * ring[channel, start + k]
+        out[channel] = total
+
+
+@njit(cache=True)
+def advance(
+    plant: Plant, st: State, table: Floats, taps: Floats, drive: Floats, target: Floats, ambient: Floats,
+    period: float, substeps: int, signals: Floats, truth: Floats, marks: Floats,
+) -> None:
+    """Advance by ``len(signals)`` sampling periods.
+
+    Parameters
+    ----------
+    drive
+        Shape (n + 1, 2): speed, rad/s, and static bearing load, N, at the borders of the periods.
+    target
+        Clearance, m, and supply pressure, Pa, that the actuator is to reach.
+    ambient
+        Shape (n, 4): broadband force on pedestal (x, y) and motor (x, y), N, held over a period.
+    period
+        Sampling period, s; ``substeps`` equal steps each.
+    signals, truth, marks
+        Written: filtered channels (n, 8); :data:`TRUTH_COLUMNS` (n, 14); time of a mark edge from the
+        start of the period, s, or -1 (n,).
+    """
+    film, scalar = plant.film, st.scalar
+    dt = period / substeps
+    turn = 2 * math.pi
+    for n in range(signals.shape[0]):
+        alpha = (drive[n + 1, 0] - drive[n, 0]) / period
+        c_rate = move_actuator(plant.act, scalar, target[0], target[1], period)
+        c = scalar[CLEARANCE] + film.wear
+        mu = viscosity_now(film, scalar)
+        ex, ey = relative(plant, st.q)
+        wx, wy = relative(plant, st.v)
+        jacobian = film_jacobian(film, table, ex, ey, wx, wy, drive[n, 0], c, mu, c_rate)
+        marks[n] = -1.0
+        power = 0.0
+        for k in range(substeps):
+            omega = drive[n, 0] + alpha * dt * k
+            load = drive[n, 1] + (drive[n + 1, 1] - drive[n, 1]) * k / substeps
+            before = scalar[ANGLE]
+            substep(plant, st, table, jacobian, omega, alpha, load, c, c_rate, mu, ambient[n], dt)
+            power += scalar[POWER]
+            if scalar[ANGLE] >= turn or scalar[ANGLE] < 0.0:
+                sign = 1.0 if scalar[ANGLE] >= turn else -1.0
+                edge = turn if sign > 0 else 0.0
+                marks[n] = dt * (k + (edge - before) / (scalar[ANGLE] - before))
+                scalar[ANGLE] -= sign * turn
+            sense(plant, st, c, dt)
+        scalar[POWER] = power / substeps
+        heat_oil(film, scalar, period)
+        filtered(st.ring, int(scalar[RING]), taps, signals[n])
+        _write_truth(plant, st, table, drive[n + 1], c, mu, truth[n])
+
+
+@njit(cache=True)
+def _write_truth(
+    plant: Plant, st: State, table: Floats, drive: Floats, c: float, mu: float, row: Floats
+) -> None:
+    film, scalar = plant.film, st.scalar
+    ex, ey = relative(plant, st.q)
+    wx, wy = relative(plant, st.v)
+    fx, fy, _, _ = table_force(table, ex, ey, wx, wy, drive[0], c, mu, film.radius, film.length, 0.0)
+    row[0], row[1], row[2] = scalar[ANGLE], drive[0], drive[1]
+    row[3], row[4], row[5], row[6] = c, scalar[PRESSURE], scalar[OIL], mu
+    row[7], row[8], row[9] = ex, ey, c - math.hypot(ex, ey)
+    row[10], row[11], row[12], row[13] = scalar[POWER], scalar[FLOW], fx, fy
+
+
