@@ -2,7 +2,8 @@
 
     python hub.py SOCKET LOCK_FD        # started by the first bus that finds no hub (hub_bus.py)
 
-Every client is a node on the bus: what one sends, all others receive, one packet per frame::
+Every client is a node on the bus from the welcome (one empty packet) on: what one sends, all others
+receive, one packet per frame::
 
     timestamp_ns u64   wall clock at which the hub took the frame (0 from the client)
     arbitration_id u32
@@ -35,6 +36,7 @@ from typing import Final
 
 HEADER: Final = struct.Struct("<QIIBB")
 MAX_PACKET: Final = HEADER.size + 64
+WELCOME: Final = bytes(HEADER.size)
 LOST: Final = struct.Struct("<I")
 LOST_OFFSET: Final = 12
 FLAGS_OFFSET: Final = 16
@@ -123,6 +125,7 @@ class Hub:
         """Take one waiting client, if there is one."""
         try:
             sock, _ = self._listener.accept()
+            sock.send(WELCOME)
         except OSError:
             return False
         self._clients[sock.fileno()] = Client(sock)

@@ -9,20 +9,13 @@ unplugged adapter: ``recv`` and ``send`` raise :class:`can.CanOperationError`.
 from __future__ import annotations
 
 import errno
-import fcntl
-import os
 import re
 import select
-import socket
-import subprocess
-import sys
-import time
 from pathlib import Path
 from typing import Any
 
 import can
 
-from firmware_py.wire import hub
 from firmware_py.wire.hub import (
     BIT_RATE_SWITCH,
     ERROR_FRAME,
@@ -33,10 +26,8 @@ from firmware_py.wire.hub import (
     MAX_PACKET,
     OWN,
     REMOTE,
-    SOCKET_BUFFER_BYTES,
 )
-
-DIRECTORY_VARIABLE = "ORBITD_BUS_DIR"
+from firmware_py.wire.hub_connect import bus_directory, connect
 
 
 class OrbitdHubBus(can.BusABC):
@@ -77,9 +68,8 @@ class OrbitdHubBus(can.BusABC):
     ) -> None:
         if not re.fullmatch(r"[\w.-]{1,32}", channel, re.ASCII):
             raise can.CanInitializationError(f"channel {channel!r}: use 1 to 32 of letters, digits, _ . -")
-        self._path = _directory(directory) / f"{channel}.sock"
         self._own = OWN if receive_own_messages else 0
-        self._socket = _connect(self._path, timeout_s)
+        self._socket = connect(bus_directory(directory) / f"{channel}.sock", timeout_s)
         self._buffer = bytearray(MAX_PACKET)
         self._view = memoryview(self._buffer)
         self.lost = 0
@@ -159,64 +149,4 @@ def _flags(msg: can.Message) -> int:
         | msg.error_state_indicator * ERROR_STATE
         | msg.is_error_frame * ERROR_FRAME
         | msg.is_remote_frame * REMOTE
-    )
-
-
-def _directory(given: str | Path | None) -> Path:
-    """The directory of the hubs' sockets, made when it is not there."""
-    chosen = given or os.environ.get(DIRECTORY_VARIABLE)
-    directory = Path(chosen or f"/tmp/orbitd-{os.geteuid()}/bus")
-    try:
-        directory.mkdir(parents=True, exist_ok=True, mode=0o700)
-        owner = directory.stat().st_uid
-    except OSError as error:
-        cause = f"{directory}: {error.strerror}; set {DIRECTORY_VARIABLE} to a folder of yours"
-        raise can.CanInitializationError(cause) from error
-    if not chosen and owner != os.geteuid():  # anyone may write to /tmp
-        cause = f"{directory} belongs to user {owner}; set {DIRECTORY_VARIABLE} to a folder of yours"
-        raise can.CanInitializationError(cause)
-    return directory
-
-
-def _connect(path: Path, timeout_s: float) -> socket.socket:
-    """A connection to the hub at ``path``, which is started when it does not run."""
-    deadline = time.monotonic() + timeout_s
-    while True:
-        connection = _try_connect(path)
-        if connection:
-            return connection
-        if time.monotonic() >= deadline:
-            raise can.CanInitializationError(f"no hub at {path} after {timeout_s:g} s", errno.ENOTCONN)
-        time.sleep(0.005)
-
-
-def _try_connect(path: Path) -> socket.socket | None:
-    """A connection to a running hub; else starts one, unless somebody is at it, and returns None."""
-    with hub.lock_path_of(path).open("w") as lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            return None
-        connection = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        try:
-            connection.connect(str(path))
-        except (FileNotFoundError, ConnectionRefusedError):
-            connection.close()
-            _start_hub(path, lock.fileno())
-            return None
-        connection.setblocking(False)
-        connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SOCKET_BUFFER_BYTES)
-        return connection
-
-
-def _start_hub(path: Path, lock: int) -> None:
-    """Start the hub detached; it inherits the lock and frees it once it listens.
-
-    The shell makes it a child of init, so that whoever came first need not wait for its end.
-    """
-    command = [sys.executable, "-IS", hub.__file__, str(path), str(lock)]
-    subprocess.run(
-        ["/bin/sh", "-c", '"$@" &', "sh", *command],
-        pass_fds=[lock], start_new_session=True, check=True,
-        stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
     )

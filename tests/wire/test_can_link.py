@@ -1,0 +1,161 @@
+"""CanLink on a real hub and on absent buses; time is handed in."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import can
+import pytest
+
+from firmware_py.config import load
+from firmware_py.records import RawFrame
+from firmware_py.wire.can_link import BATCH, RETRY_NS, CanLink, bus_opener
+from firmware_py.wire.codec import CanCodec
+from firmware_py.wire.hub_bus import OrbitdHubBus
+from firmware_py.wire.hub_connect import DIRECTORY_VARIABLE
+from firmware_py.wire.link import codec_for, open_link
+
+MS = 1_000_000
+
+
+@pytest.fixture(autouse=True)
+def directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv(DIRECTORY_VARIABLE, str(tmp_path))
+    return tmp_path
+
+
+@pytest.fixture
+def pair() -> Iterator[tuple[CanLink, CanLink]]:
+    links = CanLink(bus_opener("orbitd_hub", "t")), CanLink(bus_opener("orbitd_hub", "t"))
+    yield links
+    for link in links:
+        link.close()
+
+
+def kill_hub(link: CanLink) -> None:
+    with socket.socket(fileno=os.dup(link.fileno())) as peer:
+        credentials = peer.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, 12)
+    os.kill(int.from_bytes(credentials[:4], sys.byteorder), signal.SIGKILL)
+
+
+def receive_until(link: CanLink, count: int, now_ns: int) -> list[RawFrame]:
+    """Wait, without a deadline of our own, until ``count`` frames have come."""
+    frames: list[RawFrame] = []
+    while len(frames) < count:
+        assert link.up
+        frames += link.receive(now_ns)
+        time.sleep(0.001)
+    return frames
+
+
+def test_frames_cross_in_order_and_are_counted(pair: tuple[CanLink, CanLink]) -> None:
+    here, there = pair
+    sent = [RawFrame(0, 0x0C0, bytes([i]) * 64) for i in range(100)]
+    assert all(here.send(frame) for frame in sent)
+    received = receive_until(there, 100, time.monotonic_ns())
+    assert [(f.frame_id, f.data) for f in received] == [(f.frame_id, f.data) for f in sent]
+    assert here.counters["frames_out"] == there.counters["frames_in"] == 100
+    assert here.receive(0) == []
+
+
+def test_one_call_takes_a_bounded_batch(pair: tuple[CanLink, CanLink]) -> None:
+    here, there = pair
+    with OrbitdHubBus("t") as witness:
+        for _ in range(BATCH + 5):
+            here.send(RawFrame(0, 1, b""))
+            assert witness.recv(5) is not None  # so the hub has passed it on
+        assert len(there.receive(0)) == BATCH
+        assert len(there.receive(0)) == 5
+
+
+def test_a_frame_that_waited_is_stamped_with_its_arrival(pair: tuple[CanLink, CanLink]) -> None:
+    here, there = pair
+    here.send(RawFrame(0, 1, b""))
+    time.sleep(0.1)
+    now_ns = 1_000_000 * MS
+    (frame,) = receive_until(there, 1, now_ns)
+    assert now_ns - 60_000 * MS < frame.arrival_ns <= now_ns - 50 * MS
+    here.send(RawFrame(0, 1, b""))
+    (frame,) = receive_until(there, 1, now_ns)
+    assert frame.arrival_ns <= now_ns
+
+
+def test_a_29_bit_identifier_never_passes_for_an_11_bit_one(pair: tuple[CanLink, CanLink]) -> None:
+    _, there = pair
+    with OrbitdHubBus("t") as stranger:
+        stranger.send(can.Message(arbitration_id=0x0C0, is_extended_id=True, is_fd=True, data=bytes(64)))
+        (frame,) = receive_until(there, 1, 0)
+    assert frame.frame_id == 0x8000_00C0
+
+
+def test_error_and_remote_frames_are_counted_and_kept_away(pair: tuple[CanLink, CanLink]) -> None:
+    _, there = pair
+    with OrbitdHubBus("t") as stranger:
+        stranger.send(can.Message(arbitration_id=0x0C0, is_extended_id=False, is_remote_frame=True))
+        stranger.send(can.Message(arbitration_id=0x0C0, is_extended_id=False, is_error_frame=True))
+        stranger.send(can.Message(arbitration_id=0x0C1, is_extended_id=False, data=b"\x01"))
+        (frame,) = receive_until(there, 1, 0)
+    assert frame == RawFrame(frame.arrival_ns, 0x0C1, b"\x01")
+    assert there.counters["error_frames"] == 2
+
+
+def test_a_killed_hub_takes_the_link_down_and_a_new_one_brings_it_back(pair: tuple[CanLink, CanLink]) -> None:
+    here, there = pair
+    kill_hub(here)
+    while here.up or there.up:
+        assert here.receive(0) == there.receive(0) == []
+        time.sleep(0.001)
+    assert "hub lost" in here.fault
+    assert here.fileno() == -1
+    assert here.counters["link_lost"] == 1
+    assert not here.send(RawFrame(0, 1, b""))
+    assert here.counters["send_failed"] == 1
+    now_ns = 0
+    while not (here.up and there.up):
+        now_ns += RETRY_NS
+        assert here.receive(now_ns) == there.receive(now_ns) == []
+        time.sleep(0.05)
+    assert here.fault == ""
+    assert here.send(RawFrame(0, 1, b"back"))
+    assert receive_until(there, 1, now_ns)[0].data == b"back"
+
+
+def test_an_absent_bus_is_named_and_tried_again_twice_a_second() -> None:
+    tries: list[float] = []
+
+    def absent(wait_s: float) -> can.BusABC:
+        tries.append(wait_s)
+        raise can.CanInitializationError("no such adapter")
+
+    link = CanLink(absent)
+    assert (link.up, link.fault, link.fileno()) == (False, "no such adapter", -1)
+    for now_ms in range(2000):
+        assert link.receive(now_ms * MS) == []
+    assert tries == [5.0, 0.0, 0.0, 0.0, 0.0]
+    link.close()
+
+
+def test_an_absent_socketcan_interface_is_named(caplog: pytest.LogCaptureFixture) -> None:
+    link = CanLink(bus_opener("socketcan", "orbitd-none"))
+    assert not link.up
+    assert link.fault
+    assert not link.send(RawFrame(0, 1, b""))
+    assert not caplog.records
+
+
+def test_the_configuration_chooses_link_and_codec() -> None:
+    config, _ = load(Path(__file__).parents[2] / "firmware_py" / "configs" / "bench.toml")
+    assert isinstance(codec_for(config), CanCodec)
+    device, rig = open_link(config, "device"), open_link(config, "rig")
+    assert rig.send(RawFrame(0, 0x0C0, bytes(64)))
+    while not (frames := device.receive(0)):
+        time.sleep(0.001)
+    assert frames[0].frame_id == 0x0C0
+    device.close()
+    rig.close()
