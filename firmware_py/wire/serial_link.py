@@ -1,0 +1,162 @@
+"""SerialLink: MAVLink 2 packets over a serial port or pseudo terminal that may come and go."""
+
+from __future__ import annotations
+
+import errno
+import os
+import select
+import termios
+from typing import Final
+
+import serial
+
+from firmware_py.records import RawFrame
+from firmware_py.wire.mav_packet import Framer
+
+BATCH: Final = 256
+READ_BYTES: Final = 4096
+READS_PER_CALL: Final = 16
+RETRY_NS: Final = 500_000_000
+
+_ADVICE: Final = {
+    errno.ENOENT: "no such port; plug the adapter in or correct bus.serial_port",
+    errno.EACCES: "permission denied; add this user to the port's group (dialout)",
+    errno.EBUSY: "busy; stop the program that has it or choose another bus.serial_port",
+    errno.EAGAIN: "busy; stop the program that has it or choose another bus.serial_port",
+}
+
+
+class SerialLink:
+    """The ``Link`` of :mod:`firmware_py.wire.link` on a serial port.
+
+    The port is taken for this process alone.  A port that fails is closed, named in ``fault``, and tried
+    again every 0.5 s.
+
+    Parameters
+    ----------
+    port
+        Path of the device, e.g. ``/dev/ttyUSB0``.
+    baud
+        Bits per second (ten to a byte); a pseudo terminal ignores it.
+
+    Notes
+    -----
+    ``counters``: ``frames_in``, ``frames_out``, ``send_failed`` (the output queue was full or the port
+    away), ``bytes_skipped`` (bytes outside intact packets), ``crc_failed``, ``link_lost``.
+    """
+
+    def __init__(self, port: str, baud: int) -> None:
+        self._path = port
+        self._baud = baud
+        self._port: serial.Serial | None = None
+        self._poll = select.poll()
+        self._framer = Framer()
+        self._unsent = b""
+        self._retry_ns = 0
+        self.fault = ""
+        self.counters = {
+            "frames_in": 0, "frames_out": 0, "send_failed": 0, "bytes_skipped": 0, "crc_failed": 0,
+            "link_lost": 0,
+        }
+        self._open()
+
+    @property
+    def up(self) -> bool:
+        """False while the port is away."""
+        return self._port is not None
+
+    def fileno(self) -> int:
+        """Descriptor that polls readable with bytes, -1 while the port is away."""
+        return self._port.fd if self._port else -1
+
+    def receive(self, now_ns: int) -> list[RawFrame]:
+        """Every whole packet waiting, at most 256, stamped ``now_ns``; never blocks or raises."""
+        if self._port is None and now_ns >= self._retry_ns:
+            self._retry_ns = now_ns + RETRY_NS
+            self._open()
+        packets = self._framer.feed(self._read(), BATCH)
+        self._flush()
+        self.counters["frames_in"] += len(packets)
+        self.counters["bytes_skipped"] = self._framer.skipped_bytes
+        self.counters["crc_failed"] = self._framer.crc_failed
+        return [RawFrame(now_ns, message_id, packet) for message_id, packet in packets]
+
+    def send(self, frame: RawFrame) -> bool:
+        """True when the packet was taken whole; a refused one is counted in ``send_failed``.
+
+        Of a packet that fits the kernel's queue only in part, the rest goes out first next time.
+        """
+        self._flush()
+        if self._port is None or self._unsent:
+            self.counters["send_failed"] += 1
+            return False
+        self._unsent = frame.data
+        self._flush()
+        if self._unsent == frame.data:
+            self._unsent = b""
+            self.counters["send_failed"] += 1
+            return False
+        self.counters["frames_out"] += 1
+        return True
+
+    def close(self) -> None:
+        """Give the port back."""
+        if self._port is not None:
+            self._poll.unregister(self._port.fd)
+            self._port.close()
+            self._port = None
+            self._unsent = b""
+            self._framer.reset()
+
+    def _open(self) -> None:
+        try:
+            port = serial.Serial(self._path, self._baud, timeout=0, write_timeout=0, exclusive=True)
+        except (OSError, ValueError, termios.error) as error:
+            self.fault = f"serial port {self._path}: {_advice(error)}"
+            return
+        self._port = port
+        self._poll.register(port.fd, select.POLLIN)
+        self.fault = ""
+
+    def _read(self) -> bytes:
+        """The bytes that wait, unless more than a call's worth wait already."""
+        chunks: list[bytes] = []
+        fresh = READS_PER_CALL if self._framer.waiting_bytes < READ_BYTES * READS_PER_CALL else 0
+        while self._port is not None and len(chunks) < fresh:
+            events = self._poll.poll(0)
+            if not events:
+                break
+            chunk = self._read_chunk(self._port.fd) if events[0][1] & select.POLLIN else b""
+            if not chunk:
+                self._drop("unplugged")
+                break
+            chunks.append(chunk)
+        return b"".join(chunks)
+
+    def _read_chunk(self, fd: int) -> bytes:
+        try:
+            return os.read(fd, READ_BYTES)
+        except OSError:
+            return b""
+
+    def _flush(self) -> None:
+        """Give the kernel what it takes of the packet in hand."""
+        if self._port is None or not self._unsent:
+            return
+        try:
+            self._unsent = self._unsent[os.write(self._port.fd, self._unsent):]
+        except BlockingIOError:
+            return
+        except OSError as error:
+            self._drop(error.strerror or str(error))
+
+    def _drop(self, cause: str) -> None:
+        self.close()
+        self.fault = f"serial port {self._path}: {cause}; plug the adapter in again"
+        self.counters["link_lost"] += 1
+
+
+def _advice(error: Exception) -> str:
+    """Cause and next step of a port that does not open."""
+    known = _ADVICE.get(getattr(error, "errno", None) or 0)
+    return known or f"{error}; check bus.serial_port and bus.serial_baud"
