@@ -4,11 +4,13 @@ from dataclasses import dataclass
 from typing import Unpack
 
 import numpy as np
+from scipy.optimize import brentq
 
 from .force import Bearing, evaluate
 from .records import FilmArguments, FilmError, FilmForce, FilmNotConverged, Floats
 
 _MAX_STEPS = 60
+_RING_STARTS = 36
 _TOLERANCE = 1e-8
 _REST = np.zeros(2)
 
@@ -141,27 +143,36 @@ def _wrapped(angle: float) -> float:
 
 
 def _position_of_ratio(bearing: Bearing, ratio: float, load_angle: float) -> Floats:
-    """Turn the journal around the ring until the film opposes the load (secant; one turn when unfed)."""
+    """Turn the journal around the ring until the film opposes the load.
+
+    Unfed the force turns with the journal: one turn. Feeds break that; then every attitude of the ring is tried
+    and of several the one that carries most is taken.
+    """
 
     def place(angle: float) -> Floats:
         return ratio * bearing.clearance_m * _direction(angle)
 
-    def miss(angle: float) -> float:
+    def along_and_across(angle: float) -> Floats:
         force = evaluate(bearing, place(angle), _REST).force_N
         if not np.any(force):
             raise FilmError("the film carries no load: it has neither speed nor feed")
-        return _wrapped(np.arctan2(-force[1], -force[0]) - load_angle)
+        x, y = _direction(load_angle)
+        return np.array([[-x, -y], [-y, x]]) @ force
 
-    angle, slope = load_angle, 1.0
-    off = miss(angle)
-    for _ in range(_MAX_STEPS):
-        turn = -off / slope
-        angle += turn
-        before, off = off, miss(angle)
-        if abs(off) < _TOLERANCE:
-            return place(angle)
-        slope = min(max((off - before) / turn, 0.3), 3.0)
-    raise FilmNotConverged(f"no attitude found at eccentricity ratio {ratio}: last miss {off:.3g} rad")
+    if not bearing.feed:
+        carried, across = along_and_across(load_angle)
+        return place(load_angle + np.arctan2(across, carried))
+    angles = load_angle + np.linspace(0, 2 * np.pi, _RING_STARTS + 1)
+    across = [along_and_across(a)[1] for a in angles]
+    roots = [
+        brentq(lambda a: along_and_across(a)[1], angles[i], angles[i + 1], xtol=1e-10)
+        for i in range(_RING_STARTS)
+        if across[i] * across[i + 1] <= 0
+    ]
+    carried, angle = max((along_and_across(a)[0], a) for a in roots)
+    if carried <= 0:
+        raise FilmNotConverged(f"no attitude carries a load at eccentricity ratio {ratio}: the feeds outweigh it")
+    return place(angle)
 
 
 def _position_of_load(bearing: Bearing, load: Floats) -> Floats:

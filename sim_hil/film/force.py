@@ -304,9 +304,13 @@ def _flows(bearing: Bearing, film: Film) -> tuple[float, float]:
     lower, upper = bearing.end_pressure_Pa
     ends = [(-1, -2, upper)] if mesh.copies == 2 else [(-1, -2, upper), (0, 1, lower)]
     for end, inner, value in ends:
-        out = film.axial[:, end] * (p[:, inner] - p[:, end]) + film.supply[:, end]
-        if bearing.rupture != "full" and value == bearing.cavitation_pressure_Pa:
-            out = np.maximum(out, 0.0)  # a ruptured or vented end cannot draw oil in
+        out = film.axial[:, end] * (p[:, inner] - p[:, end])
+        if bearing.rupture == "full":
+            out = out + film.supply[:, end]
+        else:  # the half cell at a ruptured end takes nothing up, and none can be drawn in without pressure
+            floor = bearing.cavitation_pressure_Pa / bearing.pressure_scale_Pa_s
+            out = np.where(p[:, inner] > floor, out + film.supply[:, end], out)
+            out = np.maximum(out, 0.0) if value == bearing.cavitation_pressure_Pa else out
         side += float(out.sum())
     return side * unit, _port_flow(bearing, film) * unit
 
