@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import deque
-from types import TracebackType
 
 from rich.console import Console, Group
 from rich.live import Live
@@ -32,7 +31,7 @@ class Quiet:
     def __enter__(self) -> Quiet:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(self, *raised: object) -> None:
         return None
 
 
@@ -51,7 +50,7 @@ class Screen(Quiet):
             self._live.start()
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(self, *raised: object) -> None:
         self._live.stop()
 
     def say(self, text: str, style: str = "") -> None:
@@ -115,7 +114,8 @@ def _device(observer: Observer) -> list[tuple[str, str]]:
     rows = []
     if state := observer.state:
         authority = "the model acts" if state.authority else "safe value: " + ", ".join(state.authority_reasons[:2])
-        rows.append(("guard", f"{ArmState(state.arm_state).name.lower()}, {Mode(state.mode).name.lower()}; {authority}"))
+        standing = f"{ArmState(state.arm_state).name.lower()}, {Mode(state.mode).name.lower()}"
+        rows.append(("guard", f"{standing}; {authority}"))
         admissible = f"admissible {state.clearance_low_um:.0f} .. {state.clearance_high_um:.0f}"
         rows.append(("clearance", f"{state.clearance_actual_um:5.1f} um   {admissible}"))
         rows.append(("alarms", ", ".join(alarm.name for alarm in state.alarms) or "none"))

@@ -1,0 +1,77 @@
+"""``orbitd mode|arm|disarm|reset|set``: a person's commands, each answered by the guard with all its reasons."""
+
+from __future__ import annotations
+
+import argparse
+
+import msgspec
+
+from firmware_py import launch
+from firmware_py.gate import keys
+from firmware_py.gate.client import Client
+from firmware_py.records import CommandReply, Mode
+
+
+def mode(argv: list[str]) -> int:
+    """``orbitd mode monitor|manual|auto``."""
+    parser = _parser("mode", "who chooses the targets: nobody (monitor), a person (manual), the model (auto)")
+    parser.add_argument("mode", choices=[each.name.lower() for each in Mode])
+    options = parser.parse_args(argv)
+    return _ask(options, "mode", options.mode)
+
+
+def arm(argv: list[str]) -> int:
+    """``orbitd arm``."""
+    return _ask(_parser("arm", "allow the device to move the actuator").parse_args(argv), "arm")
+
+
+def disarm(argv: list[str]) -> int:
+    """``orbitd disarm``."""
+    return _ask(_parser("disarm", "stop moving the actuator; the node goes to its safe value").parse_args(argv), "disarm")
+
+
+def reset(argv: list[str]) -> int:
+    """``orbitd reset``."""
+    return _ask(_parser("reset", "clear latched alarms and trips whose cause is gone").parse_args(argv), "reset")
+
+
+def set_target(argv: list[str]) -> int:
+    """``orbitd set clearance UM`` and ``orbitd set pressure BAR``."""
+    parser = _parser("set", "set a target by hand; needs mode manual")
+    parser.add_argument("what", choices=["clearance", "pressure"])
+    parser.add_argument("value", type=float, help="radial clearance in um, or supply pressure in bar")
+    options = parser.parse_args(argv)
+    return _ask(options, f"set_{options.what}", options.value)
+
+
+def _parser(name: str, text: str) -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog=f"orbitd {name}", description=text)
+    launch.add_options(parser)
+    parser.add_argument("--json", action="store_true", help="the answer as JSON")
+    return parser
+
+
+def connect(options: argparse.Namespace) -> Client:
+    """A client of the gate that ``options`` point at.
+
+    Raises
+    ------
+    SessionError
+        No gate runs there.
+    """
+    started = launch.from_options(options)
+    device = started.config.device
+    return Client(started.runtime, keys.prefix(device.site, device.rig))
+
+
+def _ask(options: argparse.Namespace, verb: str, value: float | str | None = None) -> int:
+    with connect(options) as client:
+        reply = client.ask(verb, value)
+    print(msgspec.json.encode(reply).decode() if options.json else _words(verb, reply))
+    return 0 if reply.accepted else 1
+
+
+def _words(verb: str, reply: CommandReply) -> str:
+    if reply.accepted:
+        return f"{verb}: accepted"
+    return "\n".join([f"{verb}: refused", *(f"  - {reason}" for reason in reply.reasons)])

@@ -1,0 +1,56 @@
+"""``orbitd status``: what the device says of itself, from its gate."""
+
+from __future__ import annotations
+
+import argparse
+
+import msgspec
+
+from firmware_py import launch
+from firmware_py.commands.authority import connect
+from firmware_py.gate.view import DeviceState
+from firmware_py.records import ArmState, GuardState, Mode, Severity
+
+RAD_S_TO_RPM = 9.549296585513721
+
+
+def main(argv: list[str]) -> int:
+    """Print the state once, for a person or as JSON."""
+    parser = argparse.ArgumentParser(prog="orbitd status", description=__doc__)
+    launch.add_options(parser)
+    parser.add_argument("--json", action="store_true", help="the whole state as JSON")
+    options = parser.parse_args(argv)
+    with connect(options) as client:
+        state = client.status()
+    print(msgspec.json.encode(state).decode() if options.json else "\n".join(_lines(state)))
+    return 0 if state.guard and all(state.rooms.values()) else 1
+
+
+def _lines(state: DeviceState) -> list[str]:
+    rooms = ", ".join(f"{room} {'alive' if alive else 'SILENT'}" for room, alive in state.rooms.items())
+    lines = [f"{state.site}/{state.rig} ({state.instance}), orbitd {state.version}: {rooms}"]
+    if state.guard:
+        lines += _guard_lines(state.guard)
+    if state.diagnosis:
+        doubt = ", in doubt" if state.diagnosis.doubt else ""
+        lines.append(f"diagnosis   {state.diagnosis.verdict} ({100 * state.diagnosis.probability:.0f} %{doubt})")
+    if state.forecast:
+        power, film = state.forecast.power_W[1], state.forecast.min_film_um[1]
+        lines.append(f"forecast    {power:.0f} W, film {film:.1f} um in {state.forecast.horizon_s:g} s")
+    alarms = [f"{Severity(alarm.severity).name.lower()} {alarm.name}" for alarm in state.alarms]
+    lines.append(f"alarms      {', '.join(alarms) or 'none'}")
+    if state.recording:
+        lines.append(f"recording   {state.recording}")
+    return lines
+
+
+def _guard_lines(guard: GuardState) -> list[str]:
+    standing = f"{ArmState(guard.arm_state).name.lower()}, mode {Mode(guard.mode).name.lower()}"
+    authority = "model acts" if guard.authority else f"model does not act: {'; '.join(guard.authority_reasons)}"
+    x_um, y_um = guard.peak_to_peak_um
+    return [
+        f"guard       {standing}; {authority}",
+        f"rotor       {guard.speed_rad_s * RAD_S_TO_RPM:.0f} rpm, orbit {x_um:.1f} x {y_um:.1f} um peak to peak",
+        f"clearance   {guard.clearance_actual_um:.1f} um, target {guard.target_clearance_um:.1f} um, "
+        f"admissible {guard.clearance_low_um:.1f} .. {guard.clearance_high_um:.1f} um (radial)",
+    ]
