@@ -68,10 +68,11 @@ class Machine:
     ) -> None:
         self.rig, self.build, self.rate_hz = rig, build, rate_hz
         self.period_s = 1.0 / rate_hz
-        self._healthy = assemble(rig, build, inlet_C=inlet_C, thermal=thermal)
         self._substeps = max(1, math.ceil(self.period_s / max_step_s - 1e-9))
+        step_s = self.period_s / self._substeps
+        self._healthy = assemble(rig, build, step_s, inlet_C=inlet_C, thermal=thermal)
         self._taps = antialias_taps(rate_hz, self._substeps)
-        self.delay_s = (self._taps.size - 1) / 2 * self.period_s / self._substeps
+        self.delay_s = (self._taps.size - 1) / 2 * step_s
         self._table = FilmTable.load(rig.bearing.length_m / (2 * rig.bearing.radius_m)).coefficients
         self._rng = np.random.default_rng(seed)
         self._state = new_state(
@@ -95,6 +96,11 @@ class Machine:
     def faults(self) -> FaultSet:
         """Present faults and their severities."""
         return {name: severity for name, (severity, _) in self._faults.items()}
+
+    @property
+    def wear_m(self) -> float:
+        """Radial clearance beyond what the actuator reports, m."""
+        return self._plant.film.wear
 
     def inject(self, name: str, severity: float) -> None:
         """Set a fault from now on; see :mod:`sim_hil.faults` for names and severities.
@@ -131,7 +137,7 @@ class Machine:
             self._plant, self._state, self._table, self._taps, drive, np.array([clearance_m, pressure_Pa]),
             ambient, self.period_s, self._substeps, signals, truth, marks,
         )  # fmt: skip
-        time_s = (self._instants + np.arange(n)) * self.period_s
+        time_s: Floats = (self._instants + np.arange(n)) * self.period_s
         counts = self._chain.counts(signals, normal[:, :N_SENSORS], self._uniform(n), time_s, self._faults)
         self._instants += n
         return Batch(counts, truth, marks)

@@ -12,7 +12,7 @@ from typing import Final
 
 from sim_hil.build import Build, unbalance_of_grade
 from sim_hil.rigs import RigData
-from sim_hil.rotor.parameters import Foot, Plant
+from sim_hil.rotor.parameters import Foot, Four, Plant, four
 
 LEAST_CONTACT_SHARE = 0.1
 PRELOAD_EXPONENT = 0.7
@@ -48,12 +48,18 @@ def loosen(foot: Foot, bolt: int, percent_left: float, gap_m: float) -> Foot:
     """
     r = percent_left / 100.0
     share = LEAST_CONTACT_SHARE + (1 - LEAST_CONTACT_SHARE) * r**PRELOAD_EXPONENT
-    stiffness, clamp, gap, damping = (a.copy() for a in (foot.stiffness, foot.clamp, foot.gap, foot.damping))
-    stiffness[bolt] *= share
-    damping[bolt] *= share**0.5
-    clamp[bolt] *= r
+    gap = list(foot.gap)
     gap[bolt] = (1 - r) * gap_m
-    return foot._replace(stiffness=stiffness, clamp=clamp, gap=gap, damping=damping)
+    return foot._replace(
+        stiffness=_scaled(foot.stiffness, bolt, share),
+        damping=_scaled(foot.damping, bolt, share**0.5),
+        clamp=_scaled(foot.clamp, bolt, r),
+        gap=four(gap),
+    )
+
+
+def _scaled(values: Four, index: int, factor: float) -> Four:
+    return four(x * factor if i == index else x for i, x in enumerate(values))
 
 
 def unbalance(plant: Plant, rig: RigData, build: Build, severity: float) -> Plant:

@@ -8,7 +8,7 @@ import numpy as np
 
 from sim_hil.build import Build
 from sim_hil.rigs import Body, RigData, read_json
-from sim_hil.rotor.parameters import Act, Excite, Film, Floats, Foot, Pickup, Plant, Shaft
+from sim_hil.rotor.parameters import Act, Excite, Film, Floats, Foot, Pickup, Plant, Shaft, four, three
 
 BOLT_STIFFNESS_SHARE = 0.5
 """A bolt that stops a lift, relative to the joint's contact stiffness."""
@@ -19,11 +19,15 @@ _TOOTH_SOUND_PA = 0.05
 _PRESSURE_TIME_CONSTANT_S = 0.1
 
 
-def assemble(rig: RigData, build: Build, *, inlet_C: float | None = None, thermal: bool = True) -> Plant:
+def assemble(
+    rig: RigData, build: Build, step_s: float, *, inlet_C: float | None = None, thermal: bool = True
+) -> Plant:
     """Parameters of a healthy machine.
 
     Parameters
     ----------
+    step_s
+        Integration step, which the sensor lags are reckoned for.
     inlet_C
         Oil inlet temperature; the rig's own when None.
     thermal
@@ -35,7 +39,7 @@ def assemble(rig: RigData, build: Build, *, inlet_C: float | None = None, therma
         motor=_foot(rig, build, rig.foundation.motor, build.bolt[4:]),
         film=_film(rig, build, rig.oil.inlet_C if inlet_C is None else inlet_C, thermal),
         excite=_excite(rig, build),
-        pickup=_pickup(build),
+        pickup=_pickup(build, step_s),
         act=Act(
             rig.actuator.rate_m_per_s, rig.actuator.time_constant_s, rig.actuator.backlash_m,
             _PRESSURE_TIME_CONSTANT_S, 1.0,
@@ -67,11 +71,11 @@ def _foot(rig: RigData, build: Build, body: Body, bolt: Floats) -> Foot:
         inertia=body.inertia_kg_m2,
         depth=body.foot_below_cg_m,
         axis_height=body.axis_above_cg_m,
-        x=np.array(body.bolt_x_m),
-        stiffness=stiffness,
-        damping=2 * ratio * np.sqrt(stiffness * body.mass_kg / 4),
-        clamp=np.full(4, f.preload_N),
-        gap=np.zeros(4),
+        x=four(body.bolt_x_m),
+        stiffness=four(stiffness),
+        damping=four(2 * ratio * np.sqrt(stiffness * body.mass_kg / 4)),
+        clamp=(f.preload_N,) * 4,
+        gap=(0.0,) * 4,
         tangential_share=f.tangential_share,
         friction=f.friction,
         bolt_stiffness=BOLT_STIFFNESS_SHARE * f.contact_stiffness_N_m / 4,
@@ -115,16 +119,18 @@ def _excite(rig: RigData, build: Build) -> Excite:
     )
 
 
-def _pickup(build: Build) -> Pickup:
-    bandwidth = np.array([c["bandwidth_Hz"] for c in read_json("sensors.json")["channels"]], dtype=np.float64)
+def _pickup(build: Build, step_s: float) -> Pickup:
+    lags = [-math.expm1(-2 * math.pi * c["bandwidth_Hz"] * step_s) for c in read_json("sensors.json")["channels"]]
+    cosine = build.runout_m * np.cos(build.runout_phase_rad)
+    sine = -build.runout_m * np.sin(build.runout_phase_rad)
     return Pickup(
-        mode_rad_s=build.housing_rad_s,
+        mode_rad_s=three(build.housing_rad_s),
         mode_damping=_MODE_DAMPING,
         mode_gain=_MODE_GAIN,
         roughness=build.roughness_m,
         sound=_SOUND_PA_S_M,
         tooth_sound=_TOOTH_SOUND_PA * build.excitation,
-        lag_rad_s=2 * math.pi * bandwidth,
-        runout_cos=build.runout_m * np.cos(build.runout_phase_rad),
-        runout_sin=-build.runout_m * np.sin(build.runout_phase_rad),
+        lag_share=(*four(lags[:4]), *four(lags[4:])),
+        runout_cos=(three(cosine[0]), three(cosine[1])),
+        runout_sin=(three(sine[0]), three(sine[1])),
     )

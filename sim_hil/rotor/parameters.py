@@ -1,4 +1,4 @@
-"""What the compiled plant needs, grouped by part: plain named tuples that Numba reads without copying.
+"""What the compiled plant needs, grouped by part: named tuples of numbers, free of reference counts.
 
 Frame: x right, y up, z along the axis from the coupling to the bearing; angles and speed positive from x
 to y.  SI throughout.
@@ -6,12 +6,16 @@ to y.  SI throughout.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+Three = tuple[float, float, float]
+Four = tuple[float, float, float, float]
+Eight = tuple[float, float, float, float, float, float, float, float]
 
 N_SENSORS: Final = 8
 N_TRUTH: Final = 14
@@ -35,17 +39,17 @@ TRUTH_COLUMNS: Final = (
 
 
 class Foot(NamedTuple):
-    """One body on four bolts (:mod:`sim_hil.rotor.joints`); arrays have one entry per bolt."""
+    """One body on four bolts (:mod:`sim_hil.rotor.joints`); fours have one entry per bolt."""
 
     mass: float
     inertia: float
     depth: float
     axis_height: float
-    x: Floats
-    stiffness: Floats
-    damping: Floats
-    clamp: Floats
-    gap: Floats
+    x: Four
+    stiffness: Four
+    damping: Four
+    clamp: Four
+    gap: Four
     tangential_share: float
     friction: float
     bolt_stiffness: float
@@ -101,17 +105,17 @@ class Excite(NamedTuple):
 
 
 class Pickup(NamedTuple):
-    """How motion becomes sensor signals: housing modes, contact law, sound, sensor lags."""
+    """How motion becomes sensor signals; ``lag_share`` is how far each sensor follows in one step."""
 
-    mode_rad_s: Floats
+    mode_rad_s: Three
     mode_damping: float
     mode_gain: float
     roughness: float
     sound: float
     tooth_sound: float
-    lag_rad_s: Floats
-    runout_cos: Floats
-    runout_sin: Floats
+    lag_share: Eight
+    runout_cos: tuple[Three, Three]
+    runout_sin: tuple[Three, Three]
 
 
 class Act(NamedTuple):
@@ -140,9 +144,9 @@ class State(NamedTuple):
     """Everything that changes; advanced in place by the kernel.
 
     ``q``, ``v``: rotor x, y, tilt dx/dz, tilt dy/dz; pedestal x, y, roll; motor x, y, roll.
-    ``a``: their accelerations in the last step.  ``slip``: slip of the eight feet.  ``mode``: three housing modes, position and velocity.
-    ``lag``: sensor lags.  ``ring``: anti-alias history, each instant stored twice.
-    ``scalar``: the :data:`SCALARS`.
+    ``a``: their accelerations in the last step.  ``slip``: slip of the eight feet.  ``mode``: three housing
+    modes, position and velocity.  ``lag``: sensor lags.  ``ring``: anti-alias history, each instant stored
+    twice.  ``scalar``: the :data:`SCALARS`.
     """
 
     q: Floats
@@ -168,6 +172,18 @@ MEAN_Y: Final = 9
 POWER: Final = 10
 FLOW: Final = 11
 N_SCALARS: Final = 12
+
+
+def three(values: Iterable[float]) -> Three:
+    """Three floats."""
+    a, b, c = (float(x) for x in values)
+    return a, b, c
+
+
+def four(values: Iterable[float]) -> Four:
+    """Four floats."""
+    a, b, c, d = (float(x) for x in values)
+    return a, b, c, d
 
 
 def new_state(taps: int, clearance_m: float, pressure_Pa: float, oil_C: float, angle_rad: float) -> State:

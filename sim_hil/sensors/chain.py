@@ -56,11 +56,13 @@ class SensorChain:
                 fault, i = found
                 y[:, i] = fault.apply(y[:, i], time_s - start_s, float(self._high[i]), severity, uniform[:, i])
         np.clip(y, self._low, self._high, out=y)
-        return np.rint(y / SCALES).astype(np.int16)
+        counts: Counts = np.rint(y / SCALES).astype(np.int16)
+        return counts
 
 
 def units(counts: Counts) -> Floats:
     """Counts as SI values, shape as given."""
-    return counts * SCALES
+    si: Floats = counts * SCALES
+    return si
 
 

@@ -9,13 +9,13 @@ import math
 
 from numba import njit
 
+from sim_hil.film.table_kernel import table_force
 from sim_hil.rotor.kernel import (
     film_jacobian,
     heat_oil,
     move_actuator,
     relative,
     substep,
-    table_force,
     viscosity_now,
 )
 from sim_hil.rotor.parameters import (
@@ -67,7 +67,8 @@ def housing_mode(pickup: Pickup, mode: Floats, i: int, base: float, dt: float) -
     inner = -2 * pickup.mode_damping * w * mode[3 + i] - w * w * mode[i]
     mode[3 + i] += dt * (inner - base)
     mode[i] += dt * mode[3 + i]
-    return base + pickup.mode_gain * inner
+    signal: float = base + pickup.mode_gain * inner
+    return signal
 
 
 @njit(cache=True)
@@ -81,25 +82,23 @@ def sense(plant: Plant, st: State, c: float, dt: float) -> None:
     taps = st.ring.shape[1] // 2
     at = int(scalar[RING])
     tooth = math.sin(plant.excite.teeth * scalar[ANGLE])
+    ripple = 1 + _PUMP_RIPPLE * math.sin(_PUMP_TEETH_RAD_S * scalar[TIME])
+    cos_x, sin_x = p.runout_cos[0], p.runout_sin[0]
+    cos_y, sin_y = p.runout_cos[1], p.runout_sin[1]
+    wobble_x = cos_x[0] * c1 + cos_x[1] * c2 + cos_x[2] * c3 + sin_x[0] * s1 + sin_x[1] * s2 + sin_x[2] * s3
+    wobble_y = cos_y[0] * c1 + cos_y[1] * c2 + cos_y[2] * c3 + sin_y[0] * s1 + sin_y[1] * s2 + sin_y[2] * s3
+    now = (
+        _DIAGONAL * (ex + ey) + wobble_x,
+        _DIAGONAL * (ey - ex) + wobble_y,
+        housing_mode(p, st.mode, 0, a[5], dt),
+        housing_mode(p, st.mode, 1, a[4] - plant.pedestal.axis_height * a[6], dt),
+        housing_mode(p, st.mode, 2, a[8], dt),
+        p.sound * (v[4] + v[5] + v[7] + v[8]) + p.tooth_sound * tooth,
+        scalar[PRESSURE] / _PASCAL_PER_BAR * ripple,
+        contact_voltage(c - math.hypot(ex, ey), p.roughness),
+    )
     for i in range(8):
-        if i < 2:
-            value = _DIAGONAL * (ex + ey) if i == 0 else _DIAGONAL * (ey - ex)
-            value += p.runout_cos[i, 0] * c1 + p.runout_cos[i, 1] * c2 + p.runout_cos[i, 2] * c3
-            value += p.runout_sin[i, 0] * s1 + p.runout_sin[i, 1] * s2 + p.runout_sin[i, 2] * s3
-        elif i == 2:
-            value = housing_mode(p, st.mode, 0, a[5], dt)
-        elif i == 3:
-            value = housing_mode(p, st.mode, 1, a[4] - plant.pedestal.axis_height * a[6], dt)
-        elif i == 4:
-            value = housing_mode(p, st.mode, 2, a[8], dt)
-        elif i == 5:
-            value = p.sound * (v[4] + v[5] + v[7] + v[8]) + p.tooth_sound * tooth
-        elif i == 6:
-            ripple = _PUMP_RIPPLE * math.sin(_PUMP_TEETH_RAD_S * scalar[TIME])
-            value = scalar[PRESSURE] / _PASCAL_PER_BAR * (1 + ripple)
-        else:
-            value = contact_voltage(c - math.hypot(ex, ey), p.roughness)
-        st.lag[i] += p.lag_rad_s[i] * dt / (1 + p.lag_rad_s[i] * dt) * (value - st.lag[i])
+        st.lag[i] += p.lag_share[i] * (now[i] - st.lag[i])
         st.ring[i, at] = st.lag[i]
         st.ring[i, at + taps] = st.lag[i]
     scalar[RING] = (at + 1) % taps

@@ -1,0 +1,73 @@
+"""Speed and load over time: piecewise linear, published or drawn from a seed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim_hil.rigs import RigData, read_json
+from sim_hil.rotor.parameters import Floats
+
+RAD_S_PER_RPM = 2 * math.pi / 60
+
+
+@dataclass(frozen=True)
+class Duty:
+    """Corners of speed and static bearing load; the first is held before, the last after.
+
+    ``time_s``, ``speed_rpm``, ``load_N``: equal lengths, times not falling.
+    """
+
+    time_s: tuple[float, ...]
+    speed_rpm: tuple[float, ...]
+    load_N: tuple[float, ...]
+
+    @property
+    def seconds(self) -> float:
+        """Time of the last corner."""
+        return self.time_s[-1]
+
+    @classmethod
+    def hold(cls, speed_rpm: float, load_N: float, seconds: float = 0.0) -> Duty:
+        """Constant speed and load."""
+        return cls((0.0, seconds), (speed_rpm, speed_rpm), (load_N, load_N))
+
+    @classmethod
+    def published(cls) -> Duty:
+        """The duty of ``duty_bench.json``."""
+        table = read_json("duty_bench.json")
+        corners = [(0.0, float(table["start"]["rpm"]), float(table["start"]["load_N"]))]
+        for segment in table["segments"]:
+            corners.append((corners[-1][0] + segment["seconds"], segment["to_rpm"], segment["to_load_N"]))
+        return cls._of(corners)
+
+    @classmethod
+    def random(
+        cls, rig: RigData, rng: np.random.Generator, seconds: float, *, hold_s: tuple[float, float] = (3.0, 8.0),
+        load_rate_N_s: float = 50.0, speed_rate_rpm_s: float = 2000.0,
+    ) -> Duty:
+        """Holds of random speed (uniform) and load (log-uniform) joined by ramps within the rates."""
+        corners: list[tuple[float, float, float]] = []
+        while not corners or corners[-1][0] < seconds:
+            speed = float(rng.uniform(rig.speed_min_rpm, rig.speed_max_rpm))
+            load = math.exp(rng.uniform(math.log(rig.load_min_N), math.log(rig.load_max_N)))
+            if not corners:
+                corners.append((0.0, speed, load))
+            else:
+                t, before_speed, before_load = corners[-1]
+                ramp = max(abs(load - before_load) / load_rate_N_s, abs(speed - before_speed) / speed_rate_rpm_s)
+                corners.append((t + ramp, speed, load))
+            corners.append((corners[-1][0] + float(rng.uniform(*hold_s)), speed, load))
+        return cls._of(corners)
+
+    @classmethod
+    def _of(cls, corners: list[tuple[float, float, float]]) -> Duty:
+        time_s, speed, load = zip(*corners, strict=True)
+        return cls(tuple(time_s), tuple(speed), tuple(load))
+
+    def at(self, time_s: Floats) -> Floats:
+        """Speed, rad/s, and load, N, at the given times, shape (n, 2)."""
+        speed = np.interp(time_s, self.time_s, self.speed_rpm) * RAD_S_PER_RPM
+        return np.column_stack([speed, np.interp(time_s, self.time_s, self.load_N)])

@@ -1,0 +1,183 @@
+"""Runs faster than real time: what a machine does at given duties and clearances, and what it would measure."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim_hil.build import Build
+from sim_hil.duty import Duty
+from sim_hil.machine import MAX_STEP_S, Batch, Machine
+from sim_hil.rigs import RigData
+from sim_hil.rotor.parameters import TRUTH_COLUMNS, Floats
+from sim_hil.sensors.chain import Counts
+
+CONTROL_S = 0.02
+"""The targets of the actuator are read this often, as the node reads its commands."""
+
+Schedule = float | Callable[[float], float]
+"""A constant, or a function of the time in seconds."""
+
+
+def _value(schedule: Schedule, time_s: float) -> float:
+    return schedule(time_s) if callable(schedule) else schedule
+
+
+def run(
+    machine: Machine, duty: Duty, seconds: float, *, clearance: Schedule, pressure: Schedule | None = None,
+    start_s: float = 0.0,
+) -> Batch:
+    """Advance ``machine`` through ``duty`` from ``start_s`` of the duty on.
+
+    Parameters
+    ----------
+    clearance, pressure
+        Targets, m and Pa, as :data:`Schedule` over the duty's time; pressure is nominal when None.
+    """
+    supply = machine.rig.supply.nominal_Pa if pressure is None else pressure
+    period = machine.period_s
+    total, step = round(seconds / period), max(1, round(CONTROL_S / period))
+    batches = []
+    for first in range(0, total, step):
+        n = min(step, total - first)
+        time_s = start_s + (first + np.arange(n + 1)) * period
+        now = float(time_s[0])
+        batches.append(machine.advance(duty.at(time_s), _value(clearance, now), _value(supply, now)))
+    return Batch(*(np.concatenate([getattr(b, name) for b in batches]) for name in ("counts", "truth", "marks")))
+
+
+@dataclass(frozen=True)
+class Recording:
+    """What the device would have received.
+
+    ``counts``: int16 (n, 8); instant ``i`` was measured at ``time_s[i]``.  ``mark_s``: once-per-turn edges
+    on the same time.  ``status``: every 0.05 s, columns time_s, shaft_power_W, oil_C, clearance_m,
+    pressure_Pa, with the reading errors of ``sensors.json``.  ``truth``: (n, 14), ``TRUTH_COLUMNS``.
+    """
+
+    rate_hz: int
+    time_s: Floats
+    counts: Counts
+    mark_s: Floats
+    status: Floats
+    truth: Floats
+
+    def column(self, name: str) -> Floats:
+        """One column of the truth."""
+        column: Floats = self.truth[:, TRUTH_COLUMNS.index(name)]
+        return column
+
+
+STATUS_S = 0.05
+POWER_ERROR_W = 5.0
+OIL_ERROR_C = 1.0
+CLEARANCE_NOISE_M = 0.2e-6
+
+
+def record(
+    rig: RigData, build: Build, duty: Duty, seconds: float, *, clearance: Schedule, seed: int,
+    pressure: Schedule | None = None, faults: Mapping[str, float] | None = None, rate_hz: int = 5000,
+    inlet_C: float | None = None, settle_s: float = 0.5,
+) -> Recording:
+    """Measure ``seconds`` of a machine with ``faults`` (name -> severity), after ``settle_s`` at the start."""
+    machine = Machine(
+        rig, build, seed, rate_hz=rate_hz, inlet_C=inlet_C, clearance_m=_value(clearance, 0.0),
+        pressure_Pa=None if pressure is None else _value(pressure, 0.0),
+    )  # fmt: skip
+    for name, severity in (faults or {}).items():
+        machine.inject(name, severity)
+    speed, load = duty.speed_rpm[0], duty.load_N[0]
+    run(machine, Duty.hold(speed, load), settle_s, clearance=_value(clearance, 0.0), pressure=pressure)
+    batch = run(machine, duty, seconds, clearance=clearance, pressure=pressure)
+    return recording_of(machine, batch, np.random.default_rng([seed, 1]))
+
+
+def recording_of(machine: Machine, batch: Batch, rng: np.random.Generator) -> Recording:
+    """Put samples, marks and status of a run on one time axis."""
+    period = machine.period_s
+    start = np.arange(len(batch.counts)) * period
+    marked = batch.marks >= 0
+    every = max(1, round(STATUS_S / period))
+    slow = batch.truth[every - 1 :: every]
+    n = len(slow)
+    columns = {name: slow[:, i] for i, name in enumerate(TRUTH_COLUMNS)}
+    power_error, oil_error = rng.uniform(-POWER_ERROR_W, POWER_ERROR_W), rng.uniform(-OIL_ERROR_C, OIL_ERROR_C)
+    reported = columns["clearance_m"] - machine.wear_m + CLEARANCE_NOISE_M * rng.standard_normal(n)
+    status = np.column_stack([
+        start[every - 1 :: every] + period,
+        columns["shaft_power_W"] + power_error,
+        columns["oil_C"] + oil_error,
+        reported,
+        columns["pressure_Pa"],
+    ])
+    time_s = start + period - machine.delay_s
+    return Recording(machine.rate_hz, time_s, batch.counts, (start + batch.marks)[marked], status, batch.truth)
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """True trajectories at ``rate_hz``: ``truth`` (n, 14), and the smallest film and mean power."""
+
+    time_s: Floats
+    truth: Floats
+
+    def column(self, name: str) -> Floats:
+        """One column of the truth."""
+        column: Floats = self.truth[:, TRUTH_COLUMNS.index(name)]
+        return column
+
+    @property
+    def mean_power_W(self) -> float:
+        """Mean shaft power."""
+        return float(self.column("shaft_power_W").mean())
+
+    @property
+    def min_film_m(self) -> float:
+        """Smallest film of the run."""
+        return float(self.column("min_film_m").min())
+
+
+def simulate(
+    rig: RigData, duty: Duty, *, clearance: Schedule, seconds: float | None = None, dt_s: float = MAX_STEP_S,
+    seed: int = 0, build: Build | None = None, faults: Mapping[str, float] | None = None, thermal: bool = True,
+    pressure: Schedule | None = None, rate_hz: int = 5000,
+) -> Simulation:
+    """Follow ``duty`` (to its end when ``seconds`` is None) with the table film.
+
+    ``thermal=False`` holds the oil at the inlet temperature.
+    """
+    machine = Machine(
+        rig, Build.nominal(rig) if build is None else build, seed, rate_hz=rate_hz, thermal=thermal,
+        clearance_m=_value(clearance, 0.0), max_step_s=dt_s,
+    )  # fmt: skip
+    for name, severity in (faults or {}).items():
+        machine.inject(name, severity)
+    batch = run(machine, duty, duty.seconds if seconds is None else seconds, clearance=clearance, pressure=pressure)
+    return Simulation(np.arange(1, len(batch.truth) + 1) * machine.period_s, batch.truth)
+
+
+@dataclass(frozen=True)
+class PowerMap:
+    """Steady figures over speed x load x clearance: shape (rpm, load, clearance) each."""
+
+    power_W: Floats
+    min_film_m: Floats
+    peak_to_peak_m: Floats
+
+
+def power_map(
+    rig: RigData, speed_rpm: Floats, load_N: Floats, clearance_m: Floats, *, seconds: float = 1.0,
+    build: Build | None = None, thermal: bool = False, seed: int = 0,
+) -> PowerMap:
+    """Mean power, smallest film and larger peak-to-peak of the last half of ``seconds`` at each point."""
+    shape = (len(speed_rpm), len(load_N), len(clearance_m))
+    power, film, swing = np.empty(shape), np.empty(shape), np.empty(shape)
+    for index in np.ndindex(shape):
+        duty = Duty.hold(float(speed_rpm[index[0]]), float(load_N[index[1]]), seconds)
+        result = simulate(rig, duty, clearance=float(clearance_m[index[2]]), build=build, thermal=thermal, seed=seed)
+        last = Simulation(result.time_s, result.truth[len(result.truth) // 2 :])
+        power[index], film[index] = last.mean_power_W, last.min_film_m
+        swing[index] = max(np.ptp(last.column("eccentricity_x_m")), np.ptp(last.column("eccentricity_y_m")))
+    return PowerMap(power, film, swing)
