@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 
 from firmware_py import records
 
-ARTIFACTS = Path(__file__).parent / "artifacts"
 PHYSICS_VERSION = "1"
 """Raised when film, rotor, faults or sensors change so that a model made before no longer fits."""
 

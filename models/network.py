@@ -6,6 +6,7 @@ The weights travel as one flat vector, which is what Levenberg-Marquardt and sca
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,12 +35,12 @@ class Mlp:
     @property
     def count(self) -> int:
         """Number of weights, biases included."""
-        return sum((n + 1) * m for n, m in zip(self.sizes[:-1], self.sizes[1:], strict=True))
+        return sum((n + 1) * m for n, m in pairwise(self.sizes))
 
     def layers(self, theta: Floats) -> list[Floats]:
         """``theta`` as one ``(inputs + 1, outputs)`` matrix a layer; row 0 is the bias."""
         matrices, start = [], 0
-        for n, m in zip(self.sizes[:-1], self.sizes[1:], strict=True):
+        for n, m in pairwise(self.sizes):
             matrices.append(theta[start : start + (n + 1) * m].reshape(n + 1, m))
             start += (n + 1) * m
         return matrices
@@ -47,7 +48,7 @@ class Mlp:
     def is_weight(self) -> NDArray[np.bool_]:
         """True where ``theta`` holds a weight, False for a bias: equations (6) and (8) penalise only weights."""
         mask, start = np.ones(self.count, dtype=bool), 0
-        for n, m in zip(self.sizes[:-1], self.sizes[1:], strict=True):
+        for n, m in pairwise(self.sizes):
             mask[start : start + m] = False
             start += (n + 1) * m
         return mask
@@ -55,7 +56,7 @@ class Mlp:
     def initial(self, rng: np.random.Generator) -> Floats:
         """Random weights with unit spread at each neuron's input (Glorot and Bengio 2010)."""
         parts = []
-        for n, m in zip(self.sizes[:-1], self.sizes[1:], strict=True):
+        for n, m in pairwise(self.sizes):
             matrix = rng.normal(0.0, 1.0 / np.sqrt(n), (n + 1, m))
             parts.append(matrix.ravel())
         return np.concatenate(parts)

@@ -14,7 +14,7 @@ from typing import TypeVar
 import msgspec
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
-from models import export
+from models import ARTIFACTS, export
 
 
 class SettingsError(ValueError):
@@ -90,8 +90,8 @@ class Run:
     def ship(self) -> None:
         """Copy model, report and card to ``models/artifacts`` and renew the manifest."""
         for suffix in ("onnx", "json", "md"):
-            shutil.copyfile(self.folder / f"{self.kind}.{suffix}", export.ARTIFACTS / f"{self.kind}.{suffix}")
-        export.write_manifest(export.ARTIFACTS)
+            shutil.copyfile(self.folder / f"{self.kind}.{suffix}", ARTIFACTS / f"{self.kind}.{suffix}")
+        export.write_manifest(ARTIFACTS)
 
 
 @contextmanager
@@ -99,7 +99,9 @@ def progress_bar(text: str, total: int) -> Iterator[ProgressTo]:
     """A progress bar; the yielded object is called with the work done so far."""
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, transient=False) as bar:
-        yield ProgressTo(bar, bar.add_task(text, total=total))
+        to = ProgressTo(bar, bar.add_task(text, total=total))
+        yield to
+        to(total)  # a search that stops early is done as well
 
 
 class ProgressTo:

@@ -22,9 +22,7 @@ def powell_badly_scaled(theta):
 @pytest.mark.parametrize(("problem", "start"), [(rosenbrock, [-1.2, 1.0]), (powell_badly_scaled, [0.0, 1.0])])
 def test_same_minimum_as_scipy(problem, start):
     ours = levenberg_marquardt(problem, np.array(start), options=LmOptions(iterations=500))
-    oracle = least_squares(
-        lambda t: problem(t)[0], start, jac=lambda t: problem(t)[1], method="lm", xtol=1e-15
-    )
+    oracle = least_squares(lambda t: problem(t)[0], start, jac=lambda t: problem(t)[1], method="lm", xtol=1e-15)
     np.testing.assert_allclose(ours.theta, oracle.x, rtol=1e-6)
 
 

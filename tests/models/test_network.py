@@ -18,9 +18,7 @@ def test_jacobian_and_gradient_are_the_derivatives():
     numeric = np.stack([central_difference(theta, x, i) for i in range(theta.size)], axis=2)
     _, jacobian = NET.jacobian(theta, x)
     np.testing.assert_allclose(jacobian, numeric, atol=1e-8)
-    np.testing.assert_allclose(
-        NET.gradient(theta, x, slope), np.einsum("mk,mkp->p", slope, jacobian), atol=1e-12
-    )
+    np.testing.assert_allclose(NET.gradient(theta, x, slope), np.einsum("mk,mkp->p", slope, jacobian), atol=1e-12)
 
 
 def test_biases_are_not_penalised():

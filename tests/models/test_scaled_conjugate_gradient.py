@@ -16,9 +16,7 @@ def logistic_problem():
     def cost(theta):
         z = net.outputs(theta, x)
         value = np.logaddexp(0.0, z) - y * z
-        return float(value.mean() + 5e-3 * theta @ theta), net.gradient(
-            theta, x, (sigmoid(z) - y) / 200
-        ) + 1e-2 * theta
+        return float(value.mean() + 5e-3 * theta @ theta), net.gradient(theta, x, (sigmoid(z) - y) / 200) + 1e-2 * theta
 
     return cost, net.initial(rng)
 
@@ -32,9 +30,7 @@ def test_reaches_the_minimum_of_l_bfgs_on_a_classifier():
 
 
 def test_rosenbrock_in_ten_dimensions():
-    result = scaled_conjugate_gradient(
-        lambda t: (float(rosen(t)), rosen_der(t)), np.zeros(10), iterations=5000
-    )
+    result = scaled_conjugate_gradient(lambda t: (float(rosen(t)), rosen_der(t)), np.zeros(10), iterations=5000)
     np.testing.assert_allclose(result.theta, np.ones(10), atol=1e-4)
 
 

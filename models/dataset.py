@@ -1,0 +1,120 @@
+"""Labelled windows of recordings, and splits that never share a group."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_py.acquire.features import FEATURE_NAMES
+
+Floats = NDArray[np.float64]
+Rows = NDArray[np.bool_]
+
+HEADS = ("pedestal bolt A", "pedestal bolt B", "motor bolt", "unbalance")
+CLASSES = (
+    "normal",
+    "pedestal_bolt_loose",
+    "pedestal_two_bolts_loose",
+    "motor_bolt_loose",
+    "unbalance",
+    "pedestal_and_motor_bolt_loose",
+)
+HEADS_OF_CLASS = np.array(
+    [[0, 0, 0, 0], [1, 0, 0, 0], [1, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1], [1, 0, 1, 0]], dtype=np.float64
+)
+"""``six_classes_from_heads`` of classes.json as a matrix (class, head)."""
+
+
+class DatasetError(ValueError):
+    """The data cannot be trained on or judged with; the text names cause, place and next step."""
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """Windows in the order of their recordings.
+
+    ``features`` ``(n, F)``; ``kind`` the class of each window; ``severity`` what is left of the preload in
+    percent, or the balance grade; ``group`` the build, ``recording`` the recording that it comes from;
+    ``raw`` ``(n, 800, 8)`` counts, empty unless asked for.
+    """
+
+    features: Floats
+    kind: NDArray[np.intp]
+    severity: Floats
+    group: NDArray[np.intp]
+    recording: NDArray[np.intp]
+    raw: NDArray[np.int16]
+
+    def __len__(self) -> int:
+        return len(self.features)
+
+    @property
+    def heads(self) -> Floats:
+        """Which of the four heads each window's class has, ``(n, 4)``."""
+        return HEADS_OF_CLASS[self.kind]
+
+    def subset(self, rows: Rows) -> Dataset:
+        """The windows at ``rows``."""
+        return Dataset(*(getattr(self, f.name)[rows] for f in fields(self)))
+
+    def check(self) -> None:
+        """Refuse what cannot be trained on.
+
+        Raises
+        ------
+        DatasetError
+            Empty, mismatched or non-finite data, unknown classes, a class with fewer than two recordings.
+        """
+        if len(self) == 0:
+            raise DatasetError("dataset is empty: no usable window; check speed, marks and recording length")
+        lengths = {f.name: len(getattr(self, f.name)) for f in fields(self)}
+        if len(set(lengths.values())) != 1:
+            raise DatasetError(f"columns differ in length: {lengths}; every window needs every label")
+        bad = np.argwhere(~np.isfinite(self.features))
+        if len(bad):
+            row, column = bad[0]
+            raise DatasetError(
+                f"{len(bad)} features are not finite, the first: {FEATURE_NAMES[column]} in recording "
+                f"{self.recording[row]}; drop the recording or supply the missing reading"
+            )
+        if self.kind.min() < 0 or self.kind.max() >= len(CLASSES):
+            raise DatasetError(f"class label outside 0 .. {len(CLASSES) - 1}: {sorted(set(self.kind.tolist()))}")
+        for kind in np.unique(self.kind):
+            count = len(np.unique(self.recording[self.kind == kind]))
+            if count < 2:
+                raise DatasetError(
+                    f"class {CLASSES[kind]} has {count} recording: at least 2 are needed so that one can be "
+                    "held out; record more or leave the class out"
+                )
+
+
+def split_groups(data: Dataset, share: float, rng: np.random.Generator) -> tuple[Dataset, Dataset]:
+    """Two parts that share no group; the second holds about ``share`` of the groups."""
+    groups = rng.permutation(np.unique(data.group))
+    held = np.isin(data.group, groups[: max(1, round(share * len(groups)))])
+    parts = data.subset(~held), data.subset(held)
+    check_disjoint(*parts)
+    return parts
+
+
+def check_disjoint(first: Dataset, second: Dataset) -> None:
+    """Refuse a split with a group on both sides.
+
+    Raises
+    ------
+    DatasetError
+        Names the groups.
+    """
+    both = np.intersect1d(first.group, second.group)
+    if len(both):
+        raise DatasetError(
+            f"{len(both)} groups stand on both sides of the split (e.g. {both[:5].tolist()}): the score would "
+            "be of memory, not of unseen builds; split by group"
+        )
+
+
+def join(parts: list[Dataset]) -> Dataset:
+    """All windows of ``parts``."""
+    return Dataset(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Dataset)))
