@@ -13,6 +13,7 @@ from typing import Final
 
 import msgspec
 
+from firmware_py.errors import OrbitdError
 from firmware_py.records import RoomRecord, decode, encode
 
 MAX_RECORD_BYTES: Final = 128 * 1024
@@ -29,7 +30,7 @@ SOCKET_MODE: Final = 0o660
 _GONE: Final = (errno.EPIPE, errno.ECONNRESET, errno.ENOTCONN)
 
 
-class RoomError(OSError):
+class RoomError(OrbitdError):
     """A room's socket cannot be set up."""
 
 
@@ -75,7 +76,7 @@ class Peer:
             return None
         try:
             return decode(bytes(self._buffer[:size]))
-        except (msgspec.DecodeError, UnicodeDecodeError):
+        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
             self._counters[f"malformed_{self.role}"] += 1
             return None
 
@@ -117,9 +118,9 @@ def listen(path: Path) -> socket.socket:
     if len(os.fsencode(path)) > SOCKET_PATH_BYTES:
         raise RoomError(f"{path}: longer than the {SOCKET_PATH_BYTES} bytes of a Unix socket path; "
                         "choose a shorter runtime directory or instance name")
-    path.unlink(missing_ok=True)
     listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     try:
+        path.unlink(missing_ok=True)
         listener.bind(str(path))
         path.chmod(SOCKET_MODE)
     except OSError as error:

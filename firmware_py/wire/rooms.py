@@ -49,23 +49,23 @@ def runtime_dir(instance: str, base: Path) -> Path:
     RoomError
         It cannot be made, or ``base`` is a link, world-writable, or neither ours, root's nor our group's.
     """
+    path = base / instance
     try:
         base.mkdir(mode=0o700, parents=True, exist_ok=True)
-        _check_owner(base)
-        path = base / instance
+        found = base.lstat()
         path.mkdir(mode=INSTANCE_MODE, exist_ok=True)
     except OSError as error:
-        raise RoomError(f"runtime directory {base}/{instance}: {error.strerror or error}; remove what is "
-                        "there or set RUNTIME_DIRECTORY to a directory of your own") from error
+        raise _refused(path, error.strerror or str(error)) from error
+    ours = found.st_uid in (0, os.geteuid()) or found.st_gid in os.getgroups()
+    if not stat.S_ISDIR(found.st_mode) or not ours or found.st_mode & stat.S_IWOTH:
+        raise _refused(path, f"{base} has owner {found.st_uid} and mode {stat.filemode(found.st_mode)}, "
+                             "somebody else could put sockets there")
     return path
 
 
-def _check_owner(base: Path) -> None:
-    """Refuse a directory in which somebody else could put a socket of ours."""
-    found = base.lstat()
-    ours = found.st_uid in (0, os.geteuid()) or found.st_gid in os.getgroups()
-    if not stat.S_ISDIR(found.st_mode) or not ours or found.st_mode & stat.S_IWOTH:
-        raise RoomError(f"owner {found.st_uid}, mode {stat.filemode(found.st_mode)}: not safe to use")
+def _refused(path: Path, cause: str) -> RoomError:
+    return RoomError(f"runtime directory {path}: {cause}; remove what is there or set RUNTIME_DIRECTORY to "
+                     "a directory of your own")
 
 
 class RoomServer:
@@ -98,7 +98,7 @@ class RoomServer:
         self._lock = own(path)
         try:
             self._listener = listen(path)
-        except OSError:
+        except RoomError:
             os.close(self._lock)
             raise
         self._peers: dict[str, Peer] = {}

@@ -87,15 +87,11 @@ class SerialLink:
         Of a packet that fits the kernel's queue only in part, the rest goes out first next time.
         """
         self._flush()
-        if self._port is None or self._unsent:
+        written = 0 if self._unsent else self._write(frame.data)
+        if not written:
             self.counters["send_failed"] += 1
             return False
-        self._unsent = frame.data
-        self._flush()
-        if self._unsent == frame.data:
-            self._unsent = b""
-            self.counters["send_failed"] += 1
-            return False
+        self._unsent = frame.data[written:]
         self.counters["frames_out"] += 1
         return True
 
@@ -105,7 +101,6 @@ class SerialLink:
             self._poll.unregister(self._port.fd)
             self._port.close()
             self._port = None
-            self._unsent = b""
             self._framer.reset()
 
     def _open(self) -> None:
@@ -115,6 +110,7 @@ class SerialLink:
             self.fault = f"serial port {self._path}: {_advice(error)}"
             return
         self._port = port
+        self._unsent = b""
         self._poll.register(port.fd, select.POLLIN)
         self.fault = ""
 
@@ -140,15 +136,21 @@ class SerialLink:
             return b""
 
     def _flush(self) -> None:
-        """Give the kernel what it takes of the packet in hand."""
-        if self._port is None or not self._unsent:
-            return
+        """Push out the rest of a packet that the kernel took in part."""
+        if self._unsent:
+            self._unsent = self._unsent[self._write(self._unsent):]
+
+    def _write(self, data: bytes) -> int:
+        """How many bytes the kernel took."""
+        if self._port is None:
+            return 0
         try:
-            self._unsent = self._unsent[os.write(self._port.fd, self._unsent):]
+            return os.write(self._port.fd, data)
         except BlockingIOError:
-            return
+            return 0
         except OSError as error:
             self._drop(error.strerror or str(error))
+            return 0
 
     def _drop(self, cause: str) -> None:
         self.close()

@@ -29,8 +29,17 @@ from firmware_py.wire.rooms import (
 
 ROOT = Path(__file__).resolve().parents[2]
 BLOCK = Block(
-    seq=1, t_acq_ns=1, period_ns=200_000, tick_us=0, sample_period_us=200, quality=0, channel_ok=255,
-    speed_rad_s=314.0, turn_count=3, mark_ticks_us=[17], samples=bytes(480),
+    seq=1,
+    t_acq_ns=1,
+    period_ns=200_000,
+    tick_us=0,
+    sample_period_us=200,
+    quality=0,
+    channel_ok=255,
+    speed_rad_s=314.0,
+    turn_count=3,
+    mark_ticks_us=[17],
+    samples=bytes(480),
 )
 
 
@@ -158,8 +167,7 @@ def test_wrong_user_is_refused(tmp_path: Path) -> None:
     room.close()
 
 
-@pytest.mark.parametrize(
-    "packet", [b"\xff" * 40, encode(EventAck(seq=1)), b""], ids=["garbage", "other", "empty"])
+@pytest.mark.parametrize("packet", [b"\xff" * 40, encode(EventAck(seq=1)), b""], ids=["garbage", "other", "empty"])
 def test_first_packet_must_be_hello(server: RoomServer, packet: bytes) -> None:
     raw_peer(server, packet).close()
     assert server.counters["refused_hello"] == 1
@@ -188,6 +196,16 @@ def test_garbage_is_counted_and_survived(server: RoomServer) -> None:
     peer.send(encode(EventAck(seq=3)))
     assert server.poll(0) == [("brain", EventAck(seq=3))]
     assert server.counters["malformed_brain"] == 1
+    peer.close()
+
+
+def test_endless_nesting_is_counted_and_survived(server: RoomServer) -> None:
+    peer = raw_peer(server, hello())
+    bomb = encode(EventAck(seq=1))
+    peer.send(bytes([bomb[0] + 1]) + bomb[1:] + b"\xa1x" + b"\x91" * 100_000 + b"\x01")
+    assert server.poll(0) == []
+    assert server.counters["malformed_brain"] == 1
+    assert server.connected("brain")
     peer.close()
 
 
@@ -262,10 +280,13 @@ def test_client_comes_back_after_the_server(tmp_path: Path) -> None:
 
 def test_socket_left_by_a_killed_server_is_taken_over(tmp_path: Path) -> None:
     path = tmp_path / "guard.sock"
-    source = ("import time; from pathlib import Path; from firmware_py.wire.rooms import RoomServer\n"
-              f"room = RoomServer(Path({str(path)!r}), {{}}); print('up', flush=True); time.sleep(60)")
-    first = subprocess.Popen([sys.executable, "-c", source], env={**os.environ, "PYTHONPATH": str(ROOT)},
-                             stdout=subprocess.PIPE)
+    source = (
+        "import time; from pathlib import Path; from firmware_py.wire.rooms import RoomServer\n"
+        f"room = RoomServer(Path({str(path)!r}), {{}}); print('up', flush=True); time.sleep(60)"
+    )
+    first = subprocess.Popen(
+        [sys.executable, "-c", source], env={**os.environ, "PYTHONPATH": str(ROOT)}, stdout=subprocess.PIPE
+    )
     assert first.stdout
     assert first.stdout.readline() == b"up\n"
     with pytest.raises(RoomBusyError, match="served by another process"):
@@ -290,11 +311,17 @@ def test_runtime_directory_is_chosen_from_the_environment() -> None:
     assert runtime_base({}, "i", 5) == Path("/tmp/orbitd-5")
 
 
+def test_socket_path_that_is_a_directory_is_named(tmp_path: Path) -> None:
+    (tmp_path / "guard.sock").mkdir()
+    with pytest.raises(RoomError, match="check the runtime directory"):
+        RoomServer(tmp_path / "guard.sock", {})
+
+
 def test_runtime_directory_is_made_or_refused(tmp_path: Path) -> None:
     assert runtime_dir("a", tmp_path / "base").is_dir()
     assert runtime_dir("a", tmp_path / "base") == tmp_path / "base" / "a"
     (tmp_path / "base").chmod(0o777)
-    with pytest.raises(RoomError, match="not safe"):
+    with pytest.raises(RoomError, match="somebody else"):
         runtime_dir("b", tmp_path / "base")
     (tmp_path / "file").write_text("")
     with pytest.raises(RoomError, match="RUNTIME_DIRECTORY"):
@@ -303,8 +330,7 @@ def test_runtime_directory_is_made_or_refused(tmp_path: Path) -> None:
 
 def test_records_of_every_size_keep_their_borders(server: RoomServer) -> None:
     client = joined(server, "gate")
-    events: list[RoomRecord] = [
-        Event(seq=n, t_ns=n, severity=0, name="x" * n, text="") for n in range(0, 4000, 97)]
+    events: list[RoomRecord] = [Event(seq=n, t_ns=n, severity=0, name="x" * n, text="") for n in range(0, 4000, 97)]
     assert all(server.send("gate", event) for event in events)
     assert client.poll(0) == events
     client.close()
