@@ -1,0 +1,131 @@
+"""Command intake: every wish gets exactly one answer, accepted or all reasons why not.
+
+A wish arrives as a Zenoh query on ``cmd/<verb>`` with its value as JSON.  It goes to the guard with a
+sequence number of the gate's own; the guard's :class:`CommandReply` finds its way back by that number, and
+a guard that stays silent is an answer too.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import msgspec
+
+from firmware_py.records import VERBS, CommandReply, CommandRequest, Mode
+
+ANSWER_WITHIN_NS: Final = 1_000_000_000
+MAX_PENDING: Final = 64
+UNITS: Final = {"set_clearance": "um, radial", "set_pressure": "bar"}
+
+Answer = Callable[[CommandReply], None]
+
+
+class MalformedCommandError(ValueError):
+    """A wish that cannot be put to the guard; the text says what is wrong with it."""
+
+
+@dataclass(frozen=True)
+class _Pending:
+    deadline_ns: int
+    answer: Answer
+
+
+class CommandDesk:
+    """Matches the guard's replies to those who asked.
+
+    Parameters
+    ----------
+    send
+        Hands a request to the guard without waiting; False when that is impossible now.
+
+    Notes
+    -----
+    ``counters``: ``commands_asked``, ``commands_answered``, ``commands_refused_here``,
+    ``commands_timed_out``, ``replies_unexpected``.
+    """
+
+    def __init__(self, send: Callable[[CommandRequest], bool]) -> None:
+        self.counters: Counter[str] = Counter()
+        self._send = send
+        self._seq = 0
+        self._pending: dict[int, _Pending] = {}
+
+    def ask(self, verb: str, payload: bytes, origin: str, answer: Answer, now_ns: int) -> CommandRequest | None:
+        """Put a wish to the guard; ``answer`` is called once, now or later.
+
+        Returns
+        -------
+        The request that went to the guard, or None when it was refused here.
+        """
+        self._seq += 1
+        self.counters["commands_asked"] += 1
+        try:
+            request = parse(self._seq, verb, payload, origin)
+        except MalformedCommandError as error:
+            self._refuse(answer, str(error))
+            return None
+        if len(self._pending) >= MAX_PENDING and verb != "disarm":
+            self._refuse(answer, f"{MAX_PENDING} commands already wait for the guard; try again in a second")
+            return None
+        if not self._send(request):
+            self._refuse(answer, "the guard is not connected; start it with 'orbitd guard' or 'orbitd run'")
+            return None
+        self._pending[request.seq] = _Pending(now_ns + ANSWER_WITHIN_NS, answer)
+        return request
+
+    def reply(self, reply: CommandReply) -> None:
+        """The guard's answer."""
+        pending = self._pending.pop(reply.seq, None)
+        if pending is None:
+            self.counters["replies_unexpected"] += 1
+            return
+        self.counters["commands_answered"] += 1
+        pending.answer(reply)
+
+    def step(self, now_ns: int) -> None:
+        """Answer for a guard that did not."""
+        late = [seq for seq, pending in self._pending.items() if now_ns >= pending.deadline_ns]
+        for seq in late:
+            self.counters["commands_timed_out"] += 1
+            text = f"the guard did not answer within {ANSWER_WITHIN_NS * 1e-9:g} s; see 'orbitd status'"
+            self._pending.pop(seq).answer(CommandReply(seq=seq, accepted=False, reasons=[text]))
+
+    def _refuse(self, answer: Answer, reason: str) -> None:
+        self.counters["commands_refused_here"] += 1
+        answer(CommandReply(seq=self._seq, accepted=False, reasons=[reason]))
+
+
+def parse(seq: int, verb: str, payload: bytes, origin: str) -> CommandRequest:
+    """The request that ``verb`` with the JSON ``payload`` means.
+
+    Raises
+    ------
+    MalformedCommandError
+        Unknown verb, no JSON, or a value that the verb does not take.
+    """
+    if verb not in VERBS:
+        raise MalformedCommandError(f"verb '{verb}' is unknown; use one of {', '.join(VERBS)}")
+    try:
+        value = msgspec.json.decode(payload) if payload else None
+    except msgspec.DecodeError as error:
+        raise MalformedCommandError(f"{verb}: the payload is no JSON ({error}); send e.g. 60.0") from error
+    if verb == "mode":
+        return CommandRequest(seq=seq, verb=verb, mode=_mode(value), origin=origin)
+    if verb in UNITS:
+        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+            raise MalformedCommandError(f"{verb}: needs one finite number ({UNITS[verb]}), got {value!r}")
+        return CommandRequest(seq=seq, verb=verb, value=float(value), origin=origin)
+    if value is not None:
+        raise MalformedCommandError(f"{verb}: takes no value, got {value!r}; send an empty payload")
+    return CommandRequest(seq=seq, verb=verb, origin=origin)
+
+
+def _mode(value: object) -> int:
+    names = [mode.name.lower() for mode in Mode]
+    if value not in names:
+        raise MalformedCommandError(f"mode: {value!r} is none of {', '.join(names)}")
+    return Mode[str(value).upper()]

@@ -1,0 +1,165 @@
+"""The gate's one step: take what the rooms say, record it, publish it, answer whoever asks."""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Final
+
+import zenoh
+
+from firmware_py import __version__
+from firmware_py.config import Config
+from firmware_py.gate import keys
+from firmware_py.gate.commands import CommandDesk
+from firmware_py.gate.recorder import Recorder
+from firmware_py.gate.telemetry import Telemetry
+from firmware_py.gate.view import DeviceState, View
+from firmware_py.recording import TOPICS, Recordable, WallClock
+from firmware_py.records import Block, CommandReply, CycleRecord, Event, EventAck, RoomRecord
+from firmware_py.wire.rooms import RoomClient, RoomServer
+
+SLOW_PERIOD_NS: Final = 1_000_000_000
+
+
+@dataclass(frozen=True)
+class Doors:
+    """The gate's links to the world, opened by the loop."""
+
+    guard: RoomClient
+    brain: RoomServer
+    telemetry: Telemetry
+    recorder: Recorder | None
+
+
+class Gate:
+    """All that the gate does, one :meth:`step` at a time.
+
+    Parameters
+    ----------
+    config
+        The running configuration.
+    doors
+        Open links.
+    models
+        Answer to a query on ``models``.
+    unix_ns
+        The calendar's time, for the once-a-second pairing.
+    """
+
+    def __init__(self, config: Config, doors: Doors, models: Any, unix_ns: Callable[[], int]) -> None:
+        self.view = View(config)
+        self.desk = CommandDesk(doors.guard.send)
+        self.counters: Counter[str] = Counter()
+        self._config = config
+        self._doors = doors
+        self._models = models
+        self._unix_ns = unix_ns
+        self._unacknowledged: deque[tuple[int, int]] = deque()
+        self._connections = 0
+        self._next_slow_ns = 0
+
+    def step(self, now_ns: int) -> None:
+        """One pass over everything that waits; nothing in it blocks."""
+        from_guard = self._doors.guard.poll(now_ns)
+        self._forget_after_reconnect()
+        for record in from_guard:
+            self._take(record, now_ns)
+        for _, record in self._doors.brain.poll(now_ns):
+            self._take(record, now_ns)
+        self._hear_commands(now_ns)
+        self._answer_questions(now_ns)
+        self._acknowledge()
+        self._doors.telemetry.set_alive({**self.view.rooms(now_ns), "gate": True})
+        if now_ns >= self._next_slow_ns:
+            self._next_slow_ns = now_ns + SLOW_PERIOD_NS
+            self._slow_step(now_ns)
+
+    def state(self, now_ns: int) -> DeviceState:
+        """The whole device at one instant."""
+        device, view, recorder = self._config.device, self.view, self._doors.recorder
+        return DeviceState(
+            site=device.site, rig=device.rig, instance=device.instance, version=__version__,
+            now_ns=now_ns, unix_ns=self._unix_ns(), rooms={**view.rooms(now_ns), "gate": True},
+            guard=view.guard, reading=view.reading, diagnosis=view.diagnosis, forecast=view.forecast,
+            advice=view.advice, alarms=view.alarms(now_ns, self._trouble),
+            recording=str(recorder.path or "") if recorder else "", counters=self.all_counters())
+
+    def all_counters(self) -> dict[str, int]:
+        """Every count of the gate, by name."""
+        doors = self._doors
+        total = Counter(self.counters)
+        for part in (self.view, self.desk, doors.telemetry, doors.guard, doors.brain, doors.recorder):
+            if part is not None:
+                total.update(part.counters)
+        return dict(total)
+
+    @property
+    def _trouble(self) -> str:
+        return self._doors.recorder.trouble if self._doors.recorder else ""
+
+    def _take(self, record: RoomRecord, now_ns: int) -> None:
+        features = self.view.features
+        self.view.step(record, now_ns)
+        ticket = self._record(record, now_ns)
+        self._doors.telemetry.publish(record)
+        if isinstance(record, Event):
+            self._unacknowledged.append((ticket, record.seq))
+        elif isinstance(record, CommandReply):
+            self.desk.reply(record)
+        elif self.view.features is not features and self.view.features:
+            self._doors.telemetry.publish_features(self.view.features)
+
+    def _record(self, record: Recordable, now_ns: int) -> int:
+        """Give ``record`` to the recorder; its ticket, 0 when it is not kept."""
+        left_out = Block if self._config.recorder.raw_frames else CycleRecord
+        if self._doors.recorder is None or isinstance(record, left_out) or type(record) not in TOPICS:
+            return 0
+        return self._doors.recorder.write(record, now_ns)
+
+    def _forget_after_reconnect(self) -> None:
+        """Another guard, or the same one that will send again: old event numbers mean nothing to it."""
+        if self._doors.guard.counters["connected"] != self._connections:
+            self._connections = self._doors.guard.counters["connected"]
+            self._unacknowledged.clear()
+
+    def _acknowledge(self) -> None:
+        """Tell the guard which events are on disk; without a recorder, which ones were heard."""
+        stored = self._doors.recorder.stored if self._doors.recorder else 0
+        last = None
+        while self._unacknowledged and self._unacknowledged[0][0] <= stored:
+            last = self._unacknowledged.popleft()[1]
+        if last is not None:
+            self._doors.guard.send(EventAck(seq=last))
+
+    def _hear_commands(self, now_ns: int) -> None:
+        for verb, query in self._doors.telemetry.commands():
+            payload = query.payload.to_bytes() if query.payload else b""
+            answer = partial(self._doors.telemetry.answer, keys.command(verb), query)
+            request = self.desk.ask(verb, payload, "zenoh", answer, now_ns)
+            if request is not None:
+                self._record(request, now_ns)
+        self.desk.step(now_ns)
+
+    def _answer_questions(self, now_ns: int) -> None:
+        for name, query in self._doors.telemetry.questions():
+            self._doors.telemetry.answer(name, query, self._answer_to(name, query, now_ns))
+
+    def _answer_to(self, name: str, query: zenoh.Query, now_ns: int) -> Any:
+        if name == keys.STATE:
+            return self.state(now_ns)
+        if name == keys.CONFIG:
+            return self._config
+        if name == keys.MODELS:
+            return self._models
+        if name == keys.ALARMS:
+            return self.view.alarms(now_ns, self._trouble)
+        since = str(query.parameters.get("since") or "-1")
+        return self.view.events(int(since) if since.lstrip("-").isdecimal() else -1)
+
+    def _slow_step(self, now_ns: int) -> None:
+        """Once a second: the alarm list and the pairing with the calendar."""
+        self._doors.telemetry.publish_alarms(self.view.alarms(now_ns, self._trouble))
+        self._record(WallClock(t_ns=now_ns, unix_ns=self._unix_ns()), now_ns)

@@ -1,0 +1,79 @@
+"""The key expressions of the device: ``orbitd/<site>/<rig>/<block>/<signal>``, blocks after ISO 13374.
+
+================== ============================== ==================== ====================================
+key                payload                        when                 encoding
+================== ============================== ==================== ====================================
+da/block           ``Block`` (raw samples)        each block           application/msgpack
+da/reading         ``RigReading``                 20 Hz                application/json
+dm/features        ``Features``                   10 Hz                application/json
+sd/state           ``GuardState``                 10 Hz                application/json
+sd/alarms          list of ``Alarm``, all active  1 Hz, and on query   application/json
+ha/diagnosis       ``Diagnosis``                  each decision        application/json
+pa/forecast        ``Forecast``                   each forecast        application/json
+ag/advice          ``Advice``                     10 Hz                application/json
+event/<severity>   ``Event``                      once                 application/json
+event              list of ``Event``              query, ``?since=N``  application/json
+state              ``DeviceState``                query                application/json
+config             effective configuration        query                application/json
+models             manifest and file metadata     query                application/json
+cmd/<verb>         ``CommandReply``               query, payload: the  application/json
+                                                  value as JSON
+live/<room>        liveliness token               while the room lives
+================== ============================== ==================== ====================================
+
+The payload structures are those of :mod:`firmware_py.records` and of :mod:`firmware_py.gate.view`; units
+stand in the names.  Verbs: ``mode`` ("monitor", "manual", "auto"), ``arm``, ``disarm``, ``reset``,
+``set_clearance`` (radial, um), ``set_pressure`` (bar).
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from firmware_py.records import (
+    Advice,
+    Block,
+    Diagnosis,
+    Forecast,
+    GuardState,
+    Record,
+    RigReading,
+    Severity,
+)
+
+PUBLISHED: Final[dict[type[Record], str]] = {
+    Block: "da/block",
+    RigReading: "da/reading",
+    GuardState: "sd/state",
+    Diagnosis: "ha/diagnosis",
+    Forecast: "pa/forecast",
+    Advice: "ag/advice",
+}
+"""Records that go out as they come in."""
+
+FEATURES: Final = "dm/features"
+ALARMS: Final = "sd/alarms"
+EVENTS: Final = "event"
+STATE: Final = "state"
+CONFIG: Final = "config"
+MODELS: Final = "models"
+
+
+def prefix(site: str, rig: str) -> str:
+    """What every key of one device starts with."""
+    return f"orbitd/{site}/{rig}"
+
+
+def event(severity: int) -> str:
+    """Key of one event."""
+    return f"{EVENTS}/{Severity(severity).name.lower()}"
+
+
+def command(verb: str) -> str:
+    """Key under which ``verb`` is asked for."""
+    return f"cmd/{verb}"
+
+
+def live(room: str) -> str:
+    """Key of a room's liveliness token."""
+    return f"live/{room}"

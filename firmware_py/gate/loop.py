@@ -1,0 +1,138 @@
+"""``orbitd gate``: the gate's process. Opens the doors, steps a hundred times a second, closes them."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import signal
+import threading
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import msgspec
+
+from firmware_py import __version__, launch, notify
+from firmware_py.clock import Clock, MonotonicClock
+from firmware_py.config import Config
+from firmware_py.gate import keys, session
+from firmware_py.gate.core import Doors, Gate
+from firmware_py.gate.page import Page
+from firmware_py.gate.recorder import Recorder
+from firmware_py.gate.telemetry import Telemetry
+from firmware_py.launch import Launch
+from firmware_py.wire.rooms import RoomClient, RoomServer
+
+PERIOD_NS: Final = 10_000_000
+WATCHDOG_EVERY: Final = 50
+"""Steps between two signs of life to the service manager."""
+
+SHIPPED_MODELS: Final = Path(__file__).resolve().parents[2] / "models" / "artifacts"
+
+
+def main(argv: list[str]) -> int:
+    """Run the gate until SIGTERM or SIGINT."""
+    parser = argparse.ArgumentParser(prog="orbitd gate", description=__doc__)
+    launch.add_options(parser)
+    parser.add_argument("--record", type=Path, metavar="DIR", help="folder of the recordings (default: "
+                        "recorder.directory, else the service's state folder, else ~/.local/state/orbitd)")
+    options = parser.parse_args(argv)
+    started = launch.from_options(options)
+    stop = threading.Event()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: stop.set())
+    directory = options.record or recordings_dir(started.config, os.environ)
+    run(started, directory, notify.from_environment(), stop.is_set, MonotonicClock())
+    return 0
+
+
+def run(started: Launch, recordings: Path, notifier: notify.Notifier, stopped: Callable[[], bool],
+        clock: Clock) -> None:
+    """Serve until ``stopped``.
+
+    Raises
+    ------
+    SessionError, RoomError
+        Another gate serves this instance, or an endpoint cannot be bound.
+    """
+    config = started.config
+    models = read_models(config)
+    doors = _open_doors(started, recordings, models)
+    gate = Gate(config, doors, models, time.time_ns)
+    page = Page(config.metrics.port) if config.metrics.port else None
+    notifier.ready()
+    try:
+        _loop(gate, page, notifier, stopped, clock)
+    finally:
+        notifier.stopping()
+        if page:
+            page.close()
+        _close(doors)
+
+
+def _loop(gate: Gate, page: Page | None, notifier: notify.Notifier, stopped: Callable[[], bool],
+          clock: Clock) -> None:
+    due_ns, steps = clock.now_ns(), 0
+    while not stopped():
+        gate.step(clock.now_ns())
+        steps += 1
+        if steps % WATCHDOG_EVERY == 0:
+            notifier.watchdog()
+        if page:
+            page.step(gate, clock.now_ns())
+        due_ns = max(due_ns + PERIOD_NS, clock.now_ns())
+        clock.sleep_until(due_ns)
+
+
+def _open_doors(started: Launch, recordings: Path, models: Any) -> Doors:
+    config, folder = started.config, started.runtime
+    prefix = keys.prefix(config.device.site, config.device.rig)
+    brain = RoomServer(folder / "gate.sock", {"brain": None})
+    telemetry = Telemetry(session.open_device(config.zenoh, folder, prefix), prefix)
+    recorder = None
+    if config.recorder.enabled:
+        name = f"{config.device.site}-{config.device.rig}-{config.device.instance}"
+        recorder = Recorder(recordings, name, metadata(config, models), config.recorder.max_megabytes * 10**6,
+                            time.time_ns)
+    return Doors(RoomClient(folder / "guard.sock", "gate"), brain, telemetry, recorder)
+
+
+def _close(doors: Doors) -> None:
+    doors.telemetry.close()
+    doors.guard.close()
+    doors.brain.close()
+    if doors.recorder:
+        doors.recorder.close()
+
+
+def metadata(config: Config, models: Any) -> dict[str, str]:
+    """Head of each recording: what a replay needs to know of the device that made it."""
+    return {
+        "config": msgspec.json.encode(config).decode(),
+        "models": json.dumps(models, sort_keys=True),
+        "orbitd": __version__,
+        "python": platform.python_version(),
+        "machine": platform.machine(),
+    }
+
+
+def read_models(config: Config) -> Any:
+    """The manifest of the model folder, as it stands; empty when there is none."""
+    folder = Path(config.models.directory) if config.models.directory else SHIPPED_MODELS
+    try:
+        return json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+
+
+def recordings_dir(config: Config, environment: Mapping[str, str]) -> Path:
+    """Where recordings go when the command line does not say."""
+    if config.recorder.directory:
+        return Path(config.recorder.directory)
+    if state := environment.get("STATE_DIRECTORY", "").partition(":")[0]:
+        return Path(state)
+    home = environment.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
+    return Path(home) / "orbitd" / config.device.instance

@@ -1,0 +1,205 @@
+"""The flight recorder: everything the rooms say, in MCAP files, written by a thread of its own.
+
+:meth:`Recorder.write` only appends to a bounded queue: a full or vanished disk costs records, counted and
+visible in :attr:`Recorder.trouble`, never time.  Chunks are small, so that whatever is recorded is on its
+way to the disk within about a second; a file whose end is missing stays readable up to its last chunk.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import threading
+from collections import Counter, deque
+from collections.abc import Callable, Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import IO, Final, NamedTuple
+
+import msgspec
+from mcap.writer import CompressionType, IndexType, Writer
+
+from firmware_py.recording import FORMAT, METADATA_NAME, TOPICS, Recordable, serialise
+from firmware_py.records import Record
+
+QUEUE_RECORDS: Final = 20_000
+"""Some 30 s of records at 10 kHz sampling; beyond it records are lost and counted."""
+
+CHUNK_BYTES: Final = 16_384
+FILES_KEPT: Final = 8
+"""The allowance is spread over about this many files; the oldest goes first."""
+
+DRAIN_PERIOD_S: Final = 0.05
+RETRY_AFTER_S: Final = 2.0
+
+
+class _Ticketed(NamedTuple):
+    ticket: int
+    now_ns: int
+    record: Recordable
+
+
+class Recorder:
+    """Writes records to ``directory`` in files ``orbitd-<name>-<UTC>.mcap``.
+
+    Parameters
+    ----------
+    directory
+        Made when absent.
+    name
+        Part of the file names; only files with this name are ever removed.
+    metadata
+        Text pairs for the head of each file (configuration, versions, models).
+    max_bytes
+        Allowance for all files of this name together.
+    unix_ns
+        The calendar's time, for file names.
+
+    Notes
+    -----
+    ``counters``: ``recorder_lost`` (records), ``recorder_failures`` (attempts that failed).  ``trouble`` is
+    empty, or the reason why nothing is being stored now.  What an error of the disk left unstored goes into
+    the next file.
+    """
+
+    def __init__(self, directory: Path, name: str, metadata: Mapping[str, str], max_bytes: int,
+                 unix_ns: Callable[[], int]) -> None:
+        self.counters: Counter[str] = Counter()
+        self.trouble = ""
+        self.stored = 0
+        self._directory = directory
+        self._name = name
+        self._metadata = {**metadata, "format": FORMAT}
+        self._max_bytes = max_bytes
+        self._unix_ns = unix_ns
+        self._ticket = 0
+        self._queue: deque[_Ticketed] = deque()
+        self._file: _McapFile | None = None
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
+        self._thread.start()
+
+    @property
+    def path(self) -> Path | None:
+        """The file being written, if any."""
+        file = self._file
+        return file.path if file else None
+
+    def write(self, record: Recordable, now_ns: int) -> int:
+        """Take ``record``; never waits.
+
+        Returns
+        -------
+        Its ticket: the record is in the file once ``stored`` has reached it.  0 when it is lost.
+        """
+        if len(self._queue) >= QUEUE_RECORDS:
+            self.counters["recorder_lost"] += 1
+            return 0
+        self._ticket += 1
+        self._queue.append(_Ticketed(self._ticket, now_ns, record))
+        return self._ticket
+
+    def close(self) -> None:
+        """Write what is queued and finish the file."""
+        self._stop.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        while not self._stop.wait(DRAIN_PERIOD_S if not self.trouble else RETRY_AFTER_S):
+            self._attempt(self._drain)
+        self._attempt(self._drain)
+        self._attempt(self._finish)
+
+    def _attempt(self, work: Callable[[], None]) -> None:
+        """Do ``work``; an error of the disk ends the present file and becomes visible."""
+        try:
+            work()
+            self.trouble = ""
+        except OSError as error:
+            self.trouble = f"{error.strerror or error} in {self._directory}; free or change the disk"
+            self.counters["recorder_failures"] += 1
+            if self._file:
+                self._queue.extendleft(reversed(self._file.abandon()))
+            self._file = None
+
+    def _drain(self) -> None:
+        while self._queue:
+            file = self._file or self._open()
+            file.add(self._queue.popleft())
+            if file.size >= self._max_bytes // FILES_KEPT:
+                self._finish()
+        if self._file:
+            self.stored = self._file.flush() or self.stored
+
+    def _finish(self) -> None:
+        if self._file:
+            self.stored = self._file.finish() or self.stored
+            self._file = None
+
+    def _open(self) -> _McapFile:
+        self._directory.mkdir(parents=True, exist_ok=True)
+        self._make_room()
+        stamp = datetime.fromtimestamp(self._unix_ns() * 1e-9, UTC).strftime("%Y%m%dT%H%M%S.%fZ")
+        self._file = _McapFile(self._directory / f"orbitd-{self._name}-{stamp}.mcap", self._metadata)
+        return self._file
+
+    def _make_room(self) -> None:
+        """Remove the oldest files of this name until a new one fits into the allowance."""
+        files = sorted(self._directory.glob(f"orbitd-{self._name}-*.mcap"))
+        sizes = [file.stat().st_size for file in files]
+        while files and sum(sizes) > self._max_bytes - self._max_bytes // FILES_KEPT:
+            files.pop(0).unlink()
+            sizes.pop(0)
+
+
+class _McapFile:
+    """One MCAP file while it is being written."""
+
+    def __init__(self, path: Path, metadata: Mapping[str, str]) -> None:
+        self.path = path
+        self.size = 0
+        self._stream: IO[bytes] = path.open("xb")
+        self._unstored: deque[_Ticketed] = deque()
+        self._complete = 0
+        self._writer = Writer(self._stream, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD,
+                              index_types=IndexType.CHUNK | IndexType.METADATA, enable_data_crcs=True)
+        self._writer.start(profile="orbitd", library="orbitd")
+        self._writer.add_metadata(METADATA_NAME, dict(metadata))
+        self._channels = {record_type: self._register(record_type) for record_type in TOPICS}
+
+    def _register(self, record_type: type[Record]) -> int:
+        topic = TOPICS[record_type]
+        schema = self._writer.register_schema(
+            record_type.__name__, "jsonschema", msgspec.json.encode(msgspec.json.schema(record_type)))
+        channel: int = self._writer.register_channel(topic.name, topic.encoding, schema)
+        return channel
+
+    def add(self, item: _Ticketed) -> None:
+        """Append a record; when that completes a chunk, all records so far are in the stream."""
+        self._unstored.append(item)
+        self._writer.add_message(self._channels[type(item.record)], item.now_ns, serialise(item.record),
+                                 item.now_ns)
+        position = self._stream.tell()
+        if position != self.size:
+            self.size, self._complete = position, item.ticket
+
+    def flush(self) -> int:
+        """Hand completed chunks to the operating system; the last ticket in them."""
+        self._stream.flush()
+        while self._unstored and self._unstored[0].ticket <= self._complete:
+            self._unstored.popleft()
+        return self._complete
+
+    def finish(self) -> int:
+        """Write the last chunk and the summary, down to the disk; the last ticket."""
+        self._writer.finish()
+        self._stream.flush()
+        os.fsync(self._stream.fileno())
+        self._stream.close()
+        return self._unstored[-1].ticket if self._unstored else self._complete
+
+    def abandon(self) -> list[_Ticketed]:
+        """Close after an error of the disk; the records that may not have reached it."""
+        with contextlib.suppress(OSError):
+            self._stream.close()
+        return list(self._unstored)

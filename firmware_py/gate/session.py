@@ -1,0 +1,126 @@
+"""The Zenoh session: a Unix socket in the runtime directory always, anything else only as configured.
+
+No scouting, no gossip: the device opens no connection that the configuration does not name.  Over
+configured network endpoints everything is denied but reading; commands come over the Unix socket, or over
+mTLS with a client certificate whose common name is :data:`OPERATOR`.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any, Final
+
+import zenoh
+
+from firmware_py.config import Zenoh
+from firmware_py.errors import OrbitdError
+
+SOCKET: Final = "zenoh.sock"
+OPERATOR: Final = "orbitd-operator"
+"""Common name of the client certificates that may command over the network."""
+
+UNIX: Final = "unixsock-stream"
+NETWORK_LINKS: Final = ("tcp", "udp", "tls", "quic", "ws")
+_READING_IN: Final = ("query", "declare_subscriber", "liveliness_query", "declare_liveliness_subscriber")
+_READING_OUT: Final = ("put", "reply", "declare_queryable", "liveliness_token")
+_READABLE: Final = ("da", "dm", "sd", "ha", "pa", "ag", "event", "state", "config", "models", "live")
+
+
+class SessionError(OrbitdError):
+    """The Zenoh session cannot be opened; the text says why and what to do."""
+
+    exit_code = 3
+
+
+def endpoint(runtime: Path) -> str:
+    """The local endpoint of the device whose runtime directory is ``runtime``."""
+    return f"{UNIX}/{runtime / SOCKET}"
+
+
+def open_device(settings: Zenoh, runtime: Path, prefix: str) -> zenoh.Session:
+    """The device's session, listening on :func:`endpoint` and on what ``settings`` adds.
+
+    Raises
+    ------
+    SessionError
+        An endpoint cannot be bound, or a certificate cannot be used.
+    """
+    values: dict[str, Any] = {
+        "mode": "peer",
+        "listen/endpoints": [endpoint(runtime), *settings.listen],
+        "connect/endpoints": settings.connect,
+        "connect/timeout_ms": 0,
+        "connect/exit_on_failure": False,
+    }
+    if settings.tls_certificate:
+        values["transport/link/tls"] = {
+            "root_ca_certificate": settings.tls_root_ca,
+            "listen_certificate": settings.tls_certificate,
+            "listen_private_key": settings.tls_private_key,
+            "connect_certificate": settings.tls_certificate,
+            "connect_private_key": settings.tls_private_key,
+            "enable_mtls": True,
+        }
+    if settings.listen or settings.connect:
+        values["access_control"] = access_rules(prefix)
+    (runtime / SOCKET).unlink(missing_ok=True)
+    return _open(values)
+
+
+def open_client(runtime: Path) -> zenoh.Session:
+    """A session that knows only the device at ``runtime``.
+
+    Raises
+    ------
+    SessionError
+        No gate serves this runtime directory.
+    """
+    if not (runtime / SOCKET).exists():
+        raise SessionError(f"no gate at {runtime / SOCKET}; start it with 'orbitd gate' or 'orbitd run'")
+    return _open({"mode": "client", "connect/endpoints": [endpoint(runtime)], "connect/timeout_ms": 1000})
+
+
+def _open(values: dict[str, Any]) -> zenoh.Session:
+    config = zenoh.Config()
+    values = {**values, "scouting/multicast/enabled": False, "scouting/gossip/enabled": False}
+    try:
+        for key, value in values.items():
+            config.insert_json5(key, json.dumps(value))
+        return zenoh.open(config)
+    except zenoh.ZError as error:
+        where = ", ".join(values.get("listen/endpoints", []) + values["connect/endpoints"])
+        raise SessionError(f"zenoh: cannot open {where}: {error}; check [zenoh] in the configuration, and "
+                           "that no other gate serves this instance") from error
+
+
+def access_rules(prefix: str) -> dict[str, Any]:
+    """Zenoh's ``access_control``: the Unix socket may everything, the network may read, nobody else anything."""
+    readable = [f"{prefix}/{part}{rest}" for part in _READABLE for rest in ("", "/**")]
+    return {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": [
+            _rule("all", ("ingress", "egress"),
+                  (*_READING_IN, *_READING_OUT, "delete", "liveliness_token"), ["**"]),
+            _rule("read-in", ("ingress",), _READING_IN, readable),
+            _rule("read-out", ("egress",), _READING_OUT, readable),
+            _rule("command-in", ("ingress",), ("query",), [f"{prefix}/cmd/**"]),
+            _rule("command-out", ("egress",), ("reply", "declare_queryable"), [f"{prefix}/cmd/**"]),
+        ],
+        "subjects": [
+            {"id": "local", "link_protocols": [UNIX]},
+            {"id": "network", "link_protocols": list(NETWORK_LINKS)},
+            {"id": "operator", "link_protocols": ["tls"], "cert_common_names": [OPERATOR]},
+        ],
+        "policies": [
+            {"rules": ["all"], "subjects": ["local"]},
+            {"rules": ["read-in", "read-out"], "subjects": ["network"]},
+            {"rules": ["command-in", "command-out"], "subjects": ["operator"]},
+        ],
+    }
+
+
+def _rule(name: str, flows: tuple[str, ...], messages: tuple[str, ...], keys: list[str]) -> dict[str, Any]:
+    return {"id": name, "permission": "allow", "flows": list(flows), "messages": sorted(set(messages)),
+            "key_exprs": keys}

@@ -1,0 +1,112 @@
+"""What the gate knows now: the latest record of each kind, the alarms, the events of late.
+
+Telemetry, queries, metrics and the page all read this one view; only the gate's loop writes it.
+"""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from typing import Final
+
+import msgspec
+
+from firmware_py.config import Config
+from firmware_py.gate.features import Decimator, Features
+from firmware_py.records import (
+    Advice,
+    Alarm,
+    Block,
+    Diagnosis,
+    Event,
+    Forecast,
+    GuardState,
+    RigReading,
+    RoomRecord,
+    Severity,
+)
+
+EVENTS_KEPT: Final = 1000
+SILENT_AFTER_NS: Final = 1_000_000_000
+"""A room whose heartbeat (guard: ``GuardState``, brain: ``Advice``, both 10 Hz) is older is not alive."""
+
+
+class DeviceState(msgspec.Struct, frozen=True, kw_only=True):
+    """Answer to a query on ``state``: the whole device at one instant."""
+
+    site: str
+    rig: str
+    instance: str
+    version: str
+    now_ns: int
+    unix_ns: int
+    rooms: dict[str, bool]
+    guard: GuardState | None
+    reading: RigReading | None
+    diagnosis: Diagnosis | None
+    forecast: Forecast | None
+    advice: Advice | None
+    alarms: list[Alarm]
+    recording: str
+    counters: dict[str, int]
+
+
+class View:
+    """The latest of everything.
+
+    Parameters
+    ----------
+    config
+        For the decimated features.
+    """
+
+    def __init__(self, config: Config) -> None:
+        self.guard: GuardState | None = None
+        self.reading: RigReading | None = None
+        self.diagnosis: Diagnosis | None = None
+        self.forecast: Forecast | None = None
+        self.advice: Advice | None = None
+        self.features: Features | None = None
+        self.decimator = Decimator(config)
+        self.counters: Counter[str] = Counter()
+        self._events: deque[Event] = deque(maxlen=EVENTS_KEPT)
+        self._heard_ns: dict[str, int] = {}
+        self._since_ns: dict[str, int] = {}
+
+    def step(self, record: RoomRecord, now_ns: int) -> None:
+        """Take in ``record``."""
+        self.counters[f"in_{type(record).__name__}"] += 1
+        match record:
+            case Block():
+                self.features = self.decimator.step(record) or self.features
+            case GuardState():
+                self.guard, self._heard_ns["guard"] = record, now_ns
+            case Advice():
+                self.advice, self._heard_ns["brain"] = record, now_ns
+            case RigReading():
+                self.reading = record
+            case Diagnosis():
+                self.diagnosis = record
+            case Forecast():
+                self.forecast = record
+            case Event():
+                self._events.append(record)
+
+    def rooms(self, now_ns: int) -> dict[str, bool]:
+        """Which rooms are alive by their heartbeat."""
+        heard = self._heard_ns
+        return {room: room in heard and now_ns - heard[room] < SILENT_AFTER_NS for room in ("guard", "brain")}
+
+    def events(self, since: int = -1) -> list[Event]:
+        """Kept events with a sequence number above ``since``, oldest first."""
+        return [event for event in self._events if event.seq > since]
+
+    def alarms(self, now_ns: int, trouble: str = "") -> list[Alarm]:
+        """Every active alarm: the guard's while it lives, silent rooms, and the recorder's ``trouble``."""
+        alive = self.rooms(now_ns)
+        standing = {f"{room}_silent": Severity.FAULT for room, lives in alive.items() if not lives}
+        if trouble:
+            standing["recorder"] = Severity.ALERT
+        self._since_ns = {name: self._since_ns.get(name, now_ns) for name in standing}
+        own = [Alarm(name=name, severity=severity, since_ns=self._since_ns[name], value=0.0, limit=0.0,
+                     latched=False) for name, severity in standing.items()]
+        return own + (self.guard.alarms if self.guard and alive["guard"] else [])

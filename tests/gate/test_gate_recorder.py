@@ -1,0 +1,217 @@
+"""The recorder on real disks, full ones included, and the files that it leaves behind."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from firmware_py.gate.recorder import FILES_KEPT, QUEUE_RECORDS, Recorder
+from firmware_py.recording import Recording, RecordingError, WallClock, decode_exact
+from firmware_py.records import Block, Cycle, CycleRecord, Diagnosis, Event, EventAck, RawFrame, Snapshot
+
+UNIX_NS = 1_800_000_000_000_000_000
+
+
+def cycle(seq: int) -> CycleRecord:
+    frame = RawFrame(arrival_ns=seq * 1_000_000, frame_id=0xC0, data=seq.to_bytes(8, "little") * 8)
+    return CycleRecord(
+        cycle=Cycle(seq=seq, now_ns=seq * 1_000_000, frames=[frame], advice=None, commands=[], brain_connected=True,
+                    gate_connected=True, link_up=True), frames_out=[frame], events=[])
+
+
+def recorder(folder: Path, max_bytes: int = 10**8) -> Recorder:
+    return Recorder(folder, "test", {"config": "{}", "orbitd": "x"}, max_bytes, lambda: UNIX_NS + time.monotonic_ns())
+
+
+def wait_for(condition, seconds: float = 20.0) -> None:
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "never came"
+        time.sleep(0.01)
+
+
+def stored_cycles(path: Path) -> list[CycleRecord]:
+    return [decode_exact(m, CycleRecord) for m in Recording(path).messages() if m.topic == "guard/cycle"]
+
+
+def test_what_is_written_comes_back_bit_by_bit(tmp_path):
+    written = [cycle(seq) for seq in range(500)]
+    snapshot = Snapshot(seq=3, now_ns=3, state=bytes(range(256)))
+    diagnosis = Diagnosis(seq=1, t_acq_ns=1, quality=0, verdict="x", probability=0.1 + 0.2, heads={}, classes={},
+                          doubt=False, unknown=False, evidence={"a": float("nan")}, model="m")
+    made = recorder(tmp_path)
+    for record in [*written, snapshot, diagnosis, WallClock(t_ns=1, unix_ns=2)]:
+        assert made.write(record, 77)
+    made.close()
+    recording = Recording(next(tmp_path.glob("*.mcap")))
+    assert recording.metadata["orbitd"] == "x"
+    messages = list(recording.messages())
+    assert not recording.interrupted
+    assert [decode_exact(m, CycleRecord) for m in messages if m.topic == "guard/cycle"] == written
+    assert [decode_exact(m, Snapshot) for m in messages if m.topic == "guard/snapshot"] == [snapshot]
+    told = msgspec.json.decode(next(m.data for m in messages if m.topic == "ha/diagnosis"))
+    assert told["probability"] == 0.1 + 0.2
+    assert told["evidence"] == {"a": None}
+
+
+def test_a_file_cut_anywhere_gives_all_complete_chunks_and_no_error(tmp_path):
+    made = recorder(tmp_path / "whole")
+    for seq in range(600):
+        made.write(cycle(seq), seq)
+    made.close()
+    data = next((tmp_path / "whole").glob("*.mcap")).read_bytes()
+    counts = []
+    for cut in range(3000, len(data), 211):
+        path = tmp_path / "cut.mcap"
+        path.write_bytes(data[:cut])
+        recording = Recording(path)
+        counts.append(sum(m.topic == "guard/cycle" for m in recording.messages()))
+        assert recording.interrupted
+    assert counts == sorted(counts)
+    assert counts[-1] == 600
+
+
+def test_a_killed_process_leaves_a_readable_file(tmp_path):
+    program = f"""
+import time
+from pathlib import Path
+from tests.gate.test_gate_recorder import cycle, recorder
+made = recorder(Path({str(tmp_path)!r}))
+seq = 0
+while True:
+    ticket = made.write(cycle(seq), seq)
+    seq += 1
+    if made.stored > 1000: print(made.stored, flush=True)
+    time.sleep(0.0002)
+"""
+    child = subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True,
+                             cwd=Path(__file__).resolve().parents[2])
+    assert child.stdout is not None
+    stored = int(child.stdout.readline())
+    child.kill()
+    child.wait()
+    recording = Recording(next(tmp_path.glob("*.mcap")))
+    cycles = sum(m.topic == "guard/cycle" for m in recording.messages())
+    assert recording.interrupted
+    assert cycles >= stored
+
+
+def test_a_full_disk_is_visible_costs_nothing_and_heals(tmp_path):
+    program = f"""
+import resource, time
+from pathlib import Path
+from tests.gate.test_gate_recorder import cycle, recorder, wait_for
+resource.setrlimit(resource.RLIMIT_FSIZE, (30_000, resource.RLIM_INFINITY))
+made = recorder(Path({str(tmp_path)!r}))
+for seq in range(3000):
+    started = time.perf_counter()
+    made.write(cycle(seq), seq)
+wait_for(lambda: made.trouble)
+print(made.trouble, flush=True)
+resource.setrlimit(resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
+wait_for(lambda: made.stored > 2000)
+assert made.trouble == "" and made.counters["recorder_failures"] >= 1
+made.close()
+assert made.stored == 3000, made.stored
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60,
+                          cwd=Path(__file__).resolve().parents[2])
+    assert done.returncode == 0, done.stderr
+    assert "free or change the disk" in done.stdout
+    found = {c.cycle.seq for path in tmp_path.glob("*.mcap") for c in stored_cycles(path)}
+    assert found == set(range(3000))
+
+
+def test_a_directory_that_cannot_be_made_is_visible_and_losses_are_counted(tmp_path):
+    (tmp_path / "file").write_text("in the way")
+    made = recorder(tmp_path / "file" / "folder")
+    for seq in range(QUEUE_RECORDS + 5):
+        made.write(cycle(seq), seq)
+    wait_for(lambda: made.trouble)
+    made.close()
+    assert made.counters["recorder_lost"] == 5
+    assert made.stored == 0
+
+
+def test_files_are_rotated_and_the_oldest_go_first_while_others_stay(tmp_path):
+    stranger = tmp_path / "orbitd-other-1.mcap"
+    stranger.write_bytes(bytes(10**6))
+    made = recorder(tmp_path, max_bytes=800_000)
+    seen: set[Path] = set()
+    for seq in range(60_000):
+        record = cycle(seq)
+        frame = msgspec.structs.replace(record.frames_out[0], data=(seq * 0x9E3779B97F4A7C15 % 2**512).to_bytes(64))
+        while not made.write(msgspec.structs.replace(record, frames_out=[frame]), seq):
+            time.sleep(0.01)
+        seen |= {made.path} - {None}
+    made.close()
+    ours = sorted(tmp_path.glob("orbitd-test-*.mcap"))
+    assert len(seen) > len(ours)
+    assert sum(path.stat().st_size for path in ours) <= 800_000 * (1 + 1 / FILES_KEPT)
+    assert stranger.exists()
+    last = [c.cycle.seq for c in stored_cycles(ours[-1])] or [c.cycle.seq for c in stored_cycles(ours[-2])]
+    assert last[-1] == 59_999
+
+
+@pytest.mark.parametrize(("content", "cause"), [(b"", "metadata"), (b"no mcap at all", "damaged")])
+def test_what_is_no_recording_is_named(tmp_path, content, cause):
+    path = tmp_path / "x.mcap"
+    path.write_bytes(content)
+    with pytest.raises(RecordingError, match=cause):
+        Recording(path)
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(RecordingError, match="cannot be read"):
+        Recording(tmp_path / "none.mcap")
+
+
+def test_a_flipped_bit_is_named_or_harmless_never_believed(tmp_path):
+    made = recorder(tmp_path)
+    for seq in range(600):
+        made.write(cycle(seq), seq)
+    made.close()
+    path = next(tmp_path.glob("*.mcap"))
+    good, data = stored_cycles(path), path.read_bytes()
+    named = 0
+    for place in range(8, len(data), len(data) // 150):
+        path.write_bytes(data[:place] + bytes([data[place] ^ 0x40]) + data[place + 1:])
+        try:
+            found = stored_cycles(path)
+        except RecordingError:
+            named += 1
+        else:
+            assert found == good
+    assert named > 50
+
+
+def test_events_are_acknowledged_once_they_are_stored(recording_stage, make_state):
+    stage = recording_stage
+    stage.guard.send("gate", Event(seq=9, t_ns=1, severity=0, name="x", text="x"))
+    stage.until(lambda: stage.gate.view.events() != [])
+    assert not [r for r in stage.heard if isinstance(r, EventAck)]
+
+    def flooded():
+        for _ in range(20):
+            stage.guard.send("gate", make_state())
+        return any(isinstance(r, EventAck) for r in stage.heard)
+
+    stage.until(flooded, "an acknowledgement")
+    assert [r.seq for r in stage.heard if isinstance(r, EventAck)] == [9]
+
+
+def test_blocks_are_not_stored_twice(recording_stage, make_block):
+    stage = recording_stage
+    stage.guard.send("gate", make_block(1, bytes(16), 0))
+    stage.guard.send("gate", cycle(1))
+    stage.until(lambda: stage.gate.view.counters["in_CycleRecord"] == 1)
+    stage.recorder.close()
+    topics = [m.topic for m in Recording(next((stage.folder / "recordings").glob("*.mcap"))).messages()]
+    assert "guard/cycle" in topics
+    assert "da/block" not in topics
+    assert Block.__name__ == "Block"
