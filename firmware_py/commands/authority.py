@@ -27,7 +27,8 @@ def arm(argv: list[str]) -> int:
 
 def disarm(argv: list[str]) -> int:
     """``orbitd disarm``."""
-    return _ask(_parser("disarm", "stop moving the actuator; the node goes to its safe value").parse_args(argv), "disarm")
+    parser = _parser("disarm", "stop moving the actuator; the node goes to its safe value")
+    return _ask(parser.parse_args(argv), "disarm")
 
 
 def reset(argv: list[str]) -> int:
