@@ -24,6 +24,9 @@ from sim_hil.simulate import run
 
 GRID_STEP_UM: Final = 5.0
 ORBIT_WINDOW_TURNS: Final = 20
+TURNS_PER_SWING: Final = 4
+"""Turns over which one swing is taken: two periods of half-order whirl."""
+
 SETTLE_S: Final = 1.0
 """Left out at the start: the rig runs up."""
 
@@ -131,16 +134,17 @@ def _column(truth: Floats, name: str) -> Floats:
 def _largest_orbit_m(truth: Floats) -> float:
     """Largest peak-to-peak of either axis over windows of :data:`ORBIT_WINDOW_TURNS` turns.
 
-    The static position may drift inside a window with load and speed; only the swing about each turn's own
-    mean counts.
+    The static position drifts with load and speed, so a window counts as the mean swing of its groups of
+    :data:`TURNS_PER_SWING` turns.
     """
     turns = np.floor(_column(truth, "angle_rad") / (2 * np.pi)).astype(np.int64)
-    starts = np.flatnonzero(np.diff(turns, prepend=turns[0] - 1))
+    starts = np.flatnonzero(np.diff(turns, prepend=turns[0] - 1))[::TURNS_PER_SWING]
     largest = 0.0
     for name in ("eccentricity_x_m", "eccentricity_y_m"):
         values = _column(truth, name)
         swing = np.maximum.reduceat(values, starts) - np.minimum.reduceat(values, starts)
-        kernel = np.ones(ORBIT_WINDOW_TURNS) / ORBIT_WINDOW_TURNS
-        if len(swing) > 2 * ORBIT_WINDOW_TURNS:
+        groups = ORBIT_WINDOW_TURNS // TURNS_PER_SWING
+        kernel = np.ones(groups) / groups
+        if len(swing) > groups + 2:
             largest = max(largest, float(np.convolve(swing[1:-1], kernel, "valid").max()))
     return largest
