@@ -23,22 +23,6 @@ from firmware_py.wire.room_socket import MAX_WAITING, Peer, RoomError, listen, o
 HELLO_WITHIN_NS: Final = 1_000_000_000
 RECONNECT_AFTER_NS: Final = 200_000_000
 INSTANCE_MODE: Final = 0o770
-SERVICE_BASE: Final = Path("/run/orbitd")
-
-
-def runtime_base(environment: Mapping[str, str], instance: str, uid: int) -> Path:
-    """Directory under which the instances' runtime directories lie.
-
-    In this order: ``RUNTIME_DIRECTORY`` (systemd's, for the services themselves), ``/run/orbitd`` when
-    the service runs this instance there, ``XDG_RUNTIME_DIR/orbitd``, ``/tmp/orbitd-<uid>``.
-    """
-    if given := environment.get("RUNTIME_DIRECTORY", "").partition(":")[0]:
-        return Path(given)
-    if (SERVICE_BASE / instance).is_dir():
-        return SERVICE_BASE
-    if session := environment.get("XDG_RUNTIME_DIR", ""):
-        return Path(session) / "orbitd"
-    return Path(f"/tmp/orbitd-{uid}")
 
 
 def runtime_dir(instance: str, base: Path) -> Path:

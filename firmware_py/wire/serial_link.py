@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import os
 import select
@@ -109,6 +110,9 @@ class SerialLink:
         except (OSError, ValueError, termios.error) as error:
             self.fault = f"serial port {self._path}: {_advice(error)}"
             return
+        # USB adapters hold input back for 16 ms unless told; a port without the setting says ValueError.
+        with contextlib.suppress(ValueError):
+            port.set_low_latency_mode(True)
         self._port = port
         self._unsent = b""
         self._poll.register(port.fd, select.POLLIN)

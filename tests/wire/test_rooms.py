@@ -23,7 +23,6 @@ from firmware_py.wire.rooms import (
     RECONNECT_AFTER_NS,
     RoomClient,
     RoomServer,
-    runtime_base,
     runtime_dir,
 )
 
@@ -302,13 +301,6 @@ def test_too_long_path_is_named(tmp_path: Path) -> None:
     deep.mkdir()
     with pytest.raises(RoomError, match="107 bytes"):
         RoomServer(deep / "guard.sock", {})
-
-
-def test_runtime_directory_is_chosen_from_the_environment() -> None:
-    session = {"XDG_RUNTIME_DIR": "/x"}
-    assert runtime_base({"RUNTIME_DIRECTORY": "/run/a:/run/b", **session}, "i", 5) == Path("/run/a")
-    assert runtime_base(session, "i", 5) == Path("/x/orbitd")
-    assert runtime_base({}, "i", 5) == Path("/tmp/orbitd-5")
 
 
 def test_socket_path_that_is_a_directory_is_named(tmp_path: Path) -> None:
