@@ -94,7 +94,7 @@ class Build:
             bolt_gap_m=log_uniform(gaps[0], gaps[1], 8),
             gain=gain,
             zero=zero,
-            runout_m=rng.uniform(*spread["runout_m"], size=(2, 1)) * np.array([0.6, 0.3, 0.1]),
+            runout_m=rng.uniform(spread["runout_m"][0], spread["runout_m"][1], (2, 1)) * np.array([0.6, 0.3, 0.1]),
             runout_phase_rad=rng.uniform(0, 2 * math.pi, (2, 3)),
             housing_rad_s=2 * math.pi * np.array(_HOUSING_HZ)
             * (1 + rng.uniform(-1, 1, 3) * spread["housing_mode_frequency"]),

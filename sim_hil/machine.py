@@ -10,6 +10,7 @@ import numpy as np
 from sim_hil.build import Build
 from sim_hil.faults import FaultSet, apply_machine_faults, check_fault, sensor_fault
 from sim_hil.film.table import FilmTable
+from sim_hil.film.table_kernel import table_force
 from sim_hil.rigs import RigData
 from sim_hil.rotor.assembly import assemble
 from sim_hil.rotor.parameters import N_SENSORS, N_TRUTH, Floats, new_state
@@ -137,10 +138,18 @@ class Machine:
             self._plant, self._state, self._table, self._taps, drive, np.array([clearance_m, pressure_Pa]),
             ambient, self.period_s, self._substeps, signals, truth, marks,
         )  # fmt: skip
-        time_s: Floats = (self._instants + np.arange(n)) * self.period_s
+        time_s = (self._instants + np.arange(n, dtype=np.float64)) * self.period_s
         counts = self._chain.counts(signals, normal[:, :N_SENSORS], self._uniform(n), time_s, self._faults)
         self._instants += n
         return Batch(counts, truth, marks)
+
+    def static_load(self, ex_m: float, ey_m: float, speed_rad_s: float, clearance_m: float, oil_C: float) -> float:
+        """Film force, N, of a journal resting at ``(ex, ey)`` of the nominal bearing: a load estimate."""
+        b, mu = self.rig.bearing, self.rig.oil.viscosity_at(oil_C)
+        fx, fy, _, _ = table_force(
+            self._table, ex_m, ey_m, 0.0, 0.0, speed_rad_s, clearance_m, mu, b.radius_m, b.length_m, 0.0
+        )
+        return math.hypot(fx, fy)
 
     def _uniform(self, n: int) -> Floats:
         """Random numbers for sensor faults, drawn only while there is one."""

@@ -42,7 +42,7 @@ def run(
     batches = []
     for first in range(0, total, step):
         n = min(step, total - first)
-        time_s = start_s + (first + np.arange(n + 1)) * period
+        time_s = start_s + (first + np.arange(n + 1, dtype=np.float64)) * period
         now = float(time_s[0])
         batches.append(machine.advance(duty.at(time_s), _value(clearance, now), _value(supply, now)))
     return Batch(*(np.concatenate([getattr(b, name) for b in batches]) for name in ("counts", "truth", "marks")))
@@ -97,7 +97,7 @@ def record(
 def recording_of(machine: Machine, batch: Batch, rng: np.random.Generator) -> Recording:
     """Put samples, marks and status of a run on one time axis."""
     period = machine.period_s
-    start = np.arange(len(batch.counts)) * period
+    start = np.arange(len(batch.counts), dtype=np.float64) * period
     marked = batch.marks >= 0
     every = max(1, round(STATUS_S / period))
     slow = batch.truth[every - 1 :: every]
@@ -155,7 +155,7 @@ def simulate(
     for name, severity in (faults or {}).items():
         machine.inject(name, severity)
     batch = run(machine, duty, duty.seconds if seconds is None else seconds, clearance=clearance, pressure=pressure)
-    return Simulation(np.arange(1, len(batch.truth) + 1) * machine.period_s, batch.truth)
+    return Simulation(np.arange(1, len(batch.truth) + 1, dtype=np.float64) * machine.period_s, batch.truth)
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from sim_hil.rigs import RigData
 from sim_hil.rotor.parameters import Foot, Four, Plant, four
 
 LEAST_CONTACT_SHARE = 0.1
-PRELOAD_EXPONENT = 0.7
+PRELOAD_EXPONENT = 1.0
 RUB_STIFFNESS_N_M = 2e6
 RUB_GAP_M = 20e-6
 MISALIGNMENT_N = 60.0
@@ -41,8 +41,8 @@ class MachineFault:
 def loosen(foot: Foot, bolt: int, percent_left: float, gap_m: float) -> Foot:
     """One bolt of ``foot`` with ``percent_left`` of its preload.
 
-    The joint's stiffness falls with its pressure, ``k = k_0 (0.1 + 0.9 r^0.7)`` with ``r`` the share of
-    preload left (contact of rough surfaces: exponent between 0.5, fractal, and 1, Greenwood and Williamson
+    The joint's stiffness falls with its pressure, ``k = k_0 (0.1 + 0.9 r)`` with ``r`` the share of
+    preload left (rough contact: stiffness proportional to pressure, Greenwood and Williamson
     1966), its clamp is ``r P_0`` and the bolt has backed off by ``(1 - r) g``; see
     :mod:`sim_hil.rotor.joints` for the contact law that turns this into truncation and impacts.
     """
