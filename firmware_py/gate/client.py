@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Final, Self, TypeVar
+from typing import Final, Self, TypeVar
 
 import msgspec
 import zenoh
 
 from firmware_py.errors import OrbitdError
 from firmware_py.gate import keys, session
+from firmware_py.gate.view import DeviceState
 from firmware_py.records import CommandReply
 
 TIMEOUT_S: Final = 2.0
@@ -57,15 +58,20 @@ class Client:
         payload = b"" if value is None else msgspec.json.encode(value)
         return self.query(keys.command(verb), CommandReply, payload)
 
-    def status(self) -> dict[str, Any]:
-        """The whole device at this instant: a ``DeviceState`` as JSON, unknown numbers None."""
-        return self.query(keys.STATE, dict[str, Any])
+    def status(self) -> DeviceState:
+        """The whole device at this instant."""
+        return self.query(keys.STATE, DeviceState)
 
     def query(self, name: str, answer_type: type[T], payload: bytes = b"") -> T:
         """The gate's answer on ``name``, decoded as ``answer_type``."""
         for reply in self._session.get(f"{self._prefix}/{name}", payload=payload, timeout=TIMEOUT_S):
-            if reply.ok is not None:
+            if reply.ok is None:
+                continue
+            try:
                 return msgspec.json.decode(reply.ok.payload.to_bytes(), type=answer_type)
+            except msgspec.ValidationError as error:
+                raise NoAnswerError(f"the answer on {self._prefix}/{name} cannot be understood ({error}); use the "
+                                    "orbitd that the gate runs") from error
         raise NoAnswerError(f"no answer on {self._prefix}/{name} within {TIMEOUT_S:g} s; check that the gate "
                             "runs for this site and rig ('orbitd gate', same configuration)")
 

@@ -81,8 +81,9 @@ def test_state_config_models_events_and_alarms_answer_queries(stage, client, mak
         return ask_while_stepping(stage, lambda: client.query(name, kind))
 
     state = ask_while_stepping(stage, client.status)
-    assert state["rooms"] == {"guard": True, "brain": True, "gate": True}
-    assert msgspec.convert(state["guard"]["alarms"], list[Alarm]) == [alarm]
+    assert state.rooms == {"guard": True, "brain": True, "gate": True}
+    assert state.guard is not None
+    assert state.guard.alarms == [alarm]
     assert query("config", Config) == bench
     assert query("models", dict) == {"classifier.onnx": "0" * 64}
     assert [a.name for a in query("sd/alarms", list[Alarm])] == ["disp_x_danger"]
