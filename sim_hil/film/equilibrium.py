@@ -1,12 +1,13 @@
 """Static equilibrium of the journal and the linear coefficients of the film around it."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Unpack
 
 import numpy as np
-from scipy.optimize import brentq
 
-from .force import Bearing, evaluate
+from .bearing import Bearing
+from .force import evaluate
 from .records import FilmArguments, FilmError, FilmForce, FilmNotConverged, Floats
 
 _MAX_STEPS = 60
@@ -87,6 +88,7 @@ def equilibrium(
         No equilibrium found.
     """
     bearing = Bearing.of(film)
+    bearing.check_memory(None)
     if (load_N is None) == (eccentricity_ratio is None):
         raise FilmError("give either load_N or eccentricity_ratio")
     if not np.isfinite(load_angle_rad):
@@ -142,6 +144,22 @@ def _wrapped(angle: float) -> float:
     return float(np.remainder(angle + np.pi, 2 * np.pi) - np.pi)
 
 
+def _root(function: Callable[[float], float], low: float, high: float) -> float:
+    """Root between two points of different sign (regula falsi, Illinois variant)."""
+    f_low, f_high = function(low), function(high)
+    while abs(high - low) > _TOLERANCE and f_low != f_high:
+        middle = high - f_high * (high - low) / (f_high - f_low)
+        value = function(middle)
+        if value == 0 or abs(middle - high) < _TOLERANCE:
+            return middle
+        if value * f_high < 0:
+            low, f_low = high, f_high
+        else:
+            f_low /= 2
+        high, f_high = middle, value
+    return high
+
+
 def _position_of_ratio(bearing: Bearing, ratio: float, load_angle: float) -> Floats:
     """Turn the journal around the ring until the film opposes the load.
 
@@ -165,7 +183,7 @@ def _position_of_ratio(bearing: Bearing, ratio: float, load_angle: float) -> Flo
     angles = load_angle + np.linspace(0, 2 * np.pi, _RING_STARTS + 1)
     across = [along_and_across(a)[1] for a in angles]
     roots = [
-        brentq(lambda a: along_and_across(a)[1], angles[i], angles[i + 1], xtol=1e-10)
+        _root(lambda a: float(along_and_across(a)[1]), angles[i], angles[i + 1])
         for i in range(_RING_STARTS)
         if across[i] * across[i + 1] <= 0
     ]

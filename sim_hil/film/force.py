@@ -1,104 +1,14 @@
 """Film force of a finite-length plain journal bearing: the Reynolds equation with a rupture rule."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from . import solver
-from .mesh import Mesh, build_mesh
-from .records import (
-    Couette,
-    Feed,
-    FilmArguments,
-    FilmError,
-    FilmForce,
-    FilmMemory,
-    FilmNotConverged,
-    Floats,
-    Inlet,
-    JournalOutsideClearance,
-    Rupture,
-)
-
-DEFAULT_GRID = (160, 20)
-_THIN_FILM_LIMIT = 0.1
-
-
-@dataclass(frozen=True)
-class Bearing:
-    """What stays while the journal moves; the fields are the keyword arguments of `film_force`."""
-
-    radius_m: float
-    length_m: float
-    clearance_m: float
-    viscosity_Pa_s: float
-    speed_rad_s: float
-    rupture: Rupture = "reynolds"
-    inlet: Inlet = "periodic"
-    feed: Sequence[Feed] = ()
-    end_pressure_Pa: tuple[float, float] = (0.0, 0.0)
-    cavitation_pressure_Pa: float = 0.0
-    couette: Couette = "full"
-    clearance_rate_m_s: float = 0.0
-    grid: tuple[int, int] = DEFAULT_GRID
-
-    def __post_init__(self) -> None:
-        for name in ("radius_m", "length_m", "clearance_m", "viscosity_Pa_s"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0):
-                raise FilmError(f"{name} = {value}: must be finite and above zero")
-        rest = (self.speed_rad_s, self.clearance_rate_m_s, self.cavitation_pressure_Pa, *self.end_pressure_Pa)
-        if not np.all(np.isfinite(rest)):
-            raise FilmError(f"speed, clearance rate and pressures must be finite, got {rest}")
-        if self.clearance_m > _THIN_FILM_LIMIT * self.radius_m:
-            raise FilmError(
-                f"clearance_m = {self.clearance_m}: above {_THIN_FILM_LIMIT} x radius_m = {self.radius_m}, "
-                "not a thin film; clearances are radial and in metres"
-            )
-        for name, choices in (("rupture", Rupture), ("inlet", Inlet), ("couette", Couette)):
-            if getattr(self, name) not in get_args(choices):
-                raise FilmError(f"{name} = {getattr(self, name)!r}: use one of {get_args(choices)}")
-        lowest = min(*self.end_pressure_Pa, *(f.pressure_Pa for f in self.feed))
-        if self.rupture != "full" and lowest < self.cavitation_pressure_Pa:
-            raise FilmError(
-                f"cavitation_pressure_Pa = {self.cavitation_pressure_Pa}: above a feed or end pressure ({lowest})"
-            )
-        if len(self.grid) != 2 or self.grid[0] < 12 or self.grid[1] < 6:
-            raise FilmError(f"grid = {self.grid}: needs at least 12 nodes around and 6 intervals along")
-
-    @classmethod
-    def of(cls, arguments: FilmArguments) -> "Bearing":
-        """The bearing that these arguments describe; the end pressures and feeds become tuples."""
-        bearing = cls(**arguments)
-        lower, upper = bearing.end_pressure_Pa
-        return replace(bearing, feed=tuple(bearing.feed), end_pressure_Pa=(float(lower), float(upper)))
-
-    @property
-    def pressure_scale_Pa_s(self) -> float:
-        """Pressure that belongs to a scaled pressure of 1/s (see `solver`)."""
-        return 12 * self.viscosity_Pa_s * (self.radius_m / self.clearance_m) ** 2
-
-    @property
-    def inlet_pressure_Pa(self) -> float | None:
-        """Pressure of the inlet line at the thickest film: that of the surroundings."""
-        return sum(self.end_pressure_Pa) / 2 if self.inlet == "groove_hmax" else None
-
-
-@dataclass(frozen=True)
-class Film:
-    """One solved film on its mesh; `pressure` is scaled, see `solver`."""
-
-    mesh: Mesh
-    thickness: Floats
-    thickness_face: Floats
-    pressure: Floats
-    fill: Floats
-    supply: Floats
-    around: Floats
-    axial: Floats
+from .bearing import DEFAULT_GRID, Bearing
+from .pressure import Film, solve_film
+from .records import Couette, Feed, FilmError, FilmForce, FilmMemory, Floats, Inlet, Rupture
 
 
 def film_force(
@@ -173,11 +83,11 @@ def film_force(
         (float(end_pressure_Pa[0]), float(end_pressure_Pa[1])), cavitation_pressure_Pa, couette,
         clearance_rate_m_s, grid,
     )  # fmt: skip
+    bearing.check_memory(memory)
     position, velocity = _states(position_m, velocity_m_s)
     batch = position.shape[:-1]
-    results = [
-        evaluate(bearing, e, v, fields) for e, v in zip(position.reshape(-1, 2), velocity.reshape(-1, 2), strict=True)
-    ]
+    states = zip(position.reshape(-1, 2), velocity.reshape(-1, 2), _memories(memory, batch), strict=True)
+    results = [evaluate(bearing, e, v, m, fields) for e, v, m in states]
     return _stack(results, batch, fields)
 
 
@@ -193,91 +103,43 @@ def _states(position_m: ArrayLike, velocity_m_s: ArrayLike) -> tuple[Floats, Flo
     return position, velocity
 
 
-def solve_film(bearing: Bearing, position: Floats, velocity: Floats) -> Film:
-    """Pressure and fill of one state, position and velocity of shape (2,), SI."""
-    x, y = position / bearing.clearance_m
-    eps = float(np.hypot(x, y))
-    if eps >= 1:
-        raise JournalOutsideClearance(
-            f"eccentricity {eps * bearing.clearance_m:.6g} m is not below the radial clearance "
-            f"{bearing.clearance_m:.6g} m: no film is left; use a contact model"
-        )
-    mesh = build_mesh(
-        radius_m=bearing.radius_m,
-        length_m=bearing.length_m,
-        feed=bearing.feed,
-        end_pressure_Pa=bearing.end_pressure_Pa,
-        nodes=bearing.grid,
-        hmax_rad=float(np.arctan2(-y, -x)) if eps > 0 else 0.0,
-        eccentricity_ratio=eps,
-        inlet_Pa=bearing.inlet_pressure_Pa,
-    )
-    thickness = 1 - x * np.cos(mesh.theta) - y * np.sin(mesh.theta)
-    thickness_face = 1 - x * np.cos(mesh.theta_face) - y * np.sin(mesh.theta_face)
-    supply = -_film_rate(bearing, mesh, position, velocity)[:, None] * mesh.z_width
-    around = solver.around_conductance(thickness_face, mesh.theta_gap, mesh.z_width)
-    axial = solver.axial_conductance(thickness, mesh.theta_width, mesh.z_gap)
-    # A groove as long as the bearing is closed at its ends; else its leakage would grow without limit.
-    axial[mesh.port[:, -1], -1] = 0.0
-    if mesh.copies == 1:
-        axial[mesh.port[:, 0], 0] = 0.0
-    pressure = mesh.fixed_Pa / bearing.pressure_scale_Pa_s
-    floor = bearing.cavitation_pressure_Pa / bearing.pressure_scale_Pa_s
-    ruptured = supply < 0
-    sweeps = solver.solve_pressure(
-        pressure, mesh.fixed, around, axial, supply, floor, ruptured, bearing.rupture == "reynolds"
-    )
-    if sweeps == 0:
-        raise FilmNotConverged(
-            f"rupture boundary not settled after {solver.MAX_SWEEPS} sweeps at eccentricity ratio {eps:.6g}"
-        )
-    if bearing.rupture == "gumbel":
-        ruptured = pressure < floor
-        pressure = np.maximum(pressure, floor)
-    ruptured[:, -1] = ruptured[:, -2]
-    if mesh.copies == 1:
-        ruptured[:, 0] = ruptured[:, 1]
-    fill = solver.streamer_fill(
-        ruptured & ~mesh.port, thickness_face, pressure, around, axial, mesh.z_width, bearing.speed_rad_s
-    )
-    return Film(mesh, thickness, thickness_face, pressure, fill, supply, around, axial)
+def _memories(memory: FilmMemory | None, batch: tuple[int, ...]) -> list[FilmMemory | None]:
+    """One memory per state."""
+    count = int(np.prod(batch))
+    if memory is None or np.ndim(memory.fill) == 0:
+        return [memory] * count
+    fill = np.asarray(memory.fill, dtype=np.float64)
+    fill = np.broadcast_to(fill, batch + fill.shape[-2:]).reshape(count, *fill.shape[-2:])
+    return [FilmMemory(memory.dt_s, one) for one in fill]
 
 
-def _film_rate(bearing: Bearing, mesh: Mesh, position: Floats, velocity: Floats) -> Floats:
-    """Integral of `omega/2 dH/dtheta + dH/dt` over each station's cell, 1/s.
-
-    Rotation and squeeze act only through `v_s = v - (omega/2) z x e`, so a pure whirl at omega/2 vanishes
-    exactly.
-    """
-    after = mesh.theta_face
-    before = np.roll(mesh.theta_face, 1)
-    vx, vy = velocity + 0.5 * bearing.speed_rad_s * np.array([position[1], -position[0]])
-    rate = bearing.clearance_rate_m_s * mesh.theta_width
-    rate = rate - vx * (np.sin(after) - np.sin(before)) + vy * (np.cos(after) - np.cos(before))
-    return np.asarray(rate / bearing.clearance_m)
-
-
-def evaluate(bearing: Bearing, position: Floats, velocity: Floats, fields: bool = False) -> FilmForce:
+def evaluate(
+    bearing: Bearing,
+    position: Floats,
+    velocity: Floats,
+    memory: FilmMemory | None = None,
+    fields: bool = False,
+) -> FilmForce:
     """`film_force` of one state, position and velocity of shape (2,), SI."""
-    film = solve_film(bearing, position, velocity)
+    film = solve_film(bearing, position, velocity, memory)
     mesh = film.mesh
     scale = bearing.pressure_scale_Pa_s
     after, before = mesh.theta_face, np.roll(mesh.theta_face, 1)
     line = film.pressure @ mesh.z_weight * (mesh.copies * scale * bearing.radius_m**2)
     force = np.array([-line @ (np.sin(after) - np.sin(before)), line @ (np.cos(after) - np.cos(before))])
-    side, inflow = _flows(bearing, film)
-    whole = _whole_length(film) if fields else (None, None, None)
+    pressure, fill, z = _whole_length(film)
     return FilmForce(
         force_N=force,
         friction_torque_N_m=np.asarray(_friction(bearing, film, position, force)),
-        side_flow_m3_s=np.asarray(side),
-        inflow_m3_s=np.asarray(inflow),
+        side_flow_m3_s=np.asarray(_side_flow(bearing, film)),
+        inflow_m3_s=np.asarray(_port_flow(bearing, film)),
         min_film_m=bearing.clearance_m - np.hypot(*position),
         max_pressure_Pa=film.pressure.max() * scale,
-        pressure_Pa=whole[0] * scale if whole[0] is not None else None,
-        fill=whole[1],
+        memory=FilmMemory(memory.dt_s, fill) if memory is not None else None,
+        pressure_Pa=pressure * scale if fields else None,
+        fill=fill if fields else None,
         theta_rad=np.remainder(mesh.theta, 2 * np.pi) if fields else None,
-        z_m=whole[2] * bearing.radius_m if whole[2] is not None else None,
+        z_m=z * bearing.radius_m if fields else None,
     )
 
 
@@ -296,8 +158,8 @@ def _friction(bearing: Bearing, film: Film, position: Floats, force: Floats) -> 
     return float(gain * abs(bearing.speed_rad_s) * shear + sense * pressure_part)
 
 
-def _flows(bearing: Bearing, film: Film) -> tuple[float, float]:
-    """Flow out of both ends and flow in from the ports, m3/s."""
+def _side_flow(bearing: Bearing, film: Film) -> float:
+    """Flow out of both ends, m3/s."""
     mesh, p = film.mesh, film.pressure
     unit = mesh.copies * bearing.clearance_m * bearing.radius_m**2
     side = 0.0
@@ -305,29 +167,24 @@ def _flows(bearing: Bearing, film: Film) -> tuple[float, float]:
     ends = [(-1, -2, upper)] if mesh.copies == 2 else [(-1, -2, upper), (0, 1, lower)]
     for end, inner, value in ends:
         out = film.axial[:, end] * (p[:, inner] - p[:, end])
-        if bearing.rupture == "full":
-            out = out + film.supply[:, end]
+        if bearing.rupture in ("full", "jfo"):
+            out = np.where(mesh.port[:, end], out, out + film.supply[:, end])
         else:  # the half cell at a ruptured end takes nothing up, and none can be drawn in without pressure
-            floor = bearing.cavitation_pressure_Pa / bearing.pressure_scale_Pa_s
-            out = np.where(p[:, inner] > floor, out + film.supply[:, end], out)
+            out = np.where(p[:, inner] > bearing.floor, out + film.supply[:, end], out)
             out = np.maximum(out, 0.0) if value == bearing.cavitation_pressure_Pa else out
         side += float(out.sum())
-    return side * unit, _port_flow(bearing, film) * unit
+    return side * unit
 
 
 def _port_flow(bearing: Bearing, film: Film) -> float:
-    """Scaled flow that the ports deliver: what leaves them less what the streamers bring."""
+    """Flow from the ports into the film, m3/s."""
     mesh = film.mesh
     if not mesh.port.any():
         return 0.0
     flow = 0.0
     for i, j in zip(*np.nonzero(mesh.port), strict=True):
         flow += solver.outflow(film.pressure, i, j, film.around, film.axial) - film.supply[i, j]
-    step = -1 if bearing.speed_rad_s < 0 else 1
-    upstream = np.roll(film.fill, step, axis=0)
-    face = film.thickness_face if step < 0 else np.roll(film.thickness_face, 1)
-    missing = abs(bearing.speed_rad_s) / 2 * (face[:, None] * mesh.z_width) * (1 - upstream)
-    return flow + float(missing[mesh.port].sum())
+    return flow * mesh.copies * bearing.clearance_m * bearing.radius_m**2
 
 
 def _whole_length(film: Film) -> tuple[Floats, Floats, Floats]:
@@ -350,6 +207,10 @@ def _stack(results: list[FilmForce], batch: tuple[int, ...], fields: bool) -> Fi
         values = np.stack([getattr(r, name) for r in results])
         return np.asarray(values.reshape(batch + values.shape[1:]))
 
+    memory = None
+    if results[0].memory is not None:
+        fills = np.stack([r.memory.fill for r in results if r.memory is not None])
+        memory = FilmMemory(results[0].memory.dt_s, fills.reshape(batch + fills.shape[1:]))
     return FilmForce(
         force_N=stacked("force_N"),
         friction_torque_N_m=stacked("friction_torque_N_m"),
@@ -357,6 +218,7 @@ def _stack(results: list[FilmForce], batch: tuple[int, ...], fields: bool) -> Fi
         inflow_m3_s=stacked("inflow_m3_s"),
         min_film_m=stacked("min_film_m"),
         max_pressure_Pa=stacked("max_pressure_Pa"),
+        memory=memory,
         pressure_Pa=stacked("pressure_Pa") if fields else None,
         fill=stacked("fill") if fields else None,
         theta_rad=stacked("theta_rad") if fields else None,

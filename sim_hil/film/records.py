@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-Rupture = Literal["full", "gumbel", "reynolds"]
+Rupture = Literal["full", "gumbel", "reynolds", "jfo"]
 Inlet = Literal["periodic", "groove_hmax"]
 Couette = Literal["full", "filled"]
 

@@ -1,0 +1,179 @@
+"""Pressure and fill of one journal state."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from . import solver
+from .bearing import Bearing
+from .conserving import solve_conserving
+from .mesh import Mesh, build_mesh
+from .records import FilmError, FilmMemory, FilmNotConverged, Floats, JournalOutsideClearance
+
+
+@dataclass(frozen=True)
+class Film:
+    """One solved film on its mesh, scaled as in `solver`; `supply` is what the walls deliver to each cell."""
+
+    mesh: Mesh
+    thickness: Floats
+    thickness_face: Floats
+    pressure: Floats
+    fill: Floats
+    supply: Floats
+    around: Floats
+    axial: Floats
+
+
+def solve_film(bearing: Bearing, position: Floats, velocity: Floats, memory: FilmMemory | None = None) -> Film:
+    """Pressure and fill of one state, position and velocity of shape (2,), SI."""
+    x, y = position / bearing.clearance_m
+    eps = float(np.hypot(x, y))
+    if eps >= 1:
+        raise JournalOutsideClearance(
+            f"eccentricity {eps * bearing.clearance_m:.6g} m is not below the radial clearance "
+            f"{bearing.clearance_m:.6g} m: no film is left; use a contact model"
+        )
+    mesh = build_mesh(
+        radius_m=bearing.radius_m,
+        length_m=bearing.length_m,
+        feed=bearing.feed,
+        end_pressure_Pa=bearing.end_pressure_Pa,
+        nodes=bearing.grid,
+        hmax_rad=float(np.arctan2(-y, -x)) if eps > 0 and memory is None else 0.0,
+        eccentricity_ratio=eps if memory is None else 0.0,
+        inlet_Pa=bearing.inlet_pressure_Pa,
+    )
+    thickness = 1 - x * np.cos(mesh.theta) - y * np.sin(mesh.theta)
+    thickness_face = 1 - x * np.cos(mesh.theta_face) - y * np.sin(mesh.theta_face)
+    # Rotation and squeeze act only through v_s, so a pure whirl at omega/2 vanishes exactly.
+    squeeze = velocity - bearing.speed_rad_s / 2 * np.array([-position[1], position[0]])
+    rate = _film_rate(bearing, mesh, velocity)
+    supply = -_film_rate(bearing, mesh, squeeze)[:, None] * mesh.z_width
+    around = solver.around_conductance(thickness_face, mesh.theta_gap, mesh.z_width)
+    axial = solver.axial_conductance(thickness, mesh.theta_width, mesh.z_gap)
+    # A groove as long as the bearing is closed at its ends; else its leakage would grow without limit.
+    axial[mesh.port[:, -1], -1] = 0.0
+    if mesh.copies == 1:
+        axial[mesh.port[:, 0], 0] = 0.0
+    film = Film(
+        mesh=mesh,
+        thickness=thickness,
+        thickness_face=thickness_face,
+        pressure=mesh.fixed_Pa / bearing.pressure_scale_Pa_s,
+        fill=np.ones(mesh.fixed.shape),
+        supply=supply,
+        around=around,
+        axial=axial,
+    )
+    sweeps = _conserve(bearing, film, rate, memory) if bearing.rupture == "jfo" else _rupture(bearing, film)
+    if sweeps == 0:
+        raise FilmNotConverged(
+            f"rupture boundary not settled after {solver.MAX_SWEEPS} sweeps at eccentricity ratio {eps:.6g}"
+        )
+    return film
+
+
+def _rupture(bearing: Bearing, film: Film) -> int:
+    """Fill in the pressure of a rule that does not conserve mass, and the streamers; returns the sweeps."""
+    mesh, pressure = film.mesh, film.pressure
+    ruptured = film.supply < 0
+    sweeps = solver.solve_pressure(
+        pressure,
+        mesh.fixed,
+        film.around,
+        film.axial,
+        film.supply,
+        bearing.floor,
+        ruptured,
+        bearing.rupture == "reynolds",
+    )
+    if bearing.rupture == "gumbel":
+        ruptured = pressure < bearing.floor
+        np.maximum(pressure, bearing.floor, out=pressure)
+    _copy_to_ends(mesh, ruptured)
+    film.fill[:] = solver.streamer_fill(
+        ruptured & ~mesh.port,
+        film.thickness_face,
+        pressure,
+        film.around,
+        film.axial,
+        mesh.z_width,
+        bearing.speed_rad_s,
+    )
+    # Only at the ports does this rule know of the streamers: they bring less than a full gap would.
+    film.supply[mesh.port] += _void_transport(bearing, film)[mesh.port]
+    return int(sweeps)
+
+
+def _conserve(bearing: Bearing, film: Film, rate: Floats, memory: FilmMemory | None) -> int:
+    """Fill in the pressure and the fill of the mass-conserving film; returns the sweeps.
+
+    `rate` is the integral of dH/dt over each station's cell.
+    """
+    mesh = film.mesh
+    if memory is None:
+        kept = np.maximum(rate, 0.0)[:, None] * mesh.z_width
+        supply = film.supply
+    else:
+        content = (film.thickness * mesh.theta_width)[:, None] * mesh.z_width
+        kept = content / memory.dt_s
+        void_before = 1 - _half_of(memory.fill, mesh)
+        supply = film.supply - (kept - rate[:, None] * mesh.z_width) * void_before
+    void = np.zeros(mesh.fixed.shape)
+    sweeps = solve_conserving(
+        film.pressure,
+        void,
+        mesh.fixed,
+        film.supply < 0,
+        film.around,
+        film.axial,
+        supply,
+        _drag(bearing, film),
+        kept,
+        -1 if bearing.speed_rad_s < 0 else 1,
+        bearing.floor,
+    )
+    _copy_to_ends(mesh, void)
+    film.fill[:] = np.where(mesh.port, 1.0, 1 - void)
+    film.supply[:] = supply + _void_transport(bearing, film) + kept * (1 - film.fill)
+    return int(sweeps)
+
+
+def _drag(bearing: Bearing, film: Film) -> Floats:
+    """Flow that the turning wall drags through each face between stations of a full gap."""
+    return abs(bearing.speed_rad_s) / 2 * film.thickness_face[:, None] * film.mesh.z_width
+
+
+def _void_transport(bearing: Bearing, film: Film) -> Floats:
+    """What each cell gains because voids, not oil, leave it with the turning wall, less those that come in."""
+    void, drag = 1 - film.fill, _drag(bearing, film)
+    if bearing.speed_rad_s < 0:
+        through = drag * np.roll(void, -1, axis=0)
+        return np.roll(through, 1, axis=0) - through
+    through = drag * void
+    return through - np.roll(through, 1, axis=0)
+
+
+def _copy_to_ends(mesh: Mesh, field: np.ndarray) -> None:
+    """Give the nodes of known pressure at the ends the state of their inner neighbours."""
+    field[:, -1] = field[:, -2]
+    if mesh.copies == 1:
+        field[:, 0] = field[:, 1]
+
+
+def _half_of(fill: Floats | float, mesh: Mesh) -> Floats:
+    """A remembered fill on the meshed part of the film."""
+    whole = np.asarray(fill, dtype=np.float64)
+    part = whole[..., -mesh.z.size :] if whole.ndim else whole
+    if whole.ndim and part.shape != mesh.fixed.shape:
+        raise FilmError(f"memory.fill has shape {whole.shape}: it belongs to another grid or feed")
+    return np.broadcast_to(part, mesh.fixed.shape)
+
+
+def _film_rate(bearing: Bearing, mesh: Mesh, velocity: Floats) -> Floats:
+    """Integral of dH/dt over each station's cell for a journal velocity, 1/s."""
+    after, before = mesh.theta_face, np.roll(mesh.theta_face, 1)
+    rate = bearing.clearance_rate_m_s * mesh.theta_width
+    rate = rate - velocity[0] * (np.sin(after) - np.sin(before)) + velocity[1] * (np.cos(after) - np.cos(before))
+    return np.asarray(rate / bearing.clearance_m)
