@@ -260,6 +260,7 @@ class GuardState(Record, frozen=True, tag=True):
     node_following: bool
     alarms: list[Alarm]
     counters: dict[str, int]
+    zone: str = ""
 
 
 # --------------------------------------------------------------------------- brain: HA, PA, AG

@@ -1,0 +1,131 @@
+"""Sample frames to blocks: gap-free runs with unwrapped ticks, mark ticks and quality."""
+
+from __future__ import annotations
+
+from math import pi
+from typing import Final
+
+import msgspec
+import numpy as np
+
+from firmware_py.acquire.channel_ok import ChannelOk
+from firmware_py.acquire.clock_map import ClockMap, unwrap
+from firmware_py.acquire.counting import RESTARTED, CounterTrack, advance
+from firmware_py.acquire.speed import SpeedMeter
+from firmware_py.config import Config
+from firmware_py.records import INSTANTS_PER_FRAME, N_CHANNELS, Block, Quality, SampleFrame
+
+MARK_VALID: Final = 2
+"""Bit of ``SampleFrame.flags``: the once-per-turn mark is good."""
+
+TICK_TOLERANCE_US: Final = 20
+"""Most that a node's sample grid may wander from frame to frame."""
+
+_TICK_MASK: Final = 0xFFFFFFFF
+
+
+class AssemblerState(msgspec.Struct):
+    """The block under construction, and where the stream stands."""
+
+    track: CounterTrack
+    seq: int = 0
+    started: bool = False
+    tick_us: int = 0
+    arrival_ns: int = 0
+    flags: int = 0
+    block_tick_us: int = 0
+    block_quality: int = 0
+    parts: list[bytes] = []
+    marks: list[int] = []
+
+
+class Assembler:
+    """Builds blocks of ``frames_per_block`` frames; a gap closes one early and marks the next.
+
+    Notes
+    -----
+    ``counters`` (shared with the stage that owns this): ``frames_in``, ``frames_lost``, ``blocks_lost``
+    (in whole blocks' worth of lost frames), ``reject_repeated``, ``reject_reordered``, ``node_restarts``,
+    ``clock_jumps``.
+    """
+
+    def __init__(self, config: Config, clock: ClockMap, counters: dict[str, int]) -> None:
+        self._period_us = config.sampling.period_us
+        self._frame_us = INSTANTS_PER_FRAME * self._period_us
+        self._frames_per_block = config.sampling.frames_per_block
+        self._clock = clock
+        self._counters = counters
+        self.channel_ok = ChannelOk(config.channel, config.sampling.rate_hz)
+        self.speed = SpeedMeter(config.operating.speed_ramp_max_rpm_s * pi / 30)
+        self.state = AssemblerState(CounterTrack())
+
+    def step(self, frame: SampleFrame, arrival_ns: int) -> list[Block]:
+        """Take in ``frame``; the blocks that it completed (none, one, or two at a gap)."""
+        s = self.state
+        lost = advance(s.track, frame.counter)
+        if lost < 0 and lost != RESTARTED:
+            self._counters["reject_repeated" if lost == -1 else "reject_reordered"] += 1
+            return []
+        self._counters["frames_in"] += 1
+        tick_us = s.tick_us + ((frame.tick_us - s.tick_us) & _TICK_MASK)
+        blocks = []
+        if not s.started or lost or abs(tick_us - s.tick_us - self._frame_us) > TICK_TOLERANCE_US:
+            blocks = self._gap(lost, tick_us)
+        s.started, s.tick_us, s.arrival_ns, s.flags = True, tick_us, arrival_ns, frame.flags
+        self._clock.observe(tick_us + (INSTANTS_PER_FRAME - 1) * self._period_us, arrival_ns)
+        self._mark(frame, tick_us)
+        if not s.parts:
+            s.block_tick_us = tick_us
+        s.parts.append(frame.samples)
+        if len(s.parts) >= self._frames_per_block:
+            blocks.append(self._close())
+        return blocks
+
+    def _gap(self, lost: int, tick_us: int) -> list[Block]:
+        """Close the present block, count what is missing, and judge whether the node's clock still holds."""
+        s = self.state
+        blocks = [self._close()] if s.parts else []
+        s.block_quality = Quality.GAP_BEFORE if s.started else Quality.GOOD
+        missing = lost if lost > 0 else 0
+        self._counters["frames_lost"] += missing
+        self._counters["blocks_lost"] += missing // self._frames_per_block
+        expected_us = (missing + 1) * self._frame_us
+        if lost == RESTARTED:
+            self._counters["node_restarts"] += 1
+        elif s.started and abs(tick_us - s.tick_us - expected_us) > TICK_TOLERANCE_US * (missing + 1):
+            self._counters["clock_jumps"] += 1
+        else:
+            return blocks
+        self._clock.reset()
+        self.speed.lose()
+        return blocks
+
+    def _mark(self, frame: SampleFrame, tick_us: int) -> None:
+        """Take in the frame's once-per-turn mark."""
+        if not frame.flags & MARK_VALID:
+            self.speed.lose()
+            return
+        mark_us = unwrap(frame.mark_tick_us, tick_us)
+        if self.speed.mark(mark_us, frame.turn_count):
+            self.state.marks.append(mark_us)
+
+    def _close(self) -> Block:
+        """The block under construction as a record; the next one starts empty and good."""
+        s = self.state
+        self.speed.idle(s.tick_us)
+        samples = b"".join(s.parts)
+        counts = np.frombuffer(samples, "<i2").reshape(-1, N_CHANNELS)
+        quality = s.block_quality
+        if not self._clock.settled:
+            quality |= Quality.CLOCK_UNSETTLED
+        if self.speed.state.lost:
+            quality |= Quality.NO_MARK
+        block = Block(
+            seq=s.seq, t_acq_ns=self._clock.host_ns(s.block_tick_us), period_ns=self._period_us * 1000,
+            tick_us=s.block_tick_us, sample_period_us=self._period_us, quality=int(quality),
+            channel_ok=self.channel_ok.step(counts), speed_rad_s=self.speed.state.speed_rad_s,
+            turn_count=max(self.speed.state.turn, 0), mark_ticks_us=s.marks, samples=samples,
+        )
+        s.seq += 1
+        s.block_quality, s.parts, s.marks = 0, [], []
+        return block

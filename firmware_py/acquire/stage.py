@@ -1,0 +1,231 @@
+"""The acquisition stage: frames off the link to blocks, readings and the account of what was lost."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Final, Protocol
+
+import msgspec
+
+from firmware_py.acquire.assembler import Assembler, AssemblerState
+from firmware_py.acquire.channel_ok import ChannelOkState
+from firmware_py.acquire.clock_map import ClockMap, ClockMapState, unwrap
+from firmware_py.acquire.counting import REPEATED, RESTARTED, CounterTrack, advance
+from firmware_py.acquire.speed import SpeedState
+from firmware_py.config import Config
+from firmware_py.records import (
+    Block,
+    Command,
+    DeviceHeartbeat,
+    NodeInfo,
+    NodeState,
+    Quality,
+    RawFrame,
+    Rejected,
+    RigReading,
+    RigStatus,
+    SampleFrame,
+    WireMessage,
+)
+
+REJECTS: Final = ("unknown_id", "length", "crc", "range", "malformed", "repeated", "reordered", "masquerade")
+NEVER_NS: Final = 1 << 62
+"""Age of a sample that never came."""
+
+_TICK_MASK: Final = 0xFFFFFFFF
+
+
+class Decoder(Protocol):
+    """The half of a codec that acquisition needs."""
+
+    def decode(self, frame: RawFrame) -> WireMessage | Rejected:
+        """The record in ``frame``."""
+
+
+class AcquireState(msgspec.Struct):
+    """Everything that the stage remembers (for snapshots)."""
+
+    counters: dict[str, int]
+    tracks: dict[str, CounterTrack]
+    clock: ClockMapState
+    assembler: AssemblerState
+    channel_ok: ChannelOkState
+    speed: SpeedState
+    node: NodeState | None = None
+    node_heard_ns: int = -NEVER_NS
+    node_info: NodeInfo | None = None
+    status: RigStatus | None = None
+    reading_seq: int = 0
+
+
+class AcquireOutput(msgspec.Struct):
+    """What one step brought: new records, and who else was heard speaking as a device."""
+
+    blocks: list[Block]
+    readings: list[RigReading]
+    foreign: list[DeviceHeartbeat | Command]
+    node_info: NodeInfo | None = None
+    restarted: bool = False
+
+
+class Acquire:
+    """Frames to blocks and readings.
+
+    Parameters
+    ----------
+    config
+        Sampling, channels and the declared speed ramp are used.
+    codec
+        Decoder of the configured link.
+
+    Notes
+    -----
+    ``counters``: ``frames_in`` (good sample frames), ``frames_lost``, ``blocks_lost``, ``reject_<name>``
+    for each name of :data:`REJECTS`, ``messages_lost`` (other messages), ``foreign`` (frames that only a
+    device sends, from somebody else), ``node_restarts``, ``clock_jumps``.
+    """
+
+    def __init__(self, config: Config, codec: Decoder) -> None:
+        self._codec = codec
+        self._fresh_age_ns = round(config.sampling.fresh_age_ms * 1e6)
+        names = ["frames_in", "frames_lost", "blocks_lost", "messages_lost", "foreign", "node_restarts", "clock_jumps"]
+        self.counters = dict.fromkeys(names + [f"reject_{name}" for name in REJECTS], 0)
+        self._clock = ClockMap()
+        self._assembler = Assembler(config, self._clock, self.counters)
+        self._rest = AcquireState(self.counters, {}, self._clock.state, self._assembler.state,
+                                  self._assembler.channel_ok.state, self._assembler.speed.state)
+        self._handlers: dict[type, Callable[[Any, int, AcquireOutput], None]] = {
+            RigStatus: self._on_status, NodeState: self._on_node, NodeInfo: self._on_info,
+            DeviceHeartbeat: self._on_foreign, Command: self._on_foreign, Rejected: self._on_rejected,
+        }
+
+    @property
+    def state(self) -> AcquireState:
+        """The stage's memory, gathered from its parts."""
+        s = self._rest
+        s.clock, s.assembler = self._clock.state, self._assembler.state
+        s.channel_ok, s.speed = self._assembler.channel_ok.state, self._assembler.speed.state
+        return s
+
+    @state.setter
+    def state(self, state: AcquireState) -> None:
+        self._rest = state
+        self._clock.state, self._assembler.state = state.clock, state.assembler
+        self._assembler.channel_ok.state, self._assembler.speed.state = state.channel_ok, state.speed
+        self.counters.update(state.counters)
+        state.counters = self.counters
+
+    def step(self, frames: list[RawFrame], now_ns: int) -> AcquireOutput:
+        """Take in ``frames`` in the order of their arrival."""
+        output = AcquireOutput([], [], [])
+        decode = self._codec.decode
+        for frame in frames:
+            message = decode(frame)
+            if type(message) is SampleFrame:
+                restarts = self.counters["node_restarts"]
+                output.blocks += self._assembler.step(message, frame.arrival_ns)
+                if self.counters["node_restarts"] != restarts:
+                    self._forget_node(output)
+            else:
+                self._handlers[type(message)](message, frame.arrival_ns, output)
+        return output
+
+    def reset_clock(self) -> None:
+        """The link was away: its delays say nothing about the ones to come."""
+        self._clock.reset()
+
+    # ------------------------------------------------------------------ what is known now
+
+    @property
+    def newest_tick_us(self) -> int:
+        """32-bit tick of the newest sample frame taken in (what a command echoes)."""
+        return self._assembler.state.tick_us & _TICK_MASK
+
+    @property
+    def node(self) -> NodeState | None:
+        """The node's latest account of itself."""
+        return self._rest.node
+
+    @property
+    def node_info(self) -> NodeInfo | None:
+        """What the node says it is."""
+        return self._rest.node_info
+
+    @property
+    def status(self) -> RigStatus | None:
+        """The latest slow measurements."""
+        return self._rest.status
+
+    @property
+    def speed(self) -> SpeedState:
+        """Speed and mark."""
+        return self._assembler.speed.state
+
+    @property
+    def clock_settled(self) -> bool:
+        """Whether node ticks map reliably to host time."""
+        return self._clock.settled
+
+    @property
+    def sample_flags(self) -> int:
+        """Flags of the newest sample frame."""
+        return self._assembler.state.flags
+
+    def sample_age_ns(self, now_ns: int) -> int:
+        """The larger of the newest sample's arrival age and mapped age."""
+        s = self._assembler.state
+        if not s.started:
+            return NEVER_NS
+        return max(now_ns - s.arrival_ns, now_ns - self._clock.host_ns(s.tick_us))
+
+    def node_age_ns(self, now_ns: int) -> int:
+        """Time since the node last gave an account of itself."""
+        return now_ns - self._rest.node_heard_ns
+
+    # ------------------------------------------------------------------ one kind of message each
+
+    def _is_new(self, message: RigStatus | NodeState | NodeInfo) -> bool:
+        """Judge the counter of a slow message; count what it says."""
+        track = self._rest.tracks.setdefault(type(message).__name__, CounterTrack())
+        lost = advance(track, message.counter)
+        if lost >= 0:
+            self.counters["messages_lost"] += lost
+        elif lost != RESTARTED:
+            self.counters["reject_repeated" if lost == REPEATED else "reject_reordered"] += 1
+            return False
+        return True
+
+    def _on_status(self, message: RigStatus, arrival_ns: int, output: AcquireOutput) -> None:
+        if not self._is_new(message):
+            return
+        s = self._rest
+        s.status = message
+        tick_us = unwrap(message.tick_us, self._assembler.state.tick_us)
+        t_acq_ns = self._clock.host_ns(tick_us) if self._clock.state.known else arrival_ns
+        quality = 0 if self._clock.settled else Quality.CLOCK_UNSETTLED
+        if arrival_ns - t_acq_ns > self._fresh_age_ns:
+            quality |= Quality.STALE
+        output.readings.append(RigReading(s.reading_seq, t_acq_ns, int(quality), message, s.node))
+        s.reading_seq += 1
+
+    def _on_node(self, message: NodeState, arrival_ns: int, output: AcquireOutput) -> None:
+        if self._is_new(message):
+            self._rest.node, self._rest.node_heard_ns = message, arrival_ns
+
+    def _on_info(self, message: NodeInfo, arrival_ns: int, output: AcquireOutput) -> None:
+        if self._is_new(message):
+            self._rest.node_info = output.node_info = message
+
+    def _on_foreign(self, message: DeviceHeartbeat | Command, arrival_ns: int, output: AcquireOutput) -> None:
+        self.counters["foreign"] += 1
+        output.foreign.append(message)
+
+    def _on_rejected(self, message: Rejected, arrival_ns: int, output: AcquireOutput) -> None:
+        self.counters[f"reject_{message.reason}"] += 1
+
+    def _forget_node(self, output: AcquireOutput) -> None:
+        """The node has started again: what it said of itself before no longer counts."""
+        self._rest.tracks.clear()
+        self._rest.node, self._rest.node_info, self._rest.status = None, None, None
+        self._rest.node_heard_ns = -NEVER_NS
+        output.restarted = True

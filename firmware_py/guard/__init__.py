@@ -1,0 +1,1 @@
+"""Protection, shield, arming and the real-time loop (ISO 13374 SD, and actuation)."""

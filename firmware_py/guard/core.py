@@ -1,0 +1,286 @@
+"""The guard as one pure stage: a cycle in, a decision out; the same bits on every machine."""
+
+from __future__ import annotations
+
+from math import pi
+from typing import Final
+
+import msgspec
+
+from firmware_py.acquire.stage import Acquire, AcquireOutput, AcquireState
+from firmware_py.config import Config
+from firmware_py.guard.alarm import Notice
+from firmware_py.guard.arming import Arming, ArmingState, Target
+from firmware_py.guard.failsafe import Situation, node_reasons
+from firmware_py.guard.load_estimate import LoadEstimator, LoadInterval
+from firmware_py.guard.protection import Protection, ProtectionState, zone
+from firmware_py.guard.shield import Shield
+from firmware_py.guard.speaker import Codec, Speaker, SpeakerState
+from firmware_py.records import (
+    Advice,
+    ArmState,
+    Command,
+    CommandReply,
+    CommandRequest,
+    Cycle,
+    Decision,
+    Event,
+    GuardState,
+    Mode,
+    NodeMode,
+    RawFrame,
+    Severity,
+    Snapshot,
+)
+
+SHIELD_PERIOD_NS: Final = 50_000_000
+STATE_PERIOD_NS: Final = 100_000_000
+NODE_SILENT_NS: Final = 500_000_000
+FOREIGN_HOLD_NS: Final = 5_000_000_000
+"""How long another device counts as present after it was last heard."""
+
+NEVER_NS: Final = -(1 << 62)
+
+
+class MemoryState(msgspec.Struct):
+    """What the core itself remembers between cycles."""
+
+    target: Target
+    load: LoadInterval
+    last_ns: int = NEVER_NS
+    advice: Advice | None = None
+    interval_m: tuple[float, float] | None = None
+    shield_due_ns: int = 0
+    state_due_ns: int = 0
+    foreign_command_ns: int = NEVER_NS
+    foreign_heartbeat_ns: int = NEVER_NS
+    link_up: bool = True
+    gate_connected: bool = False
+    brain_connected: bool = False
+    state_seq: int = 0
+    event_seq: int = 0
+    cycle_gaps: int = 0
+    node_reasons: list[str] = []
+
+
+class CoreState(msgspec.Struct):
+    """The whole guard (for snapshots)."""
+
+    acquire: AcquireState
+    protection: ProtectionState
+    arming: ArmingState
+    speaker: SpeakerState
+    memory: MemoryState
+
+
+class GuardCore:
+    """Acquisition, protection, shield and arming, one cycle at a time.
+
+    Parameters
+    ----------
+    config
+        The whole configuration (its safe value checked by :func:`firmware_py.guard.shield.check_safe`).
+    codec
+        Codec of the configured link.
+    session
+        Nonce of this run, in every frame that the guard sends.
+    latched
+        Danger alarms that stood latched when the guard last ended.
+    """
+
+    def __init__(self, config: Config, codec: Codec, session: int, latched: list[str] | None = None) -> None:
+        self._config = config
+        self._session = session
+        self._ttl_ns = config.actuator.time_to_live_ms * 1_000_000
+        self._fresh_ns = round(config.sampling.fresh_age_ms * 1e6)
+        self._speeds = (config.operating.speed_min_rpm * pi / 30, config.operating.speed_max_rpm * pi / 30)
+        self._acquire = Acquire(config, codec)
+        self._protection = Protection(config, latched or [])
+        self._arming = Arming(config, bool(latched))
+        self._speaker = Speaker(config, codec, session)
+        self._shield = Shield(config)
+        self._load = LoadEstimator(config)
+        self._memory = MemoryState(self._arming.safe, self._load.declared())
+
+    # ------------------------------------------------------------------ the cycle
+
+    def step(self, cycle: Cycle) -> Decision:
+        """Read, protect, obey, decide, speak."""
+        now_ns, m = cycle.now_ns, self._memory
+        gap = m.last_ns != NEVER_NS and now_ns - m.last_ns > self._ttl_ns
+        notices = self._connections(cycle)
+        if gap:
+            self._discard()
+        acquired = self._acquire.step(cycle.frames, now_ns)
+        notices += self._strangers(acquired, now_ns)
+        if acquired.restarted or acquired.node_info is not None:
+            m.node_reasons = node_reasons(self._config, self._acquire.node_info)
+        notices += self._protection.step(acquired.blocks, self._smaller_clearance_um()) if acquired.blocks else []
+        if cycle.advice is not None:
+            m.advice = cycle.advice
+        if now_ns >= m.shield_due_ns:
+            self._look_around(now_ns)
+        situation = self._situation(cycle, gap)
+        replies = self._obey(cycle.commands, situation, notices)
+        before = (self._arming.state.arm_state, self._arming.state.mode)
+        m.target, told = self._arming.step(situation, m.advice)
+        notices += told
+        if (self._arming.state.arm_state, self._arming.state.mode) != before or replies:
+            self._speaker.hurry()
+        m.last_ns = now_ns
+        events = [self._event(notice, now_ns) for notice in notices]
+        state = self._state(now_ns) if now_ns >= m.state_due_ns or replies else None
+        return Decision(cycle.seq, self._speak(situation), acquired.blocks, acquired.readings, events, replies, state)
+
+    def snapshot(self, seq: int, now_ns: int) -> Snapshot:
+        """The whole state before cycle ``seq``."""
+        state = CoreState(self._acquire.state, self._protection.state, self._arming.state, self._speaker.state,
+                          self._memory)
+        return Snapshot(seq, now_ns, msgspec.msgpack.encode(state))
+
+    def restore(self, snapshot: Snapshot) -> None:
+        """Go on from ``snapshot`` (of a guard with the same configuration)."""
+        state = msgspec.msgpack.decode(snapshot.state, type=CoreState)
+        self._acquire.state, self._protection.state = state.acquire, state.protection
+        self._arming.state, self._speaker.state, self._memory = state.arming, state.speaker, state.memory
+
+    @property
+    def tripped(self) -> list[str]:
+        """Names of latched danger alarms: what the loop keeps over a restart."""
+        return self._protection.tripped
+
+    # ------------------------------------------------------------------ what changed around the guard
+
+    def _connections(self, cycle: Cycle) -> list[Notice]:
+        """Rooms and link that came or went."""
+        m = self._memory
+        notices = []
+        for name, before, after in (("link", m.link_up, cycle.link_up), ("gate", m.gate_connected, cycle.gate_connected),
+                                    ("brain", m.brain_connected, cycle.brain_connected)):
+            if before != after:
+                notices.append(Notice(Severity.INFO if after else Severity.ALERT, f"{name}_{'back' if after else 'lost'}",
+                                      f"{name} {'connected' if after else 'gone'}"))
+        if cycle.link_up and not m.link_up:
+            self._acquire.reset_clock()
+        if not cycle.brain_connected:
+            m.advice = None
+        m.link_up, m.gate_connected, m.brain_connected = cycle.link_up, cycle.gate_connected, cycle.brain_connected
+        return notices
+
+    def _discard(self) -> None:
+        """The guard was away for longer than the time to live: nothing that it had computed is valid."""
+        m = self._memory
+        m.cycle_gaps += 1
+        m.advice, m.interval_m, m.target = None, None, self._arming.safe
+        m.shield_due_ns = 0
+
+    def _strangers(self, acquired: AcquireOutput, now_ns: int) -> list[Notice]:
+        """Frames that only a device sends, but that this one did not."""
+        m = self._memory
+        notices = []
+        for message in acquired.foreign:
+            own = message.session == self._session
+            if own:
+                self._acquire.counters["reject_masquerade"] += 1
+            if now_ns - max(m.foreign_command_ns, m.foreign_heartbeat_ns) > FOREIGN_HOLD_NS:
+                notices.append(Notice(Severity.FAULT, "masquerade" if own else "foreign_device", (
+                    f"a frame of session {message.session:#010x} that this device did not send; "
+                    "disconnect the other sender")))
+            if own or isinstance(message, Command):
+                m.foreign_command_ns = now_ns
+            else:
+                m.foreign_heartbeat_ns = now_ns
+        return notices
+
+    # ------------------------------------------------------------------ facts
+
+    def _smaller_clearance_um(self) -> float:
+        """The smaller of reported and commanded radial clearance; the safe one while nothing is reported."""
+        status, node = self._acquire.status, self._acquire.node
+        reported = status.clearance_actual_um if status else self._arming.safe.clearance_um
+        return min(reported, node.target_clearance_um if node else self._arming.safe.clearance_um)
+
+    def _look_around(self, now_ns: int) -> None:
+        """Estimate the load and ask the shield (20 times a second)."""
+        m, status = self._memory, self._acquire.status
+        m.shield_due_ns = now_ns + SHIELD_PERIOD_NS
+        motion, speed = self._protection.motion, self._acquire.speed
+        temperature_C = status.oil_outlet_C if status else self._config.oil.film_max_C
+        p2p_m = max(motion.peak_to_peak_um) * 1e-6
+        if status is None or not motion.complete or speed.lost or not self._protection.displacement_ok:
+            m.load = self._load.declared()
+        else:
+            m.load = self._load.estimate(motion.mean_x_m, motion.mean_y_m, status.clearance_actual_um * 1e-6,
+                                         speed.speed_rad_s, temperature_C, p2p_m)
+        m.interval_m = None if speed.lost else self._shield.interval(
+            speed.speed_rad_s, m.load.low_N, m.load.high_N, temperature_C, p2p_m)
+
+    def _situation(self, cycle: Cycle, gap: bool) -> Situation:
+        m, a, now_ns = self._memory, self._acquire, cycle.now_ns
+        node, speed = a.node, a.speed
+        return Situation(
+            now_ns=now_ns, link_up=cycle.link_up, samples_fresh=a.sample_age_ns(now_ns) < self._fresh_ns,
+            clock_settled=a.clock_settled,
+            node_heard=a.node_age_ns(now_ns) < NODE_SILENT_NS and a.node_info is not None,
+            node_reasons=m.node_reasons,
+            node_elsewhere=node is not None and node.mode == NodeMode.FOLLOWING and node.session != self._session,
+            foreign_command=now_ns - m.foreign_command_ns < FOREIGN_HOLD_NS,
+            foreign_heartbeat=now_ns - m.foreign_heartbeat_ns < FOREIGN_HOLD_NS,
+            cycle_gap=gap, mark_lost=speed.lost, displacement_ok=self._protection.displacement_ok,
+            speed_declared=self._speeds[0] * 0.98 <= speed.speed_rad_s <= self._speeds[1] * 1.02,
+            interval_m=m.interval_m, tripped=self._protection.tripped, brain_connected=cycle.brain_connected,
+        )
+
+    # ------------------------------------------------------------------ acts
+
+    def _obey(self, commands: list[CommandRequest], situation: Situation, notices: list[Notice]) -> list[CommandReply]:
+        """Answer every request; disarm goes first."""
+        replies = []
+        for request in sorted(commands, key=lambda c: c.verb != "disarm"):
+            if request.verb == "reset":
+                left = self._protection.reset()
+                self._arming.reset(left)
+                situation.tripped = self._protection.tripped
+                replies.append(CommandReply(request.seq, not left, left))
+                notices.append(Notice(Severity.INFO, "command", f"reset from {request.origin}: {len(left)} trips left"))
+            else:
+                reply, told = self._arming.request(request, situation)
+                replies.append(reply)
+                notices += told
+        return replies
+
+    def _speak(self, situation: Situation) -> list[RawFrame]:
+        """Heartbeat always; command only while armed (or tripped from armed), fresh, and not in monitor mode."""
+        m, arming = self._memory, self._arming.state
+        trip = arming.arm_state == ArmState.TRIPPED and self._config.drive.trip_on_danger
+        frames = []
+        if arming.commanding and arming.mode != Mode.MONITOR and situation.samples_fresh and situation.link_up:
+            frames += self._speaker.command(situation.now_ns, m.target, self._acquire.newest_tick_us)
+        return frames + self._speaker.heartbeat(situation.now_ns, arming.mode, arming.arm_state, not trip, trip)
+
+    def _event(self, notice: Notice, now_ns: int) -> Event:
+        self._memory.event_seq += 1
+        return Event(self._memory.event_seq, now_ns, int(notice.severity), notice.name, notice.text, notice.value,
+                     notice.limit)
+
+    def _state(self, now_ns: int) -> GuardState:
+        """Everything the guard says about itself."""
+        m, arming, a = self._memory, self._arming.state, self._acquire
+        m.state_due_ns = now_ns + STATE_PERIOD_NS
+        m.state_seq += 1
+        trip = arming.arm_state == ArmState.TRIPPED and self._config.drive.trip_on_danger
+        low_m, high_m = m.interval_m or (0.0, 0.0)
+        p2p_um = self._protection.motion.peak_to_peak_um
+        node = a.node
+        return GuardState(
+            seq=m.state_seq, t_ns=now_ns, mode=int(arming.mode), arm_state=int(arming.arm_state),
+            authority=arming.authority.held, authority_reasons=list(arming.authority.reasons),
+            speed_rad_s=a.speed.speed_rad_s, load_estimate_N=0.5 * (m.load.low_N + m.load.high_N),
+            clearance_low_um=low_m * 1e6, clearance_high_um=high_m * 1e6,
+            target_clearance_um=m.target.clearance_um, target_pressure_bar=m.target.pressure_bar,
+            clearance_actual_um=a.status.clearance_actual_um if a.status else 0.0, peak_to_peak_um=p2p_um,
+            run_permit=not trip, trip_request=trip,
+            node_following=node is not None and node.mode == NodeMode.FOLLOWING and node.session == self._session,
+            alarms=self._protection.standing(), counters=dict(a.counters, cycle_gaps=m.cycle_gaps),
+            zone=zone(max(p2p_um), a.speed.speed_rad_s * 30 / pi),
+        )

@@ -1,0 +1,119 @@
+"""The failsafe table: one line per condition, the worst action wins."""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Callable
+from typing import Final
+
+import msgspec
+
+from firmware_py.config import Config
+from firmware_py.records import NodeInfo
+
+SCHEMA: Final = 1
+"""Version of the wire interface that this guard speaks."""
+
+
+class Action(enum.IntEnum):
+    """What a condition asks for, from least to worst."""
+
+    NOTHING = 0
+    TAKE_AUTHORITY = 1
+    RECOVER = 2
+    DISARM = 3
+    TRIP = 4
+
+
+class Situation(msgspec.Struct):
+    """The facts of one cycle on which failsafes, arming and authority judge."""
+
+    now_ns: int
+    link_up: bool
+    samples_fresh: bool
+    clock_settled: bool
+    node_heard: bool
+    node_reasons: list[str]
+    node_elsewhere: bool
+    foreign_command: bool
+    foreign_heartbeat: bool
+    cycle_gap: bool
+    mark_lost: bool
+    displacement_ok: bool
+    speed_declared: bool
+    interval_m: tuple[float, float] | None
+    tripped: list[str]
+    brain_connected: bool
+
+
+class Failsafe(msgspec.Struct, frozen=True):
+    """One condition: when it holds, what it does, whether it bars arming, and what a person reads."""
+
+    name: str
+    holds: Callable[[Situation], bool]
+    action: Action
+    bars_arming: bool
+    text: str
+
+
+FAILSAFES: Final = (
+    Failsafe("tripped", lambda s: bool(s.tripped), Action.TRIP, True,
+             "a danger alarm is latched; remove the cause, then `reset`"),
+    Failsafe("node_mismatch", lambda s: s.node_heard and bool(s.node_reasons), Action.DISARM, True,
+             "the node is not the configured one"),
+    Failsafe("foreign_command", lambda s: s.foreign_command, Action.DISARM, True,
+             "another device sends commands on this bus; disconnect it"),
+    Failsafe("node_elsewhere", lambda s: s.node_elsewhere, Action.DISARM, True,
+             "the node follows another session; wait until it lets go or disconnect the other device"),
+    Failsafe("link_down", lambda s: not s.link_up, Action.RECOVER, True,
+             "the link to the node is down; check adapter, hub or port"),
+    Failsafe("samples_stale", lambda s: not s.samples_fresh, Action.RECOVER, True,
+             "no fresh samples; check that the node is running"),
+    Failsafe("clock_unsettled", lambda s: s.link_up and not s.clock_settled, Action.RECOVER, True,
+             "the node's clock is not settled yet; wait a second"),
+    Failsafe("node_silent", lambda s: not s.node_heard, Action.RECOVER, True,
+             "the node gives no account of itself (NODE_STATE, NODE_INFO)"),
+    Failsafe("cycle_gap", lambda s: s.cycle_gap, Action.RECOVER, False,
+             "the guard itself was held up for longer than the time to live"),
+    Failsafe("foreign_heartbeat", lambda s: s.foreign_heartbeat, Action.TAKE_AUTHORITY, True,
+             "another device sends heartbeats on this bus; disconnect it"),
+    Failsafe("mark_lost", lambda s: s.mark_lost, Action.TAKE_AUTHORITY, False,
+             "the once-per-turn mark is lost; the speed is unknown"),
+    Failsafe("displacement_not_ok", lambda s: not s.displacement_ok, Action.TAKE_AUTHORITY, False,
+             "a shaft displacement channel is not OK; check sensor and cable"),
+    Failsafe("speed_undeclared", lambda s: not s.speed_declared, Action.TAKE_AUTHORITY, False,
+             "the speed is outside operating.speed_min_rpm .. speed_max_rpm"),
+    Failsafe("no_admissible_clearance", lambda s: s.interval_m is None, Action.TAKE_AUTHORITY, False,
+             "no clearance but the safe one can be defended at this speed, load and vibration"),
+)
+
+
+def active(situation: Situation) -> list[Failsafe]:
+    """Every failsafe that holds, worst first."""
+    return [failsafe for failsafe in FAILSAFES if failsafe.holds(situation)]
+
+
+def node_reasons(config: Config, info: NodeInfo | None) -> list[str]:
+    """Every way in which the node is not the configured one; empty when it conforms.
+
+    ``None`` (it has not said yet) gives an empty list: not having heard it is another matter.
+    """
+    if info is None:
+        return []
+    a, period_us = config.actuator, config.sampling.period_us
+    checks = (
+        (info.schema == SCHEMA, f"node: schema = {info.schema}: this device speaks {SCHEMA}; update one of the two"),
+        (abs(info.boot_clearance_um - a.safe_radial_clearance_um) < 0.02,
+         f"node: boot clearance {info.boot_clearance_um:g} um is not actuator.safe_radial_clearance_um = "
+         f"{a.safe_radial_clearance_um:g}; make them equal"),
+        (abs(info.boot_pressure_bar - a.safe_pressure_bar) < 0.002,
+         f"node: boot pressure {info.boot_pressure_bar:g} bar is not actuator.safe_pressure_bar = "
+         f"{a.safe_pressure_bar:g}; make them equal"),
+        (info.time_to_live_ms == a.time_to_live_ms,
+         f"node: time to live {info.time_to_live_ms} ms is not actuator.time_to_live_ms = {a.time_to_live_ms}"),
+        (info.sample_period_us == period_us,
+         f"node: sample period {info.sample_period_us} us is not that of sampling.rate_hz ({period_us} us)"),
+        (info.rate_um_s >= a.rate_um_s - 0.1,
+         f"node: rate {info.rate_um_s:g} um/s is below actuator.rate_um_s = {a.rate_um_s:g}; lower the latter"),
+    )
+    return [text for holds, text in checks if not holds]

@@ -1,0 +1,179 @@
+"""The guard's process: read, step, write, sleep, a thousand times a second."""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import os
+import secrets
+import signal
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+import msgspec
+
+from firmware_py import launch
+from firmware_py.clock import Clock, MonotonicClock
+from firmware_py.config import Config
+from firmware_py.guard.core import GuardCore
+from firmware_py.guard.outbox import Outbox
+from firmware_py.guard.shield import check_safe
+from firmware_py.guard.timing import Grid, Lateness
+from firmware_py.guard.trips import TripFile
+from firmware_py.notify import Notifier, from_environment
+from firmware_py.records import (
+    Advice,
+    CommandRequest,
+    Cycle,
+    CycleRecord,
+    Decision,
+    EventAck,
+    GuardState,
+    RoomRecord,
+)
+from firmware_py.wire.link import Link, codec_for, open_link
+from firmware_py.wire.rooms import RoomServer
+
+PERIOD_NS: Final = 1_000_000
+SNAPSHOT_CYCLES: Final = 1000
+WATCHDOG_CYCLES: Final = 200
+FIFO_PRIORITY: Final = 20
+
+
+class Guard:
+    """The thin shell around :class:`GuardCore`: link and rooms in, link and rooms out.
+
+    Parameters
+    ----------
+    core
+        The pure stage.
+    link
+        Bus or serial port to the node.
+    server
+        Socket on which brain and gate call.
+    trips
+        Where latched trips survive a restart.
+    """
+
+    def __init__(self, core: GuardCore, link: Link, server: RoomServer, trips: TripFile) -> None:
+        self._core = core
+        self._link = link
+        self._server = server
+        self._trips = trips
+        self._outbox = Outbox()
+        self._gate_known = False
+        self.timing = Lateness(PERIOD_NS)
+        self.skipped = 0
+        self.seq = 0
+
+    def cycle(self, now_ns: int) -> None:
+        """One cycle: everything waiting in, one decision, everything out."""
+        cycle = self._read(now_ns)
+        if cycle.gate_connected and (not self._gate_known or self.seq % SNAPSHOT_CYCLES == 0):
+            self._server.send("gate", self._core.snapshot(self.seq, now_ns))
+        if cycle.gate_connected and not self._gate_known:
+            for event in self._outbox.waiting():
+                self._server.send("gate", event)
+        self._gate_known = cycle.gate_connected
+        decision = self._core.step(cycle)
+        for frame in decision.frames_out:
+            self._link.send(frame)
+        self._tell(cycle, decision)
+        self._trips.write(self._core.tripped)
+        self.seq += 1
+
+    def close(self) -> None:
+        """Give link and socket back."""
+        self._link.close()
+        self._server.close()
+
+    def _read(self, now_ns: int) -> Cycle:
+        """Everything that is waiting, by role: advice from the brain alone, requests from the gate alone."""
+        advice: Advice | None = None
+        commands: list[CommandRequest] = []
+        for role, record in self._server.poll(now_ns):
+            if role == "brain" and isinstance(record, Advice):
+                advice = record
+            elif role == "gate" and isinstance(record, CommandRequest):
+                commands.append(record)
+            elif role == "gate" and isinstance(record, EventAck):
+                self._outbox.acknowledge(record.seq)
+        frames = self._link.receive(now_ns)
+        return Cycle(self.seq, now_ns, frames, advice, commands, self._server.connected("brain"),
+                     self._server.connected("gate"), self._link.up)
+
+    def _tell(self, cycle: Cycle, decision: Decision) -> None:
+        """Send what the rooms want to know; a slow reader loses its own, counted by the server."""
+        shared: list[RoomRecord] = [*decision.events, *decision.blocks, *decision.readings]
+        if decision.state is not None:
+            shared.append(self._with_counters(decision.state))
+        for event in decision.events:
+            self._outbox.put(event)
+        if cycle.brain_connected:
+            for record in shared:
+                self._server.send("brain", record)
+        if cycle.gate_connected:
+            for record in [*decision.replies, *shared]:
+                self._server.send("gate", record)
+            self._server.send("gate", CycleRecord(cycle, decision.frames_out, decision.events))
+
+    def _with_counters(self, state: GuardState) -> GuardState:
+        """The state with what only the loop can count."""
+        counters = state.counters | self.timing.counters()
+        counters |= {f"link_{name}": count for name, count in self._link.counters.items()}
+        counters |= {f"room_{name}": count for name, count in self._server.counters.items()}
+        counters |= {"periods_skipped": self.skipped, "events_dropped": self._outbox.dropped,
+                     "trip_file_failures": self._trips.failures}
+        return msgspec.structs.replace(state, counters=counters)
+
+
+def run(guard: Guard, clock: Clock, notifier: Notifier, running: Callable[[], bool]) -> None:
+    """Read, step, write, sleep on an absolute grid while ``running()``."""
+    grid = Grid(clock.now_ns(), PERIOD_NS)
+    while running():
+        now_ns = clock.now_ns()
+        guard.timing.add(now_ns - grid.due_ns)
+        guard.cycle(now_ns)
+        if guard.seq == 1:
+            notifier.ready()
+        if guard.seq % WATCHDOG_CYCLES == 0:
+            notifier.watchdog()
+        clock.sleep_until(grid.advance(clock.now_ns()))
+        guard.skipped = grid.skipped
+    notifier.stopping()
+
+
+def build(config: Config, runtime: Path, state: Path) -> Guard:
+    """The guard of ``config`` on its real link and sockets."""
+    trips = TripFile(state)
+    core = GuardCore(config, codec_for(config), secrets.randbits(32) | 1, trips.read())
+    server = RoomServer(runtime / "guard.sock", {"brain": None, "gate": None})
+    return Guard(core, open_link(config, "device"), server, trips)
+
+
+def main(argv: list[str]) -> int:
+    """``orbitd guard``: protect, and hold the only hand on the actuator."""
+    parser = argparse.ArgumentParser(prog="orbitd guard", description="the guard process alone")
+    launch.add_options(parser)
+    started = launch.from_options(parser.parse_args(argv))
+    check_safe(started.config, started.source)
+    guard = build(started.config, started.runtime, Path(os.environ.get("STATE_DIRECTORY", started.runtime)))
+    stop: list[int] = []
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda received, _frame: stop.append(received))
+    _real_time()
+    run(guard, MonotonicClock(), from_environment(), lambda: not stop)
+    guard.close()
+    return 0
+
+
+def _real_time() -> None:
+    """First in line for the processor where that is allowed, and no garbage collection in the loop."""
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(FIFO_PRIORITY))
+    except PermissionError:
+        pass  # a laptop: the lateness histogram in the guard's state shows what that costs
+    gc.collect()
+    gc.freeze()
+    gc.disable()

@@ -1,0 +1,196 @@
+"""A node and rig that play by script: exact amplitudes, exact times, no physics."""
+
+from __future__ import annotations
+
+from math import cos, pi, sin
+from struct import pack
+
+from firmware_py.config import SHIPPED, Config, load
+from firmware_py.guard.core import GuardCore
+from firmware_py.records import (
+    Advice,
+    Command,
+    CommandRequest,
+    Cycle,
+    Decision,
+    DeviceHeartbeat,
+    Event,
+    NodeInfo,
+    NodeState,
+    RawFrame,
+    RigStatus,
+    SampleFrame,
+    WireMessage,
+)
+from firmware_py.wire.codec import CanCodec
+
+MS = 1_000_000
+SESSION = 0x1234
+
+
+def bench() -> Config:
+    """The shipped configuration of the bench rig."""
+    return load(SHIPPED / "bench.toml")[0]
+
+
+class ScriptedNode:
+    """Sends the six records on their periods; ``drift_ppm`` and ``delay_ns`` shape its clock and its wire."""
+
+    def __init__(self, config: Config, drift_ppm: int = 0, start_tick_us: int = 4_294_000_000) -> None:
+        self.config = config
+        self.codec = CanCodec()
+        self.speed_rpm = 6000.0
+        self.amplitude_um = 5.0
+        self.acceleration_m_s2 = 1.0
+        self.mean_um = (-10.0, -18.0)
+        self.clearance_um = config.actuator.safe_radial_clearance_um
+        self.target_um = self.clearance_um
+        self.oil_C = 41.0
+        self.mode, self.session = 0, 0
+        self.mark_valid = True
+        self.running = True
+        self.info_boot_um = config.actuator.safe_radial_clearance_um
+        self.delay_ns = 100_000
+        self.heard: list[WireMessage] = []
+        self.frozen_channel: int | None = None
+        self._drift_ppm = drift_ppm
+        self._start_tick = start_tick_us
+        self._counters: dict[type, int] = {}
+        self._sample = 0
+        self._phase, self._turns, self._mark_tick = 0.0, 0, start_tick_us
+        self._slow_ms = 0
+
+    def tick_at(self, now_ns: int) -> int:
+        """Node tick at host time ``now_ns``, not wrapped."""
+        return self._start_tick + now_ns // 1000 + now_ns // 1000 * self._drift_ppm // 1_000_000
+
+    def restart(self) -> None:
+        """Power off and on: counters and ticks begin anew."""
+        self._counters.clear()
+        self.session, self.mode = 0, 0
+
+    def hear(self, frames: list[RawFrame]) -> None:
+        """What the device said; commands are obeyed at once."""
+        for frame in frames:
+            message = self.codec.decode(frame)
+            assert not isinstance(message, type(None))
+            if isinstance(message, (Command, DeviceHeartbeat)):
+                self.heard.append(message)
+            if isinstance(message, Command):
+                self.target_um, self.session, self.mode = message.clearance_um, message.session, 1
+
+    def step(self, now_ns: int) -> list[RawFrame]:
+        """Every frame that is complete at ``now_ns`` and was not before."""
+        if not self.running:
+            period_us = self.config.sampling.period_us
+            self._sample = (self.tick_at(now_ns) - self._start_tick) // (3 * period_us)
+            return []
+        frames = []
+        period_us = self.config.sampling.period_us
+        while self._start_tick + (self._sample + 1) * 3 * period_us <= self.tick_at(now_ns):
+            frames.append(self._samples(self._start_tick + self._sample * 3 * period_us, period_us))
+            self._sample += 1
+        if now_ns // (50 * MS) != self._slow_ms:
+            self._slow_ms = now_ns // (50 * MS)
+            frames += self._slow(self.tick_at(now_ns) & 0xFFFFFFFF)
+        return [self.codec.encode(message, now_ns + self.delay_ns) for message in frames]
+
+    def counter(self, kind: type) -> int:
+        """The next counter of a message type."""
+        self._counters[kind] = (self._counters.get(kind, -1) + 1) & 0xFFFF
+        return self._counters[kind]
+
+    def _samples(self, tick_us: int, period_us: int) -> SampleFrame:
+        rows = b""
+        for i in range(3):
+            self._phase += self.speed_rpm * pi / 30 * period_us * 1e-6
+            if self._phase >= 2 * pi:
+                self._phase -= 2 * pi
+                self._turns = (self._turns + 1) & 0xFFFF
+                late_us = round(self._phase / max(self.speed_rpm * pi / 30, 1e-9) * 1e6)
+                self._mark_tick = tick_us + i * period_us - late_us
+            rows += self._row(tick_us // period_us + i)
+        return SampleFrame(self.counter(SampleFrame), tick_us & 0xFFFFFFFF, self._mark_tick & 0xFFFFFFFF,
+                           self._turns, 2 * self.mark_valid, rows)
+
+    def _row(self, n: int) -> bytes:
+        a, p = self.amplitude_um, self._phase
+        dither = n & 1
+        root2 = 2 ** 0.5
+        d1 = (self.mean_um[0] + self.mean_um[1]) / root2 + a * cos(p)
+        d2 = (self.mean_um[1] - self.mean_um[0]) / root2 + a * sin(p)
+        acc = round(self.acceleration_m_s2 * root2 * 100 * cos(p))
+        counts = [round(d1 * 100) + dither, round(d2 * 100) + dither, acc + dither, acc - dither, acc + dither,
+                  10 + dither, 1000 + dither, 5000 + dither]
+        if self.frozen_channel is not None:
+            counts[self.frozen_channel] = 0
+        return pack("<8h", *counts)
+
+    def _slow(self, tick_us: int) -> list[WireMessage]:
+        a = self.config.actuator
+        messages: list[WireMessage] = [
+            NodeState(self.counter(NodeState), tick_us, self.mode, self.session, 0, self.target_um, a.safe_pressure_bar,
+                      True, 0, 0, 0, 0),
+            RigStatus(self.counter(RigStatus), tick_us, 50.0, self.oil_C, self.clearance_um, a.safe_pressure_bar),
+        ]
+        if self._slow_ms % 20 == 1:
+            messages.append(NodeInfo(self.counter(NodeInfo), tick_us, 1, self.config.sampling.period_us,
+                                     self.info_boot_um, a.safe_pressure_bar, a.time_to_live_ms, a.rate_um_s))
+        return messages
+
+
+class Bench:
+    """Guard core and scripted node on one simulated clock, one millisecond a cycle."""
+
+    def __init__(self, config: Config | None = None, latched: list[str] | None = None, drift_ppm: int = 0) -> None:
+        self.config = config or bench()
+        self.node = ScriptedNode(self.config, drift_ppm)
+        self.core = GuardCore(self.config, CanCodec(), SESSION, latched)
+        self.now_ns = 1_000 * MS
+        self.seq = 0
+        self.link_up = self.brain = self.gate = True
+        self.advise_um: float | None = None
+        self.advice_seq = 0
+        self.events: list[Event] = []
+        self.cycles: list[Cycle] = []
+        self.extra: list[RawFrame] = []
+
+    def cycle(self, commands: list[CommandRequest] | None = None) -> Decision:
+        """One millisecond."""
+        self.now_ns += MS
+        self.seq += 1
+        frames = (self.node.step(self.now_ns) if self.link_up else []) + self.extra
+        self.extra = []
+        cycle = Cycle(self.seq, self.now_ns, frames, self._advice(), commands or [], self.brain, self.gate, self.link_up)
+        self.cycles.append(cycle)
+        decision = self.core.step(cycle)
+        self.node.hear(decision.frames_out)
+        self.events += decision.events
+        return decision
+
+    def run(self, seconds: float) -> list[Decision]:
+        """Many milliseconds."""
+        return [self.cycle() for _ in range(round(seconds * 1000))]
+
+    def ask(self, verb: str, value: float | None = None, mode: int | None = None) -> tuple[bool, list[str]]:
+        """One request and its answer."""
+        reply = self.cycle([CommandRequest(self.seq, verb, value, mode)]).replies[0]
+        return reply.accepted, reply.reasons
+
+    def armed(self, mode: int = 2) -> Bench:
+        """Warmed up, in ``mode``, armed."""
+        self.run(1.5)
+        assert self.ask("mode", mode=mode)[0]
+        accepted, reasons = self.ask("arm")
+        assert accepted, reasons
+        return self
+
+    def names(self) -> list[str]:
+        """Names of the events so far."""
+        return [event.name for event in self.events]
+
+    def _advice(self) -> Advice | None:
+        if not self.brain or self.now_ns // MS % 100:
+            return None
+        self.advice_seq += 1
+        return Advice(self.advice_seq, self.now_ns, self.now_ns - 5 * MS, 300 * MS, self.advise_um, None, True, [], None)
