@@ -139,6 +139,8 @@ class Hub:
                 size = sender.sock.recv_into(self._view)
             except BlockingIOError:
                 return True
+            except ConnectionResetError:
+                continue  # it left without reading all; what it sent before still waits
             except OSError:
                 return False
             if size < HEADER.size or size != HEADER.size + self._packet[HEADER.size - 1]:
@@ -199,6 +201,7 @@ def main(arguments: list[str]) -> int:
     path, lock = Path(arguments[0]), int(arguments[1])
     # Whoever came first may be a real-time process on a core of its own; the hub is neither.
     os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    os.sched_setaffinity(0, range(os.cpu_count() or 1))
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     path.unlink(missing_ok=True)
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as listener:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import select
 import signal
 import socket
 import subprocess
@@ -53,8 +54,11 @@ def hub_pid(each: OrbitdHubBus) -> int:
 
 
 def frame(arbitration_id: int = 0x123, data: bytes = b"\x01\x02", **flags: bool) -> can.Message:
-    return can.Message(arbitration_id=arbitration_id, data=data,
-                       **{"is_extended_id": False, "is_fd": True, "bitrate_switch": True, **flags})
+    return can.Message(
+        arbitration_id=arbitration_id,
+        data=data,
+        **{"is_extended_id": False, "is_fd": True, "bitrate_switch": True, **flags},
+    )
 
 
 def send_many(sender: OrbitdHubBus, count: int) -> None:
@@ -62,14 +66,17 @@ def send_many(sender: OrbitdHubBus, count: int) -> None:
         sender.send(frame(data=bytes(64)))
 
 
-@pytest.mark.parametrize("message", [
-    frame(data=bytes(range(64))),
-    frame(data=b""),
-    frame(0x1FFFFFFF, is_extended_id=True, error_state_indicator=True),
-    frame(is_fd=False, bitrate_switch=False),
-    can.Message(arbitration_id=0x7FF, is_extended_id=False, is_remote_frame=True, dlc=0),
-    can.Message(arbitration_id=0x1, is_extended_id=True, is_error_frame=True),
-])
+@pytest.mark.parametrize(
+    "message",
+    [
+        frame(data=bytes(range(64))),
+        frame(data=b""),
+        frame(0x1FFFFFFF, is_extended_id=True, error_state_indicator=True),
+        frame(is_fd=False, bitrate_switch=False),
+        can.Message(arbitration_id=0x7FF, is_extended_id=False, is_remote_frame=True, dlc=0),
+        can.Message(arbitration_id=0x1, is_extended_id=True, is_error_frame=True),
+    ],
+)
 def test_a_frame_reaches_all_others_unchanged(bus: Callable[[], OrbitdHubBus], message: can.Message) -> None:
     sender, first, second = bus(), bus(), bus()
     before = time.time()
@@ -166,8 +173,9 @@ def test_the_death_of_the_hub_is_an_unplugged_adapter(bus: Callable[[], OrbitdHu
 
 
 def test_many_that_come_first_start_one_hub(bus: Callable[[], OrbitdHubBus]) -> None:
-    listeners = [subprocess.Popen([sys.executable, "-c", LISTENER], stdout=subprocess.PIPE, text=True)
-                 for _ in range(4)]
+    listeners = [
+        subprocess.Popen([sys.executable, "-c", LISTENER], stdout=subprocess.PIPE, text=True) for _ in range(4)
+    ]
     for each in listeners:
         assert each.stdout is not None
         assert each.stdout.readline() == "ready\n"
@@ -203,6 +211,15 @@ def test_a_client_that_sends_no_frames_is_put_out(bus: Callable[[], OrbitdHubBus
     received = receiver.recv(5)
     assert received is not None
     assert received.arbitration_id == 0x123
+
+
+def test_the_last_words_of_a_client_that_leaves_are_heard(bus: Callable[[], OrbitdHubBus]) -> None:
+    leaving, receiver = bus(), bus()
+    receiver.send(frame())  # stays unread: the kernel then resets the connection on close
+    assert select.select([leaving], [], [], 5)[0]
+    send_many(leaving, 50)
+    leaving.shutdown()
+    assert [receiver.recv(5) is not None for _ in range(50)] == [True] * 50
 
 
 def test_an_invalid_frame_is_refused_before_it_leaves(bus: Callable[[], OrbitdHubBus]) -> None:
