@@ -118,6 +118,11 @@ def _conserve(bearing: Bearing, film: Film, rate: Floats, memory: FilmMemory | N
     else:
         content = (film.thickness * mesh.theta_width)[:, None] * mesh.z_width
         kept = content / memory.dt_s
+        if np.any(content < memory.dt_s * rate[:, None] * mesh.z_width):
+            raise FilmError(
+                f"memory.dt_s = {memory.dt_s}: too long for this velocity, the journal would have been outside "
+                "the clearance one step ago; shorten it"
+            )
         void_before = 1 - _half_of(memory.fill, mesh)
         supply = film.supply - (kept - rate[:, None] * mesh.z_width) * void_before
     void = np.zeros(mesh.fixed.shape)

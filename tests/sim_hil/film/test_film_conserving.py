@@ -95,6 +95,11 @@ def test_memory_of_a_batch():
     np.testing.assert_array_equal(again.force_N[1], two.force_N)
 
 
+def test_a_step_longer_than_the_gap_is_refused():
+    with pytest.raises(FilmError, match="too long for this velocity"):
+        film_force(E, E / 1e-4, memory=FilmMemory(1e-3), **FED)
+
+
 def test_equilibrium_of_the_conserving_film():
     state = equilibrium(load_N=100.0, **FED)
     assert state.film.force_N == pytest.approx((0.0, 100.0), abs=1e-5)
