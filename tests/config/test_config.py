@@ -36,7 +36,7 @@ def test_shipped_configurations_load(path: Path) -> None:
         ("ok_low = -0.1\nok_high = 9.9", "ok_low = 9.9\nok_high = 9.9", "channel[6].ok_low"),
         ("scale = 0.001\nok_low = -19.9", "scale = 0.0\nok_low = -19.9", "channel[5].scale"),
         ("speed_max_rpm = 12000.0", "speed_max_rpm = 1000.0", "below operating.speed_min_rpm"),
-        ("inlet_max_C = 45.0", "inlet_max_C = 30.0", "below oil.inlet_min_C"),
+        ("inlet_max_C = 42.0", "inlet_max_C = 30.0", "below oil.inlet_min_C"),
         ("radial_clearance_max_um = 160.0", "radial_clearance_max_um = 30.0", "not above radial_clearance_min_um"),
     ],
 )
