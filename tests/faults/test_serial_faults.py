@@ -144,6 +144,7 @@ def test_an_unplugged_port_is_named_and_comes_back(line: Line) -> None:
     assert line.link.receive(1) == []
     assert not line.link.up
     assert "unplugged" in line.link.fault
+    assert line.link.counters["bytes_skipped"] == 30
     assert not line.link.send(CODEC.encode(STATUS))
     line.plug()
     line.link.receive(RETRY_NS + 1)
@@ -159,6 +160,18 @@ def test_sending_into_an_unplugged_port_never_raises(line: Line) -> None:
     assert [line.link.send(frame) for _ in range(3)] == [False, False, False]
     assert line.link.counters["send_failed"] == 3
     assert not line.link.up
+
+
+def test_a_packet_torn_by_unplugging_is_not_finished_on_the_next_line(line: Line) -> None:
+    frame = CODEC.encode(sample(0))
+    while line.link.send(frame):
+        pass
+    line.unplug()
+    line.link.receive(1)
+    line.plug()
+    line.link.receive(RETRY_NS + 1)
+    assert line.link.send(frame)
+    assert os.read(line.master, 4096) == frame.data
 
 
 def test_reopening_is_tried_at_most_twice_a_second(line: Line) -> None:

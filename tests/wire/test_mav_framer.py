@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from firmware_py.records import DeviceHeartbeat, SampleFrame
 from firmware_py.wire import mav_dialect
 from firmware_py.wire.mav_codec import MavCodec
-from firmware_py.wire.mav_packet import Framer, build
+from firmware_py.wire.mav_packet import CRC_EXTRA, Framer, build
 
 CODEC = MavCodec()
 # No start byte inside, so that each packet is the only one that its bytes can be read as.
@@ -71,12 +71,13 @@ def test_standard_messages_of_others_pass() -> None:
 
 
 def test_signed_and_unknown_packets_are_skipped_whole() -> None:
-    signed = bytearray(PACKETS[0])
-    signed[2] = 1
+    head = b"\x3e\x01" + PACKETS[0][3:-2]  # the signing flag set, the CRC right
+    crc: int = mav_dialect.x25crc(head + bytes([CRC_EXTRA[52005]])).crc
+    signed = b"\xfd" + head + crc.to_bytes(2, "little") + bytes(13)
     unknown = bytearray(PACKETS[0])
     unknown[7:10] = b"\x01\x02\x03"
     framer = Framer()
-    assert out(framer, bytes(signed) + bytes(13) + bytes(unknown) + PACKETS[1]) == [PACKETS[1]]
+    assert out(framer, signed + bytes(unknown) + PACKETS[1]) == [PACKETS[1]]
     assert framer.skipped_bytes == 2 * 74 + 13
 
 

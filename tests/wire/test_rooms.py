@@ -142,6 +142,13 @@ def test_killed_peer_is_replaced(server: RoomServer) -> None:
     second.wait()
 
 
+def test_sending_to_a_peer_that_has_gone_frees_its_place(server: RoomServer) -> None:
+    joined(server, "brain").close()
+    assert not server.send("brain", BLOCK)
+    assert not server.connected("brain")
+    assert server.counters["lost_brain"] == 1
+
+
 def test_second_peer_of_a_role_is_refused(server: RoomServer) -> None:
     first = joined(server, "brain")
     second = joined(server, "brain")

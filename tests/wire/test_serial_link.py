@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import termios
 import time
 import tty
 from collections.abc import Callable, Iterator
@@ -191,6 +192,14 @@ def test_the_cable_carries_both_ways(cable: Path) -> None:
     assert collect(rig, 1)[0].data == command.data
     device.close()
     rig.close()
+
+
+def test_the_cable_echoes_nothing_before_a_program_opens_it(cable: Path) -> None:
+    for end in ends(cable):
+        fd = os.open(end, os.O_RDWR | os.O_NOCTTY)
+        local_flags = termios.tcgetattr(fd)[3]
+        os.close(fd)
+        assert not local_flags & (termios.ECHO | termios.ICANON)
 
 
 def test_an_end_that_nobody_reads_loses_bytes_and_the_cable_lives(cable: Path) -> None:
