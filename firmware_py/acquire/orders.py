@@ -11,6 +11,7 @@ Sources: order tracking by angular resampling, Fyfe and Munck 1997; full spectru
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
@@ -86,7 +87,7 @@ def analyse(window: Window) -> Orders:
     """Order analysis of ``window``, which must hold whole turns (quality without ``NO_MARK``)."""
     turns = window.turns - window.turns % TURN_STEP
     marks = window.marks[-1 - turns :]
-    samples_per_turn = (marks[-1] - marks[0]) / turns
+    samples_per_turn = float(marks[-1] - marks[0]) / turns
     angle = _by_angle(window.samples, marks)
     whole = window.samples[int(marks[0]) : int(marks[-1]), :ROTATING]
     mean = angle.mean(axis=1)
@@ -101,7 +102,7 @@ def analyse(window: Window) -> Orders:
     harmonics = spectrum[:, lines] / loss
     half = np.arange(round(HALF_BAND[0] * turns), round(HALF_BAND[1] * turns) + 1)
     return Orders(
-        speed_rad_s=2.0 * np.pi * window.rate_hz / samples_per_turn,
+        speed_rad_s=2.0 * math.pi * window.rate_hz / samples_per_turn,
         harmonics=harmonics,
         half=_band(spectrum[:, half]),
         forward=np.abs(orbit[lines] / loss),

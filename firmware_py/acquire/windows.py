@@ -26,6 +26,10 @@ MIN_TURNS: Final = 8
 MIN_SECONDS: Final = 0.8
 MAX_SECONDS: Final = 2.0
 HOP_SECONDS: Final = 0.25
+WINDOW_LAYOUT: Final = {
+    "turns": float(TURNS), "min_seconds": MIN_SECONDS, "max_seconds": MAX_SECONDS, "hop_seconds": HOP_SECONDS,
+}
+"""How windows are cut; a model that saw other windows does not fit."""
 MARK_RATIO_MAX: Final = 1.5
 """Neighbouring turns that differ by more hold a lost or a false mark (a 4000 rpm/s ramp gives 1.1)."""
 

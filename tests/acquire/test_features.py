@@ -28,8 +28,7 @@ def named(window: Window) -> dict[str, float]:
 @pytest.mark.parametrize("speed_hz", [12.5, 25.0, 61.7, 200.0])
 @pytest.mark.parametrize("rate", [5000, 10000])
 def test_amplitudes_of_a_known_orbit(speed_hz: float, rate: int) -> None:
-    o = orders(rate, start_hz=speed_hz, forward_m=(10e-6, 2e-6, 1e-6, 0.5e-6), backward_m=(3e-6, 0.5e-6),
-               half_m=4e-6)
+    o = orders(rate, start_hz=speed_hz, forward_m=(10e-6, 2e-6, 1e-6, 0.5e-6), backward_m=(3e-6, 0.5e-6), half_m=4e-6)
     assert o.speed_rad_s == pytest.approx(2 * np.pi * speed_hz, rel=1e-4)
     assert o.forward == pytest.approx([10e-6, 2e-6, 1e-6, 0.5e-6], rel=0.02, abs=3e-8)
     assert o.backward[:2] == pytest.approx([3e-6, 0.5e-6], rel=0.02, abs=3e-8)
@@ -85,7 +84,8 @@ def test_each_cause_moves_its_own_features() -> None:
     assert named(last_window(half_m=5e-6))["shaft_half_fwd_rms"] > plain["shaft_half_fwd_rms"] + 1
     assert named(last_window(backward_m=(5e-6,)))["shaft_bwd_fwd_1x"] > plain["shaft_bwd_fwd_1x"] + 1
     assert named(last_window(acceleration_m_s2=50.0))["acc_motor_1x_per_shaft"] == pytest.approx(
-        plain["acc_motor_1x_per_shaft"] + 1, abs=0.01)
+        plain["acc_motor_1x_per_shaft"] + 1, abs=0.01
+    )
     assert named(last_window(noise=1.0))["acc_motor_band_900_1400"] > plain["acc_motor_band_900_1400"] + 1
 
 

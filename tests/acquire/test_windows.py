@@ -33,8 +33,21 @@ def blocks(counts, marks, *, first_tick=0, samples=30, drop=(), channel_ok=0xFF)
         tick = first_tick + start * period
         inside = [int(m) + first_tick for m in marks if start * period <= m < (start + len(part)) * period]
         quality = Quality.GAP_BEFORE if seq - 1 in drop else 0
-        out.append(Block(seq, 1_000_000_000 + tick * 1000, period * 1000, tick, period, quality, channel_ok,
-                         314.0, 0, inside, part.tobytes()))
+        out.append(
+            Block(
+                seq,
+                1_000_000_000 + tick * 1000,
+                period * 1000,
+                tick,
+                period,
+                quality,
+                channel_ok,
+                314.0,
+                0,
+                inside,
+                part.tobytes(),
+            )
+        )
     return out
 
 
@@ -105,7 +118,8 @@ def test_bad_channel_stays_in_the_windows_that_saw_it_only() -> None:
     windows, _ = run(every)
     saw = [w.end_tick_us - len(w.samples) * 200 < 101 * 6000 and w.end_tick_us > 100 * 6000 for w in windows]
     assert [w.channel_ok == 0xEF for w in windows] == saw
-    assert any(saw) and not all(saw)
+    assert any(saw)
+    assert not all(saw)
 
 
 def test_readings_are_averaged_inside_the_window() -> None:
@@ -141,7 +155,9 @@ def test_probes_become_machine_axes() -> None:
     assert y == pytest.approx(half * (1000 + 500) * WIRE_SCALES[0])
 
 
-@pytest.mark.parametrize(("tick", "near", "unwrapped"), [
-    (5, 0xFFFF_FFF0, 0x1_0000_0005), (0xFFFF_FFF0, 0x1_0000_0005, 0xFFFF_FFF0), (7, 9, 7), (3, -1, 3)])
+@pytest.mark.parametrize(
+    ("tick", "near", "unwrapped"),
+    [(5, 0xFFFF_FFF0, 0x1_0000_0005), (0xFFFF_FFF0, 0x1_0000_0005, 0xFFFF_FFF0), (7, 9, 7), (3, -1, 3)],
+)
 def test_nearest_tick(tick: int, near: int, unwrapped: int) -> None:
     assert nearest_tick(tick, near) == unwrapped

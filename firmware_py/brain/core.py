@@ -1,0 +1,133 @@
+"""The brain as one pure stage: records of the guard in; diagnosis, forecast and advice out."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_py.acquire.windows import ChannelMap, Window, Windower
+from firmware_py.brain.diagnosis import Diagnoser
+from firmware_py.brain.observation import Observer
+from firmware_py.brain.policy import Policy, Proposal
+from firmware_py.brain.prediction import HORIZON_S
+from firmware_py.brain.store import Models
+from firmware_py.config import Config
+from firmware_py.records import (
+    Advice,
+    Block,
+    Diagnosis,
+    Forecast,
+    GuardState,
+    RigReading,
+    RoomRecord,
+    WindowRecord,
+)
+
+ADVICE_PERIOD_NS: Final = 100_000_000
+LIFETIME_NS: Final = 300_000_000
+"""Three periods: two lost advices are survived, a third is not."""
+WINDOWS_PER_STEP: Final = 2
+"""More windows than this in one step mean that the brain is behind: the oldest are dropped, counted."""
+
+
+class BrainCore:
+    """Windows, diagnosis, prediction and policy; knows the time only from its inputs.
+
+    Parameters
+    ----------
+    config
+        The device's configuration.
+    models
+        What the store found; absent models withhold what they are needed for.
+    cpu_features
+        Written into every :class:`~firmware_py.records.WindowRecord`: diagnoses are bit-exact only there.
+    """
+
+    def __init__(self, config: Config, models: Models, cpu_features: str = "") -> None:
+        channels = ChannelMap.from_config(config)
+        self._windower = Windower(channels, config.sampling.rate_hz)
+        self._observer = Observer(channels)
+        self._diagnoser = Diagnoser(models.classifier)
+        self._policy = Policy(models, config)
+        self._pressure_bar = config.actuator.safe_pressure_bar
+        self._cpu_features = cpu_features
+        self._predictor_label = models.surrogate.label if models.surrogate else ""
+        self._diagnosis: Diagnosis | None = None
+        self._guard: GuardState | None = None
+        self._next_advice_ns: int | None = None
+        self._advice_seq = 0
+        self._newest_ns = 0
+        self._windows_dropped = 0
+
+    @property
+    def counters(self) -> dict[str, int]:
+        """Every count of the brain by name."""
+        return {**self._windower.counters, **self._diagnoser.counters, **self._policy.counters,
+                "windows_dropped": self._windows_dropped}
+
+    def step(self, records: list[RoomRecord], now_ns: int) -> list[RoomRecord]:
+        """Take what the guard sent; return what is due at ``now_ns``, oldest first."""
+        windows = [window for record in records for window in self._take(record)]
+        self._windows_dropped += max(0, len(windows) - WINDOWS_PER_STEP)
+        out: list[RoomRecord] = []
+        for window in windows[-WINDOWS_PER_STEP:]:
+            out += self.diagnose(window)
+        if self._next_advice_ns is None or now_ns >= self._next_advice_ns:
+            behind = self._next_advice_ns is None or now_ns >= self._next_advice_ns + ADVICE_PERIOD_NS
+            start_ns = now_ns if behind or self._next_advice_ns is None else self._next_advice_ns
+            self._next_advice_ns = start_ns + ADVICE_PERIOD_NS
+            out += self._advise(now_ns)
+        return out
+
+    def _take(self, record: RoomRecord) -> list[Window]:
+        """Sort one record to whoever needs it; the windows that it completes."""
+        if isinstance(record, Block):
+            self._observer.take(record)
+            self._newest_ns = record.t_acq_ns
+            return self._windower.step(record)
+        if isinstance(record, RigReading):
+            self._observer.take(record)
+            self._windower.note(record)
+        elif isinstance(record, GuardState):
+            self._guard = record
+        return []
+
+    def diagnose(self, window: Window) -> list[RoomRecord]:
+        """Diagnosis of ``window`` and the record that lets a replay find the same window."""
+        diagnosis, _ = self._diagnoser.step(window)
+        self._diagnosis = diagnosis
+        return [diagnosis, WindowRecord(
+            seq=diagnosis.seq, last_t_acq_ns=window.end_ns, last_block_seq=window.last_block_seq,
+            diagnosis_seq=diagnosis.seq, cpu_features=self._cpu_features)]
+
+    def _advise(self, now_ns: int) -> list[RoomRecord]:
+        proposal = self._policy.step(self._observer.present(), self._diagnosis, self._guard, now_ns)
+        self._advice_seq += 1
+        forecast = self._forecast(proposal)
+        proposes = proposal.clearance_m is not None
+        advice = Advice(
+            seq=self._advice_seq, t_ns=now_ns, t_acq_ns=self._newest_ns, lifetime_ns=LIFETIME_NS,
+            clearance_um=proposal.clearance_m * 1e6 if proposal.clearance_m is not None else None,
+            pressure_bar=self._pressure_bar if proposes else None,
+            qualified=self._policy.qualified, reasons=proposal.reasons, forecast=forecast)
+        return [forecast, advice] if forecast else [advice]
+
+    def _forecast(self, proposal: Proposal) -> Forecast | None:
+        """The record of the forecast for where the clearance will be; None without one."""
+        outlook, um = proposal.forecast, 1e6
+        if outlook is None:
+            return None
+        return Forecast(
+            seq=self._advice_seq, t_acq_ns=self._newest_ns, quality=0, horizon_s=HORIZON_S,
+            conditional_on=proposal.expectation, clearance_um=float(outlook.clearance_m[0]) * um,
+            peak_to_peak_um=_triple(outlook.peak_to_peak_m[0] * um), power_W=_triple(outlook.power_W[0]),
+            min_film_um=_triple(outlook.min_film_m[0] * um), whirl_margin=_triple(outlook.whirl_margin[0]),
+            load_N=outlook.estimate.interval("load_N"), viscosity_Pa_s=outlook.estimate.interval("viscosity_Pa_s"),
+            unbalance_kg_m=outlook.estimate.interval("unbalance_kg_m"), model=self._predictor_label)
+
+
+def _triple(values: NDArray[np.float64]) -> tuple[float, float, float]:
+    low, expected, high = values.tolist()
+    return low, expected, high

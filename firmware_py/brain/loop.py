@@ -1,0 +1,86 @@
+"""The brain's process: ``orbitd brain``."""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import signal
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from firmware_py import launch, notify
+from firmware_py.brain.core import BrainCore
+from firmware_py.brain.errors import ModelAnswerError
+from firmware_py.brain.store import Models, load_models
+from firmware_py.clock import Clock, MonotonicClock
+from firmware_py.records import Advice
+from firmware_py.wire.rooms import RoomClient
+
+PERIOD_NS: Final = 20_000_000
+"""Far below the advice's 100 ms; the guard's socket holds many times this."""
+
+_CPU_FLAGS: Final = ("avx", "fma", "avx2", "avx512f", "avx512_vnni", "amx_tile", "asimd", "sve")
+
+
+def main(argv: list[str]) -> int:
+    """Run the brain until SIGTERM or SIGINT."""
+    parser = argparse.ArgumentParser(prog="orbitd brain", description=__doc__)
+    launch.add_options(parser)
+    start = launch.from_options(parser.parse_args(argv))
+    models = load_models(start.config)
+    for kind, text in models.refusals.items():
+        print(f"orbitd brain: {kind} not used: {text}", file=sys.stderr, flush=True)
+    prewarm(models)
+    core = BrainCore(start.config, models, cpu_features())
+    stopped: list[int] = []
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda signum, _frame: stopped.append(signum))
+    gc.freeze()
+    run(core, start.runtime, MonotonicClock(), notify.from_environment(), lambda: bool(stopped))
+    return 0
+
+
+def run(core: BrainCore, runtime: Path, clock: Clock, notifier: notify.Notifier, stopped: Callable[[], bool]) -> None:
+    """Read, step, write, sleep, until ``stopped()``.
+
+    Advice goes to the guard and the gate, everything else to the gate; the advice is the heartbeat.
+    """
+    guard = RoomClient(runtime / "guard.sock", "brain")
+    gate = RoomClient(runtime / "gate.sock", "brain")
+    notifier.ready()
+    next_ns = clock.now_ns()
+    while not stopped():
+        now_ns = clock.now_ns()
+        gate.poll(now_ns)
+        for record in core.step(guard.poll(now_ns), now_ns):
+            if isinstance(record, Advice):
+                guard.send(record)
+                notifier.watchdog()
+            gate.send(record)
+        next_ns = max(next_ns + PERIOD_NS, clock.now_ns())
+        clock.sleep_until(next_ns)
+    notifier.stopping()
+    guard.close()
+    gate.close()
+
+
+def prewarm(models: Models) -> None:
+    """Let every session allocate before the first real question; its answer to zeros is of no interest."""
+    for model in (models.classifier, models.actor, models.surrogate):
+        if model is not None:
+            with suppress(ModelAnswerError):
+                model.session.run(np.zeros((1, model.session.columns)))
+
+
+def cpu_features(cpuinfo: Path = Path("/proc/cpuinfo")) -> str:
+    """The vector extensions on which the last bits of a diagnosis depend; ``unknown`` where they are not told."""
+    try:
+        words = set(cpuinfo.read_text(encoding="ascii", errors="replace").partition("\n\n")[0].split())
+    except OSError:
+        return "unknown"
+    return " ".join(flag for flag in _CPU_FLAGS if flag in words) or "unknown"

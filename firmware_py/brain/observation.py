@@ -1,0 +1,115 @@
+"""The machine as it is now: figures over the last few whole turns, for predictor and actor."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_py.acquire.windows import ChannelMap
+from firmware_py.brain.estimate import Measured
+from firmware_py.records import N_CHANNELS, Block, Quality, RigReading
+
+SPAN_S: Final = 0.2
+"""Time over which the present is taken; shortened to whole turns."""
+
+
+@dataclass(frozen=True, slots=True)
+class Present:
+    """The present state, SI.
+
+    ``peak_to_peak_m`` is (x, y) in the machine's frame; ``channel_ok`` has one bit per channel.
+    """
+
+    t_acq_ns: int
+    reading_ns: int
+    speed_rad_s: float
+    mean_m: tuple[float, float]
+    peak_to_peak_m: tuple[float, float]
+    probe_peak_to_peak_m: float
+    forward_1x_m: float
+    supply_pressure_bar: float
+    clearance_m: float
+    shaft_power_W: float
+    oil_outlet_C: float
+    channel_ok: int
+
+    def measured(self) -> Measured:
+        """What the predictor synchronises with."""
+        return Measured(self.speed_rad_s, self.clearance_m, *self.mean_m, self.forward_1x_m,
+                        self.probe_peak_to_peak_m, self.shaft_power_W, self.oil_outlet_C)
+
+
+class Observer:
+    """Keeps the newest ``SPAN_S`` of blocks and the newest reading.
+
+    Parameters
+    ----------
+    channels
+        Conversion to SI.
+    """
+
+    def __init__(self, channels: ChannelMap) -> None:
+        self._channels = channels
+        self._blocks: deque[Block] = deque()
+        self._span_ns = 0
+        self._next_tick_us = -1
+        self._reading: RigReading | None = None
+
+    def take(self, record: Block | RigReading) -> None:
+        """Note one record."""
+        if isinstance(record, RigReading):
+            self._reading = record
+            return
+        if record.quality & Quality.GAP_BEFORE or record.tick_us != self._next_tick_us:
+            self._blocks.clear()
+            self._span_ns = 0
+        self._next_tick_us = record.tick_us + _instants(record) * record.sample_period_us
+        self._blocks.append(record)
+        self._span_ns += _length_ns(record)
+        while self._span_ns - _length_ns(self._blocks[0]) >= SPAN_S * 1e9:
+            self._span_ns -= _length_ns(self._blocks.popleft())
+
+    def present(self) -> Present | None:
+        """The present state; None before ``SPAN_S`` of gap-free samples, a reading and a turning shaft."""
+        if self._reading is None or self._span_ns < 0.99e9 * SPAN_S:
+            return None
+        last, status = self._blocks[-1], self._reading.status
+        turn_s = 2 * math.pi / last.speed_rad_s if last.speed_rad_s > 0 else math.inf
+        turns = int(SPAN_S / turn_s)
+        if turns < 1:
+            return None
+        counts = np.frombuffer(b"".join(block.samples for block in self._blocks), "<i2").reshape(-1, N_CHANNELS)
+        counts = counts[-round(turns * turn_s * 1e6 / last.sample_period_us) :]
+        si = self._channels.to_si(counts)
+        probes = np.ptp(counts[:, :2].astype(np.int32), axis=0) * np.abs(self._channels.scale[:2])
+        mean, spread = si.mean(axis=0), np.ptp(si[:, :2], axis=0)
+        ok = 0xFF
+        for block in self._blocks:
+            ok &= block.channel_ok
+        return Present(
+            t_acq_ns=last.t_acq_ns + _length_ns(last), reading_ns=self._reading.t_acq_ns,
+            speed_rad_s=last.speed_rad_s, mean_m=(float(mean[0]), float(mean[1])),
+            peak_to_peak_m=(float(spread[0]), float(spread[1])), probe_peak_to_peak_m=float(probes.max()),
+            forward_1x_m=_forward(si[:, :2], turns), supply_pressure_bar=float(mean[6]),
+            clearance_m=status.clearance_actual_um * 1e-6, shaft_power_W=status.shaft_power_W,
+            oil_outlet_C=status.oil_outlet_C, channel_ok=ok)
+
+
+def _forward(shaft: NDArray[np.float64], turns: int) -> float:
+    """Forward 1X amplitude of the orbit over ``turns`` whole turns."""
+    orbit = shaft[:, 0] + 1j * shaft[:, 1]
+    phase = np.exp(-2j * math.pi * turns * np.arange(len(orbit)) / len(orbit))
+    return float(abs(np.mean((orbit - orbit.mean()) * phase)))
+
+
+def _instants(block: Block) -> int:
+    return len(block.samples) // (2 * N_CHANNELS)
+
+
+def _length_ns(block: Block) -> int:
+    return _instants(block) * block.period_ns

@@ -1,0 +1,210 @@
+"""The policy: the actor proposes a clearance, the predictor checks it, and the reasons are written down (AG).
+
+A clearance is good when, at the pessimistic end of the forecast, the minimum film stays above its limit, the
+shaft does not whirl, and the peak-to-peak stays below its share of the smaller of present and new clearance.
+If the actor's proposal is not good, the good candidate with the least expected power is advised instead.
+Without models, fresh samples or a clear diagnosis there is no proposal, and every reason is given.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_py.brain.errors import ModelAnswerError
+from firmware_py.brain.estimate import Estimate
+from firmware_py.brain.observation import Present
+from firmware_py.brain.prediction import HORIZON_S, Outlook, Predictor
+from firmware_py.brain.store import OBSERVATION, Model, Models
+from firmware_py.config import Config
+from firmware_py.records import CHANNELS, ArmState, Diagnosis, GuardState, Mode
+
+READING_AGE_MAX_NS: Final = 250_000_000
+SAMPLE_AGE_MAX_NS: Final = 150_000_000
+DIAGNOSIS_AGE_MAX_NS: Final = 1_500_000_000
+DOUBT_MAX_S: Final = 3.0
+"""Doubt and unknown withhold the advice when they have stood this long."""
+
+_NEEDED_CHANNELS: Final = ("disp_x", "disp_y", "supply_pressure")
+
+
+@dataclass(frozen=True, slots=True)
+class Proposal:
+    """A clearance (m) or None, with every reason.
+
+    ``forecast`` holds one clearance: where it will be after the horizon; ``expectation`` says why there.
+    """
+
+    clearance_m: float | None
+    reasons: list[str]
+    forecast: Outlook | None = None
+    expectation: str = ""
+
+
+class Policy:
+    """Actor and predictor together.
+
+    Parameters
+    ----------
+    models
+        Actor and surrogate; each may be absent.
+    config
+        Limits, ranges, actuator.
+    """
+
+    def __init__(self, models: Models, config: Config) -> None:
+        self._config = config
+        self._models = models
+        self._predictor = Predictor(models.surrogate, config) if models.surrogate else None
+        self.counters = {"proposals": 0, "proposals_overruled": 0, "proposals_withheld": 0,
+                         "forecasts_refused": 0}
+
+    @property
+    def qualified(self) -> bool:
+        """Whether every model behind the advice may act."""
+        used = (self._models.classifier, self._models.actor, self._models.surrogate)
+        return all(model is not None and model.qualified for model in used)
+
+    def step(self, present: Present | None, diagnosis: Diagnosis | None, guard: GuardState | None,
+             now_ns: int) -> Proposal:
+        """The proposal for ``now_ns``."""
+        reasons = self._missing_models() + self._doubts(present, diagnosis, now_ns)
+        if present is None or self._predictor is None:
+            return self._withheld(reasons)
+        try:
+            return self._propose(present, diagnosis, guard, reasons, self._predictor)
+        except (ModelAnswerError, np.linalg.LinAlgError) as error:
+            self.counters["forecasts_refused"] += 1
+            return self._withheld([*reasons, f"no forecast: {error}"])
+
+    def _propose(self, present: Present, diagnosis: Diagnosis | None, guard: GuardState | None,
+                 reasons: list[str], predictor: Predictor) -> Proposal:
+        measured = present.measured()
+        estimate = predictor.estimate(measured)
+        actor = self._models.actor
+        wish_m = self._wish(actor, present, diagnosis, estimate, reasons) if actor and not reasons else None
+        chosen_m = None
+        if wish_m is not None:
+            outlook = predictor.forecast(measured, estimate, np.append(predictor.candidates_m, wish_m))
+            chosen_m = self._check(wish_m, present, outlook, reasons)
+        self.counters["proposals" if chosen_m is not None else "proposals_withheld"] += 1
+        expected_m, expectation = self._future(present, guard, chosen_m)
+        forecast = predictor.forecast(measured, estimate, np.array([expected_m]))
+        return Proposal(chosen_m, reasons, forecast, expectation)
+
+    def _wish(self, actor: Model, present: Present, diagnosis: Diagnosis | None, estimate: Estimate,
+              reasons: list[str]) -> float | None:
+        """What the actor wants, within the bearing's range; None (with reason) outside its domain."""
+        share = diagnosis.evidence.get("subsync_share", 0.0) if diagnosis else 0.0
+        values = observation(present, estimate.load_N, share)
+        outside = actor.outside(values)
+        if outside:
+            reasons += outside
+            return None
+        row = np.array([[values[name] for name in OBSERVATION]])
+        bearing = self._config.bearing
+        wish_m = float(actor.session.run(row)["clearance"][0, 0])
+        return min(max(wish_m, bearing.radial_clearance_min_um * 1e-6), bearing.radial_clearance_max_um * 1e-6)
+
+    def _check(self, wish_m: float, present: Present, outlook: Outlook, reasons: list[str]) -> float | None:
+        """The wish if its forecast is good, else the best good candidate, else None."""
+        good = self.good(outlook, present.clearance_m)
+        if good[-1]:
+            return wish_m
+        index = len(outlook.clearance_m) - 1
+        reasons.append(f"actor's {wish_m * 1e6:.0f} um overruled: {self._fault(outlook, index, present.clearance_m)}")
+        self.counters["proposals_overruled"] += 1
+        candidates = np.flatnonzero(good[:-1])
+        if not len(candidates):
+            reasons.append("no candidate clearance is good at this speed and load")
+            return None
+        best = candidates[np.argmin(outlook.power_W[candidates, 1])]
+        return float(outlook.clearance_m[best])
+
+    def good(self, outlook: Outlook, present_clearance_m: float) -> NDArray[np.bool_]:
+        """Which clearances of ``outlook`` are good, shape (n,)."""
+        limits = self._config.limits
+        room = limits.clearance_share * np.minimum(outlook.clearance_m, present_clearance_m)
+        return np.asarray(outlook.possible & (outlook.min_film_m[:, 0] >= limits.min_film_um * 1e-6)
+                          & (outlook.whirl_margin[:, 0] >= 0.0) & (outlook.peak_to_peak_m[:, 2] <= room))
+
+    def _fault(self, outlook: Outlook, index: int, present_clearance_m: float) -> str:
+        """What is not good about one clearance."""
+        limits = self._config.limits
+        film_um = outlook.min_film_m[index, 0] * 1e6
+        swing_um = outlook.peak_to_peak_m[index, 2] * 1e6
+        room_um = limits.clearance_share * min(outlook.clearance_m[index], present_clearance_m) * 1e6
+        checks = [
+            (bool(outlook.possible[index]), "the film may not carry the load"),
+            (film_um >= limits.min_film_um, f"minimum film {film_um:.1f} um below {limits.min_film_um:g}"),
+            (outlook.whirl_margin[index, 0] >= 0, f"whirl margin {outlook.whirl_margin[index, 0]:.2f} below 0"),
+            (swing_um <= room_um, f"peak-to-peak {swing_um:.1f} um above {room_um:.1f}"),
+        ]
+        return ", ".join(text for holds, text in checks if not holds)
+
+    def _future(self, present: Present, guard: GuardState | None, wish_m: float | None) -> tuple[float, str]:
+        """Where the clearance will be after the horizon, and on what that rests."""
+        actuator = self._config.actuator
+        target_m, why = present.clearance_m, "clearance held"
+        if guard is not None and guard.node_following:
+            target_m, why = guard.target_clearance_um * 1e-6, "clearance goes to the guard's target"
+        if wish_m is not None and guard is not None and _acts(guard):
+            target_m, why = wish_m, "clearance follows the advice"
+        reach = actuator.rate_um_s * 1e-6 * max(0.0, HORIZON_S - actuator.time_constant_s)
+        step = min(max(target_m - present.clearance_m, -reach), reach)
+        return present.clearance_m + step, f"speed, load and oil held; {why}"
+
+    def _missing_models(self) -> list[str]:
+        return [f"no {kind}: {text}" for kind, text in self._models.refusals.items()]
+
+    def _doubts(self, present: Present | None, diagnosis: Diagnosis | None, now_ns: int) -> list[str]:
+        """Every reason in the data not to propose anything."""
+        return [*self._data_doubts(present, now_ns), *_diagnosis_doubts(diagnosis, now_ns)]
+
+    def _data_doubts(self, present: Present | None, now_ns: int) -> list[str]:
+        if present is None:
+            return ["no gap-free samples of a turning shaft yet"]
+        reasons = []
+        sample_age, reading_age = now_ns - present.t_acq_ns, now_ns - present.reading_ns
+        if sample_age > SAMPLE_AGE_MAX_NS:
+            reasons.append(f"samples are {sample_age / 1e6:.0f} ms old (limit {SAMPLE_AGE_MAX_NS / 1e6:.0f})")
+        if reading_age > READING_AGE_MAX_NS:
+            reasons.append(f"rig status is {reading_age / 1e6:.0f} ms old (limit {READING_AGE_MAX_NS / 1e6:.0f})")
+        bad = [name for name in _NEEDED_CHANNELS if not present.channel_ok >> CHANNELS.index(name) & 1]
+        if bad:
+            reasons.append(f"channel not OK: {', '.join(bad)}")
+        return reasons
+
+    def _withheld(self, reasons: list[str]) -> Proposal:
+        self.counters["proposals_withheld"] += 1
+        return Proposal(None, reasons)
+
+
+def observation(present: Present, load_N: float, subsync_share: float) -> dict[str, float]:
+    """The actor's observation by name (:data:`~firmware_py.brain.store.OBSERVATION`), SI."""
+    values = (present.speed_rad_s, *present.mean_m, *present.peak_to_peak_m, present.clearance_m,
+              present.supply_pressure_bar, present.shaft_power_W, present.oil_outlet_C, load_N, subsync_share)
+    return dict(zip(OBSERVATION, values, strict=True))
+
+
+def _acts(guard: GuardState) -> bool:
+    return guard.authority and guard.mode == Mode.AUTO and guard.arm_state == ArmState.ARMED
+
+
+def _diagnosis_doubts(diagnosis: Diagnosis | None, now_ns: int) -> list[str]:
+    if diagnosis is None:
+        return ["no diagnosis yet"]
+    age_ns = now_ns - diagnosis.t_acq_ns
+    if age_ns > DIAGNOSIS_AGE_MAX_NS:
+        return [f"the diagnosis is {age_ns / 1e9:.1f} s old (limit {DIAGNOSIS_AGE_MAX_NS / 1e9:.1f})"]
+    held_s = diagnosis.evidence.get("held_s", 0.0)
+    if diagnosis.verdict == "whirl":
+        return [f"whirl: {100 * diagnosis.evidence['subsync_share']:.0f} % of the orbit's energy at half order"]
+    if diagnosis.verdict in ("doubt", "unknown") and held_s >= DOUBT_MAX_S:
+        return [f"diagnosis {diagnosis.verdict} for {held_s:.1f} s"]
+    if diagnosis.verdict == "none":
+        return ["no diagnosis from the newest window"]
+    return []

@@ -1,0 +1,121 @@
+"""The predictor: what each candidate clearance would bring, with intervals (ISO 13374 PA).
+
+The synchronised film model answers for every candidate at once: equilibrium, friction power, 1X response,
+stability.  Intervals come from the parameters' covariance (sigma points) and from declared model errors.
+Power and peak-to-peak are scaled so that the model agrees with the measurement at the present clearance.
+Speed, load and oil are held at their present values; the oil's answer to another friction is not followed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_py.brain.estimate import SIGMA_90, Estimate, Measured, Synchroniser
+from firmware_py.brain.film import Film, Points, Steady
+from firmware_py.brain.store import Model
+from firmware_py.config import Config
+
+Floats = NDArray[np.float64]
+
+HORIZON_S: Final = 2.0
+CANDIDATES: Final = 16
+POWER_ERROR: Final = 0.04
+PEAK_TO_PEAK_ERROR: Final = 0.15
+FILM_ERROR_M: Final = 1e-6
+MARGIN_ERROR: Final = 0.02
+POWER_SCALE: Final = (0.8, 1.25)
+PEAK_TO_PEAK_SCALE: Final = (0.5, 3.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Outlook:
+    """Forecast for ``n`` clearances; each quantity has shape (n, 3): low, expected, high.
+
+    ``whirl_margin`` is the damping ratio of the least damped mode, ``possible`` (n,) says where the film
+    carries the load at all.
+    """
+
+    clearance_m: Floats
+    peak_to_peak_m: Floats
+    power_W: Floats
+    min_film_m: Floats
+    whirl_margin: Floats
+    possible: NDArray[np.bool_]
+    estimate: Estimate
+
+
+class Predictor:
+    """Surrogate-based predictive model of the running machine.
+
+    Parameters
+    ----------
+    model
+        ``surrogate.onnx``.
+    config
+        Bearing, rotor, oil, probe angles.
+    """
+
+    def __init__(self, model: Model, config: Config) -> None:
+        self._film = Film(model.session, config.bearing.journal_radius_m, config.bearing.length_m,
+                          config.rotor.effective_mass_at_bearing_kg)
+        self._synchroniser = Synchroniser(self._film, config)
+        angles = np.radians([channel.angle_deg for channel in config.channel[:2]])
+        self._probes = np.column_stack([np.cos(angles), np.sin(angles)])
+        self._load_range_N = (config.operating.load_min_N, config.operating.load_max_N)
+        bearing = config.bearing
+        self.candidates_m: Floats = 1e-6 * np.linspace(bearing.radial_clearance_min_um,
+                                                       bearing.radial_clearance_max_um, CANDIDATES)
+        self.label = model.label
+
+    def estimate(self, measured: Measured) -> Estimate:
+        """Synchronise the model with the machine."""
+        return self._synchroniser.step(measured)
+
+    def forecast(self, measured: Measured, estimate: Estimate, clearances_m: Floats) -> Outlook:
+        """What the clearances ``clearances_m`` (n,) would bring."""
+        every = np.append(clearances_m, measured.clearance_m)
+        sigma = _sigma_points(estimate)
+        sigma[:, 0] = np.clip(sigma[:, 0], *self._load_range_N)
+        k = len(sigma)
+        points = Points(np.full(k * len(every), measured.speed_rad_s), np.repeat(every, k),
+                        np.tile(sigma[:, 1], len(every)), np.tile(sigma[:, 0], len(every)))
+        return self._outlook(measured, estimate, every, points, self._film.steady(points))
+
+    def _outlook(self, measured: Measured, estimate: Estimate, every: Floats, points: Points,
+                 steady: Steady) -> Outlook:
+        shape = (len(every), -1)
+        unbalance = np.full(len(points.load_N), estimate.unbalance_kg_m)
+        motion = 2.0 * np.abs(steady.response_m_per_kg_m @ self._probes.T).max(axis=1) * unbalance
+        power = _spread(steady.power_W.reshape(shape), POWER_ERROR, 0.0)
+        power *= _scale(measured.shaft_power_W, power[-1, 1], POWER_SCALE)
+        swing = _spread(motion.reshape(shape), float(np.hypot(PEAK_TO_PEAK_ERROR, estimate.log_unbalance_sd)), 0.0)
+        swing *= _scale(measured.peak_to_peak_m, swing[-1, 1], PEAK_TO_PEAK_SCALE)
+        film = _spread(steady.min_film_m(points.clearance_m, unbalance).reshape(shape), 0.05, FILM_ERROR_M)
+        margin = _spread(steady.damping_ratio.reshape(shape), 0.0, MARGIN_ERROR)
+        possible = np.asarray(steady.converged.reshape(shape).all(axis=1))
+        return Outlook(every[:-1], swing[:-1], power[:-1], film[:-1], margin[:-1], possible[:-1], estimate)
+
+
+def _sigma_points(estimate: Estimate) -> Floats:
+    """Load and viscosity (5, 2): expected, and one 90 % half-width along each column of the covariance's root."""
+    root = SIGMA_90 * np.linalg.cholesky(estimate.log_covariance)
+    centre = np.log([estimate.load_N, estimate.viscosity_Pa_s])
+    return np.asarray(np.exp(centre + np.concatenate([np.zeros((1, 2)), root.T, -root.T])))
+
+
+def _spread(values: Floats, relative: float, absolute: float) -> Floats:
+    """(n, 3) low, expected, high from the five sigma points (n, 5) and a model error (one deviation)."""
+    expected = values[:, 0]
+    reach = 0.5 * (values[:, 1:3] - values[:, 3:5])
+    model = SIGMA_90 * np.hypot(relative * expected, absolute)
+    half = np.sqrt(np.sum(reach**2, axis=1) + model**2)
+    return np.column_stack([expected - half, expected, expected + half])
+
+
+def _scale(measured: float, modelled: float, limits: tuple[float, float]) -> float:
+    """Measured over modelled, within ``limits``."""
+    return min(max(measured / max(modelled, 1e-12), limits[0]), limits[1])

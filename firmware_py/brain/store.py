@@ -1,0 +1,250 @@
+"""The model store: reads each ONNX file once, checks whose it is and whether it fits, and only then runs it.
+
+The models that ship with the package are vouched for by their manifest (SHA-256).  In a directory of the
+user's, each ``NAME.onnx`` needs ``NAME.onnx.sig``, an Ed25519 signature of the file by one of
+``models.public_keys``::
+
+    openssl genpkey -algorithm ed25519 -out key.pem
+    openssl pkey -in key.pem -pubout                       # the middle line goes into models.public_keys
+    openssl pkeyutl -sign -rawin -inkey key.pem -in actor.onnx -out actor.onnx.sig
+
+Hash, signature, metadata and session all see the same bytes, read once: nothing can be swapped in between.
+"""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import hashlib
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final, Literal
+
+import msgspec
+
+from firmware_py.acquire.features import FEATURE_NAMES
+from firmware_py.acquire.windows import WINDOW_LAYOUT
+from firmware_py.brain.errors import ModelError, ModelMissingError, ModelTrustError, ModelUnfitError
+from firmware_py.brain.session import Session
+from firmware_py.config import Config
+from firmware_py.records import CHANNELS
+
+SHIPPED: Final = Path(__file__).resolve().parents[2] / "models" / "artifacts"
+"""Both top-level packages are installed side by side."""
+
+PHYSICS_VERSIONS: Final = ("1",)
+"""Versions of film, rotor and sensor physics whose models this brain understands."""
+
+MAX_BYTES: Final = 64 * 2**20
+
+HEADS: Final = ("pedestal bolt A", "pedestal bolt B", "motor bolt", "unbalance")
+OBSERVATION: Final = (
+    "speed_rad_s", "eccentricity_x_m", "eccentricity_y_m", "peak_to_peak_x_m", "peak_to_peak_y_m", "clearance_m",
+    "supply_pressure_bar", "shaft_power_W", "oil_outlet_C", "load_estimate_N", "subsync_share",
+)
+FILM_STATE: Final = ("x_m", "y_m", "vx_m_s", "vy_m_s", "omega_rad_s", "c_m", "mu_Pa_s", "R_m", "L_m")
+
+_INTERFACES: Final[dict[str, tuple[tuple[str, ...], tuple[str, ...]]]] = {
+    "classifier": (FEATURE_NAMES, ("heads", "score")),
+    "actor": (OBSERVATION, ("clearance",)),
+    "surrogate": (FILM_STATE, ("force", "friction_torque", "side_flow")),
+}
+"""Input columns and output tensors of each kind."""
+
+
+class Card(msgspec.Struct, frozen=True):
+    """What a model file says about itself (ONNX metadata; lists and maps are JSON there)."""
+
+    kind: str
+    version: str
+    status: Literal["provisional", "qualified"]
+    channels: list[str]
+    rate_hz: list[int]
+    inputs: list[str]
+    outputs: list[str]
+    domain: dict[str, tuple[float, float]]
+    rigs: list[str]
+    physics_version: str
+    data_hash: str
+    commit: str
+    units: list[str] = []
+    metrics: dict[str, object] = {}
+    window: dict[str, float] | None = None
+    settings: dict[str, object] = {}
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """A trusted, fitting model."""
+
+    card: Card
+    session: Session
+    sha256: str
+
+    @property
+    def label(self) -> str:
+        """Kind, version, status and the start of the hash, for records and pages."""
+        return f"{self.card.kind} {self.card.version} {self.card.status} {self.sha256[:12]}"
+
+    @property
+    def qualified(self) -> bool:
+        """Whether it may act, not only advise."""
+        return self.card.status == "qualified"
+
+    def outside(self, values: dict[str, float]) -> list[str]:
+        """The quantities in ``values`` that lie outside the model's declared domain, as sentences."""
+        found = []
+        for name, value in values.items():
+            low, high = self.card.domain.get(name, (value, value))
+            if not low <= value <= high:
+                found.append(f"{name} {value:.4g} outside the {self.card.kind}'s domain {low:.4g} .. {high:.4g}")
+        return found
+
+
+@dataclass(frozen=True, slots=True)
+class Models:
+    """What the brain has to think with; ``refusals`` says by kind why a model is absent."""
+
+    classifier: Model | None = None
+    actor: Model | None = None
+    surrogate: Model | None = None
+    refusals: dict[str, str] = field(default_factory=dict)
+
+
+def load_models(config: Config) -> Models:
+    """Load the three models of the configured directory; a refused one is absent, with its reason."""
+    found: dict[str, Model] = {}
+    refusals: dict[str, str] = {}
+    for kind in _INTERFACES:
+        try:
+            found[kind] = load_model(kind, config)
+        except ModelError as error:
+            refusals[kind] = str(error)
+    return Models(found.get("classifier"), found.get("actor"), found.get("surrogate"), refusals)
+
+
+def load_model(kind: str, config: Config) -> Model:
+    """Read, vouch for, and fit the model ``kind`` (``classifier``, ``actor`` or ``surrogate``).
+
+    Raises
+    ------
+    ModelMissingError, ModelTrustError, ModelUnfitError
+        See their docstrings.
+    """
+    directory = Path(config.models.directory) if config.models.directory else SHIPPED
+    path = directory / f"{kind}.onnx"
+    data = _read(path)
+    digest = hashlib.sha256(data).hexdigest()
+    if config.models.directory:
+        _check_signature(path, data, config.models.public_keys)
+    else:
+        _check_manifest(path, data, digest)
+    session = Session(path.name, data)
+    card = read_card(path.name, session.metadata)
+    _check_fit(kind, path.name, card, session, config)
+    return Model(card, session, digest)
+
+
+def _read(path: Path) -> bytes:
+    try:
+        with path.open("rb") as file:
+            data = file.read(MAX_BYTES + 1)
+    except OSError as error:
+        raise ModelMissingError(
+            f"{path}: cannot be read ({error.strerror}); train and export it, or set models.directory"
+        ) from error
+    if len(data) > MAX_BYTES:
+        raise ModelUnfitError(f"{path.name}: larger than {MAX_BYTES} bytes; this device loads small models only")
+    return data
+
+
+def _check_manifest(path: Path, data: bytes, digest: str) -> None:
+    manifest = path.with_name("manifest.json")
+    try:
+        entry = json.loads(_read(manifest))["files"][path.name]
+        size, expected = int(entry["bytes"]), str(entry["sha256"])
+    except (KeyError, TypeError, ValueError) as error:
+        raise ModelTrustError(f"{path.name}: not in {manifest.name}; reinstall the package") from error
+    if len(data) != size:
+        raise ModelTrustError(f"{path.name}: {len(data)} bytes, the manifest says {size}; reinstall the package")
+    if digest != expected:
+        raise ModelTrustError(
+            f"{path.name}: SHA-256 {digest[:12]}.., the manifest says {expected[:12]}..: changed after "
+            "packaging; reinstall the package, or sign it and set models.directory and models.public_keys"
+        )
+
+
+def _check_signature(path: Path, data: bytes, public_keys: list[str]) -> None:
+    # Imported here: the device with shipped models needs no cryptography at start.
+    from cryptography.exceptions import InvalidSignature, UnsupportedAlgorithm
+    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
+    from cryptography.hazmat.primitives.serialization import load_der_public_key
+
+    signature = _read(path.with_name(path.name + ".sig"))
+    for number, text in enumerate(public_keys):
+        try:
+            key = load_der_public_key(base64.b64decode(text, validate=True))
+        except (binascii.Error, ValueError, UnsupportedAlgorithm) as error:
+            raise ModelTrustError(f"models.public_keys[{number}]: not the base64 of a public key; "
+                                  "take the middle line of `openssl pkey -pubout`") from error
+        if not isinstance(key, Ed25519PublicKey):
+            raise ModelTrustError(f"models.public_keys[{number}]: not an Ed25519 key; make one with openssl genpkey")
+        try:
+            key.verify(signature, data)
+        except InvalidSignature:
+            continue
+        return
+    raise ModelTrustError(f"{path.name}: signed by none of the {len(public_keys)} models.public_keys; "
+                          "sign the file again, or add its maker's key")
+
+
+def read_card(name: str, metadata: dict[str, str]) -> Card:
+    """The typed card in an ONNX file's metadata.
+
+    Raises
+    ------
+    ModelUnfitError
+        A field is missing or of the wrong form.
+    """
+    plain = ("kind", "version", "status", "physics_version", "data_hash", "commit")
+    try:
+        values = {key: text if key in plain else json.loads(text) for key, text in metadata.items()}
+        values = {key: value for key, value in values.items() if value is not None}
+        return msgspec.convert(values, Card)
+    except (ValueError, msgspec.ValidationError) as error:
+        raise ModelUnfitError(f"{name}: metadata: {error}; export it again with its metadata") from error
+
+
+def _check_fit(kind: str, name: str, card: Card, session: Session, config: Config) -> None:
+    """Refuse a model made for something else; every reason at once."""
+    inputs, outputs = _INTERFACES[kind]
+    rate, rig, bearing = config.sampling.rate_hz, config.device.rig, config.bearing
+    ratio = bearing.length_m / (2 * bearing.journal_radius_m)
+    low, high = card.domain.get("length_over_diameter", (ratio, ratio))
+    sampled = kind == "classifier"
+    checks: list[tuple[bool, str]] = [
+        (card.kind == kind, f"kind {card.kind!r}, expected {kind!r}"),
+        (tuple(card.inputs) == inputs, f"inputs {_difference(card.inputs, inputs)}"),
+        (session.columns == len(inputs), f"graph takes {session.columns} columns, expected {len(inputs)}"),
+        (set(outputs) <= set(session.outputs), f"graph gives {session.outputs}, expected {outputs}"),
+        (not sampled or tuple(card.channels) == CHANNELS, f"channels {_difference(card.channels, CHANNELS)}"),
+        (not sampled or rate in card.rate_hz, f"rate_hz {card.rate_hz}, the configuration samples at {rate}"),
+        (not sampled or card.window == WINDOW_LAYOUT, f"window {card.window}, this brain cuts {WINDOW_LAYOUT}"),
+        (not sampled or "novelty_threshold" in card.settings, "settings lack novelty_threshold"),
+        (rig in card.rigs, f"rigs {card.rigs}, this is {rig!r}"),
+        (low - 1e-6 <= ratio <= high + 1e-6, f"length_over_diameter {low:g} .. {high:g}, this bearing has {ratio:g}"),
+        (card.physics_version in PHYSICS_VERSIONS,
+         f"physics_version {card.physics_version!r}, this brain knows {PHYSICS_VERSIONS}"),
+    ]
+    wrong = [text for holds, text in checks if not holds]
+    if wrong:
+        raise ModelUnfitError(f"{name}: {'; '.join(wrong)}: use a model made for this configuration")
+
+
+def _difference(found: list[str], expected: tuple[str, ...]) -> str:
+    """Where two lists of names first part."""
+    for index, (a, b) in enumerate(zip(found, expected, strict=False)):
+        if a != b:
+            return f"[{index}] = {a!r}, expected {b!r}"
+    return f"has {len(found)} names, expected {len(expected)}"
