@@ -34,7 +34,7 @@ class ChannelOkState(msgspec.Struct):
 
 def counts_range(channel: Channel) -> tuple[int, int]:
     """OK range of ``channel`` in raw counts, always inside the rails of ``int16``."""
-    ends = sorted(((channel.ok_low - channel.offset) / channel.scale, (channel.ok_high - channel.offset) / channel.scale))
+    ends = sorted((limit - channel.offset) / channel.scale for limit in (channel.ok_low, channel.ok_high))
     return max(math.ceil(ends[0]), _INT16_MIN + 1), min(math.floor(ends[1]), _INT16_MAX - 1)
 
 

@@ -113,7 +113,8 @@ class Arming:
         recovering = s.arm_state == ArmState.RECOVERY
         if action == Action.DISARM or (recovering and now_ns - s.recovery_ns > RECOVERY_MAX_NS):
             s.arm_state, s.commanding = ArmState.DISARMED, False
-            return [Notice(Severity.ALERT, "disarmed", "; ".join(f.text for f in failsafes) or "recovery took too long")]
+            reason = "; ".join(f.text for f in failsafes) or "recovery took too long"
+            return [Notice(Severity.ALERT, "disarmed", reason)]
         if action == Action.RECOVER and not recovering:
             s.arm_state, s.recovery_ns = ArmState.RECOVERY, now_ns
             return [Notice(Severity.ALERT, "recovery", "; ".join(f.text for f in failsafes))]

@@ -155,11 +155,15 @@ class GuardCore:
         """Rooms and link that came or went."""
         m = self._memory
         notices = []
-        for name, before, after in (("link", m.link_up, cycle.link_up), ("gate", m.gate_connected, cycle.gate_connected),
-                                    ("brain", m.brain_connected, cycle.brain_connected)):
-            if before != after:
-                notices.append(Notice(Severity.INFO if after else Severity.ALERT, f"{name}_{'back' if after else 'lost'}",
-                                      f"{name} {'connected' if after else 'gone'}"))
+        for name, before, after in (
+            ("link", m.link_up, cycle.link_up),
+            ("gate", m.gate_connected, cycle.gate_connected),
+            ("brain", m.brain_connected, cycle.brain_connected),
+        ):
+            if after and not before:
+                notices.append(Notice(Severity.INFO, f"{name}_back", f"{name} connected"))
+            elif before and not after:
+                notices.append(Notice(Severity.ALERT, f"{name}_lost", f"{name} gone"))
         if cycle.link_up and not m.link_up:
             self._acquire.reset_clock()
         if not cycle.brain_connected:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import gc
 import os
 import secrets
@@ -170,10 +171,8 @@ def main(argv: list[str]) -> int:
 
 def _real_time() -> None:
     """First in line for the processor where that is allowed, and no garbage collection in the loop."""
-    try:
+    with contextlib.suppress(PermissionError):  # on a laptop; the lateness histogram shows what that costs
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(FIFO_PRIORITY))
-    except PermissionError:
-        pass  # a laptop: the lateness histogram in the guard's state shows what that costs
     gc.collect()
     gc.freeze()
     gc.disable()
