@@ -38,8 +38,11 @@ class _End:
         self.slave = slave
         self.outgoing = b""
         self.path = path
-        path.unlink(missing_ok=True)
-        path.symlink_to(os.ttyname(slave))
+
+    def show(self) -> None:
+        """Put the path where programs look for the port."""
+        self.path.unlink(missing_ok=True)
+        self.path.symlink_to(os.ttyname(self.slave))
 
     def read(self) -> bytes:
         try:
@@ -88,7 +91,9 @@ def main(argv: list[str]) -> int:
     signal.signal(signal.SIGTERM, _stop)
     signal.signal(signal.SIGINT, _stop)
     device, rig = (_End(path) for path in ends(Path(argv[0])))
-    try:
+    try:  # covers the paths from the first moment: whoever sees them may stop the cable
+        device.show()
+        rig.show()
         carry(device, rig)
     finally:
         device.close()
