@@ -13,7 +13,16 @@ from sim_hil.film.table import FilmTable
 from sim_hil.film.table_kernel import table_force
 from sim_hil.rigs import RigData
 from sim_hil.rotor.assembly import assemble
-from sim_hil.rotor.parameters import N_SENSORS, N_TRUTH, Floats, new_state
+from sim_hil.rotor.parameters import (
+    CLEARANCE,
+    N_SENSORS,
+    N_TRUTH,
+    OIL,
+    POWER,
+    PRESSURE,
+    Floats,
+    new_state,
+)
 from sim_hil.sensors.antialias import antialias_taps
 from sim_hil.sensors.chain import Counts, SensorChain
 from sim_hil.sensors.kernel import advance
@@ -35,6 +44,16 @@ class Batch:
     counts: Counts
     truth: Floats
     marks: Floats
+
+
+@dataclass(frozen=True)
+class Readings:
+    """Slow quantities as they are, without reading errors."""
+
+    clearance_m: float
+    pressure_Pa: float
+    power_W: float
+    oil_C: float
 
 
 class Machine:
@@ -102,6 +121,16 @@ class Machine:
     def wear_m(self) -> float:
         """Radial clearance beyond what the actuator reports, m."""
         return self._plant.film.wear
+
+    @property
+    def unbalance_kg_m(self) -> float:
+        """Present unbalance at the bearing."""
+        return self._plant.shaft.unbalance
+
+    def readings(self) -> Readings:
+        """Slow quantities now."""
+        scalar = self._state.scalar
+        return Readings(float(scalar[CLEARANCE]), float(scalar[PRESSURE]), float(scalar[POWER]), float(scalar[OIL]))
 
     def inject(self, name: str, severity: float) -> None:
         """Set a fault from now on; see :mod:`sim_hil.faults` for names and severities.

@@ -100,13 +100,13 @@ def recording_of(machine: Machine, batch: Batch, rng: np.random.Generator) -> Re
     start = np.arange(len(batch.counts), dtype=np.float64) * period
     marked = batch.marks >= 0
     every = max(1, round(STATUS_S / period))
-    slow = batch.truth[every - 1 :: every]
-    n = len(slow)
+    n = len(batch.truth) // every
+    slow = batch.truth[: n * every].reshape(n, every, -1).mean(axis=1)
     columns = {name: slow[:, i] for i, name in enumerate(TRUTH_COLUMNS)}
     power_error, oil_error = rng.uniform(-POWER_ERROR_W, POWER_ERROR_W), rng.uniform(-OIL_ERROR_C, OIL_ERROR_C)
     reported = columns["clearance_m"] - machine.wear_m + CLEARANCE_NOISE_M * rng.standard_normal(n)
     status = np.column_stack([
-        start[every - 1 :: every] + period,
+        np.arange(1, n + 1) * every * period,
         columns["shaft_power_W"] + power_error,
         columns["oil_C"] + oil_error,
         reported,

@@ -5,14 +5,17 @@
 
 from __future__ import annotations
 
+from firmware_py.errors import OrbitdError
 from sim_hil.faults.machine import MACHINE_FAULTS, apply_machine_faults
 from sim_hil.faults.sensor import SENSOR_FAULTS, SensorFault, sensor_fault
 
 FaultSet = dict[str, float]
 
 
-class UnknownFault(ValueError):
+class UnknownFault(OrbitdError, ValueError):
     """No fault of that name, or a severity outside its range."""
+
+    exit_code = 2
 
 
 def check_fault(name: str, severity: float) -> None:

@@ -12,12 +12,16 @@ from dataclasses import dataclass
 from importlib import resources
 from typing import Any, Final
 
+from firmware_py.errors import OrbitdError
+
 RIGS: Final = ("bench", "seed")
 GRAVITY_M_S2: Final = 9.81
 
 
-class UnknownRig(ValueError):
+class UnknownRig(OrbitdError, ValueError):
     """There is no rig of that name."""
+
+    exit_code = 2
 
 
 @dataclass(frozen=True)

@@ -35,7 +35,7 @@ TRUTH_COLUMNS: Final = (
     "film_force_x_N",
     "film_force_y_N",
 )
-"""Columns of the truth at each sampling instant."""
+"""Columns of the truth at each sampling instant; the angle runs on over the turns."""
 
 
 class Foot(NamedTuple):
@@ -146,7 +146,7 @@ class State(NamedTuple):
     ``q``, ``v``: rotor x, y, tilt dx/dz, tilt dy/dz; pedestal x, y, roll; motor x, y, roll.
     ``a``: their accelerations in the last step.  ``slip``: slip of the eight feet.  ``mode``: three housing
     modes, position and velocity.  ``lag``: sensor lags.  ``ring``: anti-alias history, each instant stored
-    twice.  ``scalar``: the :data:`SCALARS`.
+    twice.  ``scalar``: the named indices below.
     """
 
     q: Floats
@@ -171,7 +171,8 @@ MEAN_X: Final = 8
 MEAN_Y: Final = 9
 POWER: Final = 10
 FLOW: Final = 11
-N_SCALARS: Final = 12
+TURNS: Final = 12
+N_SCALARS: Final = 13
 
 
 def three(values: Iterable[float]) -> Three:

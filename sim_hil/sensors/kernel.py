@@ -27,6 +27,7 @@ from sim_hil.rotor.parameters import (
     PRESSURE,
     RING,
     TIME,
+    TURNS,
     Floats,
     Pickup,
     Plant,
@@ -160,6 +161,7 @@ def advance(
                 edge = turn if sign > 0 else 0.0
                 marks[n] = dt * (k + (edge - before) / (scalar[ANGLE] - before))
                 scalar[ANGLE] -= sign * turn
+                scalar[TURNS] += sign
             sense(plant, st, c, dt)
         scalar[POWER] = power / substeps
         heat_oil(film, scalar, period)
@@ -175,7 +177,8 @@ def _write_truth(
     ex, ey = relative(plant, st.q)
     wx, wy = relative(plant, st.v)
     fx, fy, _, _ = table_force(table, ex, ey, wx, wy, drive[0], c, mu, film.radius, film.length, 0.0)
-    row[0], row[1], row[2] = scalar[ANGLE], drive[0], drive[1]
+    row[0] = scalar[ANGLE] + 2 * math.pi * scalar[TURNS]
+    row[1], row[2] = drive[0], drive[1]
     row[3], row[4], row[5], row[6] = c, scalar[PRESSURE], scalar[OIL], mu
     row[7], row[8], row[9] = ex, ey, c - math.hypot(ex, ey)
     row[10], row[11], row[12], row[13] = scalar[POWER], scalar[FLOW], fx, fy

@@ -1,0 +1,91 @@
+"""The rig's drive: follows a duty, coasts down when the device asks or falls silent (``deploy/NODE.md``, 7)."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from firmware_py.records import DeviceHeartbeat
+from sim_hil.duty import RAD_S_PER_RPM, Duty
+from sim_hil.rigs import Drive as DriveData
+from sim_hil.rotor.parameters import Floats
+
+SILENCE_US: Final = 500_000
+
+
+class Drive:
+    """Speed and load over time.
+
+    Parameters
+    ----------
+    data
+        How fast the drive lets go and runs up.
+    duty
+        What to follow from time 0 on.
+    coast_on_silence
+        Whether a lost heartbeat stops the machine once a session has granted ``run_permit``.
+    """
+
+    def __init__(self, data: DriveData, duty: Duty, *, coast_on_silence: bool = True) -> None:
+        self._data = data
+        self._coast_on_silence = coast_on_silence
+        self.coasting = False
+        self.reason = ""
+        self._granted: int | None = None
+        self._permit = False
+        self._heard_us = 0
+        self.follow(duty, 0.0)
+        self.speed_rad_s, self.load_N = (float(x) for x in duty.at(np.zeros(1))[0])
+
+    def follow(self, duty: Duty, now_s: float) -> None:
+        """Follow ``duty``, whose time 0 is ``now_s``."""
+        self._duty, self._start_s = duty, now_s
+
+    def operate(self, speed_rpm: float, load_N: float, ramp_s: float, now_s: float) -> None:
+        """Go to a speed and load in ``ramp_s`` and stay."""
+        present_rpm = self.speed_rad_s / RAD_S_PER_RPM
+        self.follow(Duty((0.0, max(ramp_s, 0.0)), (present_rpm, speed_rpm), (self.load_N, load_N)), now_s)
+
+    def start(self) -> bool:
+        """The operator's hand: run again; False while a device is there that does not permit it."""
+        if self._granted is not None and not self._permit:
+            return False
+        self.coasting, self.reason = False, ""
+        return True
+
+    def hear(self, heartbeat: DeviceHeartbeat, tick_us: int) -> None:
+        """One intact heartbeat of a device."""
+        if heartbeat.trip_request:
+            self._coast("trip request")
+        self._permit = heartbeat.run_permit and not heartbeat.trip_request
+        if heartbeat.run_permit:
+            self._granted = heartbeat.session
+        if heartbeat.session == self._granted:
+            self._heard_us = tick_us
+
+    def watch(self, tick_us: int) -> None:
+        """Coast down when the session that granted the run has fallen silent."""
+        silent = self._granted is not None and tick_us - self._heard_us > SILENCE_US
+        if silent:
+            self._permit = False
+            if self._coast_on_silence:
+                self._coast("device heartbeat lost")
+
+    def advance(self, start_s: float, period_s: float, n: int) -> Floats:
+        """Speed, rad/s, and load, N, at the borders of the next ``n`` periods, shape (n + 1, 2)."""
+        wanted = self._duty.at(start_s - self._start_s + np.arange(n + 1, dtype=np.float64) * period_s)
+        wanted[0] = self.speed_rad_s, self.load_N
+        up, down = self._data.run_up_rad_s2 * period_s, self._data.coast_rad_s2 * period_s
+        for k in range(1, n + 1):
+            before = wanted[k - 1, 0]
+            if self.coasting:
+                wanted[k, 0] = max(before - down, 0.0)
+            else:
+                wanted[k, 0] = min(max(wanted[k, 0], before - up), before + up)
+        self.speed_rad_s, self.load_N = float(wanted[n, 0]), float(wanted[n, 1])
+        return wanted
+
+    def _coast(self, reason: str) -> None:
+        if not self.coasting:
+            self.coasting, self.reason = True, reason
