@@ -2,8 +2,9 @@
 
 A clearance is good when, at the pessimistic end of the forecast, the minimum film stays above its limit, the
 shaft does not whirl, and the peak-to-peak stays below its share of the smaller of present and new clearance.
-If the actor's proposal is not good, the good candidate with the least expected power is advised instead.
-Without models, fresh samples or a clear diagnosis there is no proposal, and every reason is given.
+If the actor's proposal is not good, the good candidate with the least expected power is advised instead
+(the forecast says so).  Without models, fresh samples or a clear diagnosis there is no proposal, and every
+reason is given; an advice with reasons against itself is one that nobody may act on.
 """
 
 from __future__ import annotations
@@ -86,14 +87,16 @@ class Policy:
         estimate = predictor.estimate(measured)
         actor = self._models.actor
         wish_m = self._wish(actor, present, diagnosis, estimate, reasons) if actor and not reasons else None
-        chosen_m = None
+        chosen_m, overruled = None, ""
         if wish_m is not None:
             outlook = predictor.forecast(measured, estimate, np.append(predictor.candidates_m, wish_m))
-            chosen_m = self._check(wish_m, present, outlook, reasons)
+            chosen_m, overruled = self._check(wish_m, present.clearance_m, outlook)
+            if chosen_m is None:
+                reasons += [overruled, "no candidate clearance is good at this speed and load"]
         self.counters["proposals" if chosen_m is not None else "proposals_withheld"] += 1
         expected_m, expectation = self._future(present, guard, chosen_m)
         forecast = predictor.forecast(measured, estimate, np.array([expected_m]))
-        return Proposal(chosen_m, reasons, forecast, expectation)
+        return Proposal(chosen_m, reasons, forecast, "; ".join(filter(None, (expectation, overruled))))
 
     def _wish(self, actor: Model, present: Present, diagnosis: Diagnosis | None, estimate: Estimate,
               reasons: list[str]) -> float | None:
@@ -109,20 +112,18 @@ class Policy:
         wish_m = float(actor.session.run(row)["clearance"][0, 0])
         return min(max(wish_m, bearing.radial_clearance_min_um * 1e-6), bearing.radial_clearance_max_um * 1e-6)
 
-    def _check(self, wish_m: float, present: Present, outlook: Outlook, reasons: list[str]) -> float | None:
-        """The wish if its forecast is good, else the best good candidate, else None."""
-        good = self.good(outlook, present.clearance_m)
+    def _check(self, wish_m: float, present_m: float, outlook: Outlook) -> tuple[float | None, str]:
+        """The wish if its forecast is good, else the best good candidate, else None; why it was overruled."""
+        good = self.good(outlook, present_m)
         if good[-1]:
-            return wish_m
-        index = len(outlook.clearance_m) - 1
-        reasons.append(f"actor's {wish_m * 1e6:.0f} um overruled: {self._fault(outlook, index, present.clearance_m)}")
+            return wish_m, ""
         self.counters["proposals_overruled"] += 1
+        overruled = f"actor's {wish_m * 1e6:.0f} um overruled: {self._fault(outlook, -1, present_m)}"
         candidates = np.flatnonzero(good[:-1])
         if not len(candidates):
-            reasons.append("no candidate clearance is good at this speed and load")
-            return None
+            return None, overruled
         best = candidates[np.argmin(outlook.power_W[candidates, 1])]
-        return float(outlook.clearance_m[best])
+        return float(outlook.clearance_m[best]), overruled
 
     def good(self, outlook: Outlook, present_clearance_m: float) -> NDArray[np.bool_]:
         """Which clearances of ``outlook`` are good, shape (n,)."""

@@ -119,7 +119,7 @@ def finish(g: Graph, source: str, columns: int, outputs: dict[str, int], dtype: 
     return bytes(model.SerializeToString())
 
 
-def card(kind: str, **changed: str) -> dict[str, str]:
+def card(kind: str, /, **changed: str) -> dict[str, str]:
     """Metadata as the shipped models carry it; ``changed`` replaces values, an empty one removes."""
     lists = {
         "channels": [],

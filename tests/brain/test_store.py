@@ -1,0 +1,230 @@
+"""The store uses a model only when its bytes are vouched for and it fits; every refusal has its name."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+import shutil
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
+from onnx import TensorProto, helper
+
+from firmware_py.brain import store
+from firmware_py.brain.errors import (
+    ModelAnswerError,
+    ModelError,
+    ModelMissingError,
+    ModelTrustError,
+    ModelUnfitError,
+)
+from firmware_py.brain.session import Session
+from firmware_py.config import Config
+
+from .machine import CONFIG
+from .onnx_models import actor, classifier, short_film
+
+KEY = Ed25519PrivateKey.generate()
+OTHER = Ed25519PrivateKey.generate()
+
+
+def public(key: Ed25519PrivateKey | ec.EllipticCurvePrivateKey) -> str:
+    der = key.public_key().public_bytes(Encoding.DER, PublicFormat.SubjectPublicKeyInfo)
+    return base64.b64encode(der).decode()
+
+
+@pytest.fixture
+def shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A package's folder with three models and their manifest."""
+    monkeypatch.setattr(store, "SHIPPED", tmp_path)
+    for kind, data in (("classifier", classifier()), ("actor", actor(8e-5)), ("surrogate", short_film())):
+        put(tmp_path, kind, data)
+    return tmp_path
+
+
+def put(folder: Path, kind: str, data: bytes) -> None:
+    (folder / f"{kind}.onnx").write_bytes(data)
+    files = {path.name: {"sha256": hashlib.sha256(path.read_bytes()).hexdigest(), "bytes": path.stat().st_size}
+             for path in folder.glob("*.onnx")}
+    (folder / "manifest.json").write_text(json.dumps({"schema": 1, "files": files}))
+
+
+def with_models(**changed: object) -> Config:
+    return msgspec.structs.replace(CONFIG, models=msgspec.structs.replace(CONFIG.models, **changed))
+
+
+def refusal(kind: str, config: Config = CONFIG) -> tuple[type[ModelError], str]:
+    with pytest.raises(ModelError) as caught:
+        store.load_model(kind, config)
+    return type(caught.value), str(caught.value)
+
+
+def test_three_good_models(shipped: Path) -> None:
+    models = store.load_models(CONFIG)
+    assert models.refusals == {}
+    assert models.surrogate is not None
+    digest = hashlib.sha256((shipped / "surrogate.onnx").read_bytes()).hexdigest()
+    assert models.surrogate.sha256 == digest
+    assert models.surrogate.label == f"surrogate 0 provisional {digest[:12]}"
+    assert not models.surrogate.qualified
+
+
+def test_missing(shipped: Path) -> None:
+    (shipped / "actor.onnx").unlink()
+    kind, text = refusal("actor")
+    assert kind is ModelMissingError
+    assert "actor.onnx: cannot be read (No such file" in text
+    models = store.load_models(CONFIG)
+    assert models.actor is None
+    assert list(models.refusals) == ["actor"]
+
+
+def test_truncated_and_tampered(shipped: Path) -> None:
+    path = shipped / "surrogate.onnx"
+    whole = path.read_bytes()
+    path.write_bytes(whole[:-100])
+    assert refusal("surrogate")[0] is ModelTrustError
+    assert f"the manifest says {len(whole)}" in refusal("surrogate")[1]
+    path.write_bytes(whole[:-1] + bytes([whole[-1] ^ 1]))
+    kind, text = refusal("surrogate")
+    assert kind is ModelTrustError
+    assert "changed after packaging" in text
+
+
+def test_manifest_missing_entry_or_broken(shipped: Path) -> None:
+    (shipped / "manifest.json").write_text("{}")
+    assert refusal("actor")[0] is ModelTrustError
+    (shipped / "manifest.json").write_text("no json")
+    assert refusal("actor")[0] is ModelTrustError
+    (shipped / "manifest.json").unlink()
+    assert refusal("actor")[0] is ModelMissingError
+
+
+@pytest.mark.parametrize("data", [b"", b"not onnx", b"\x08" * 200])
+def test_not_a_model(shipped: Path, data: bytes) -> None:
+    put(shipped, "actor", data)
+    kind, text = refusal("actor")
+    assert kind is ModelUnfitError
+    assert "export it again" in text
+
+
+def test_too_large(shipped: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(store, "MAX_BYTES", 1000)
+    assert refusal("surrogate")[0] is ModelUnfitError
+
+
+@pytest.mark.parametrize(("changed", "words"), [
+    ({"kind": "actor"}, "kind 'actor', expected 'classifier'"),
+    ({"rigs": '["seed"]'}, "rigs ['seed'], this is 'bench'"),
+    ({"rate_hz": "[10000]"}, "rate_hz [10000], the configuration samples at 5000"),
+    ({"window": '{"turns": 16.0}'}, "window {'turns': 16.0}"),
+    ({"channels": '["disp_y", "disp_x"]'}, "channels [0] = 'disp_y', expected 'disp_x'"),
+    ({"inputs": '["a"]'}, "inputs [0] = 'a'"),
+    ({"inputs": "[]"}, "inputs has 0 names"),
+    ({"physics_version": "7"}, "physics_version '7'"),
+    ({"settings": "{}"}, "settings lack novelty_threshold"),
+    ({"status": "wonderful"}, "metadata: Invalid enum value 'wonderful'"),
+    ({"data_hash": ""}, "metadata: Object missing required field `data_hash`"),
+    ({"rigs": "bench"}, "metadata: "),
+    ({"rigs": '["seed"]', "rate_hz": "[1]"}, "rate_hz [1], the configuration samples at 5000; rigs"),
+])
+def test_ill_fitting(shipped: Path, changed: dict[str, str], words: str) -> None:
+    put(shipped, "classifier", classifier(**changed))
+    kind, text = refusal("classifier")
+    assert kind is ModelUnfitError
+    assert words in text
+    assert text.startswith("classifier.onnx: ")
+
+
+def test_a_surrogate_of_another_bearing(shipped: Path) -> None:
+    put(shipped, "surrogate", short_film(domain='{"length_over_diameter": [1.0, 1.0]}'))
+    assert "length_over_diameter 1 .. 1, this bearing has 0.5" in refusal("surrogate")[1]
+
+
+def test_the_wrong_graph_behind_the_right_metadata(shipped: Path) -> None:
+    wrong = actor(8e-5, kind="surrogate", inputs=json.dumps(store.FILM_STATE), domain="{}")
+    put(shipped, "surrogate", wrong)
+    text = refusal("surrogate")[1]
+    assert "graph takes 11 columns, expected 9" in text
+    assert "graph gives ('clearance',)" in text
+
+
+def test_signed_models_of_the_user(tmp_path: Path) -> None:
+    data = actor(8e-5)
+    (tmp_path / "actor.onnx").write_bytes(data)
+    config = with_models(directory=str(tmp_path), public_keys=[public(OTHER), public(KEY)])
+    assert refusal("actor", config)[0] is ModelMissingError
+    (tmp_path / "actor.onnx.sig").write_bytes(KEY.sign(data))
+    assert store.load_model("actor", config).card.kind == "actor"
+    (tmp_path / "actor.onnx.sig").write_bytes(KEY.sign(data + b" "))
+    kind, text = refusal("actor", config)
+    assert kind is ModelTrustError
+    assert "signed by none of the 2 models.public_keys" in text
+    assert refusal("actor", with_models(directory=str(tmp_path)))[0] is ModelTrustError
+
+
+def test_a_manifest_does_not_vouch_for_the_users_folder(shipped: Path) -> None:
+    assert refusal("actor", with_models(directory=str(shipped)))[0] is ModelMissingError
+
+
+@pytest.mark.parametrize("key", ["???", base64.b64encode(b"abc").decode(),
+                                 public(ec.generate_private_key(ec.SECP256R1()))])
+def test_bad_public_keys_are_named(tmp_path: Path, key: str) -> None:
+    (tmp_path / "actor.onnx").write_bytes(actor(8e-5))
+    (tmp_path / "actor.onnx.sig").write_bytes(b"0" * 64)
+    kind, text = refusal("actor", with_models(directory=str(tmp_path), public_keys=[key]))
+    assert kind is ModelTrustError
+    assert text.startswith("models.public_keys[0]: not ")
+
+
+def test_weights_outside_the_file_are_refused(shipped: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    weights = helper.make_tensor("w", TensorProto.FLOAT, [11, 1], np.zeros(11, np.float32).tobytes(), raw=True)
+    weights.ClearField("raw_data")
+    weights.data_location = TensorProto.EXTERNAL
+    entry = weights.external_data.add()
+    entry.key, entry.value = "location", "w.bin"
+    (tmp_path / "w.bin").write_bytes(bytes(44))
+    monkeypatch.chdir(tmp_path)
+    graph = helper.make_graph(
+        [helper.make_node("MatMul", ["x", "w"], ["clearance"])], "g",
+        [helper.make_tensor_value_info("x", TensorProto.FLOAT, ["b", 11])],
+        [helper.make_tensor_value_info("clearance", TensorProto.FLOAT, ["b", 1])], [weights])
+    made = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
+    put(shipped, "actor", made.SerializeToString())
+    assert refusal("actor")[0] is ModelUnfitError
+
+
+def test_answers_that_are_not_finite_are_errors() -> None:
+    session = Session("actor.onnx", actor(float("nan")))
+    with pytest.raises(ModelAnswerError, match=r"actor\.onnx: output 'clearance' is not finite"):
+        session.run(np.zeros((1, 11)))
+
+
+def test_outside_the_domain(shipped: Path) -> None:
+    model = store.load_model("actor", CONFIG)
+    assert model.outside({"speed_rad_s": 500.0, "nothing": 1e9}) == []
+    assert model.outside({"speed_rad_s": 50.0}) == ["speed_rad_s 50 outside the actor's domain 100 .. 1300"]
+
+
+@pytest.mark.skipif(shutil.which("strace") is None, reason="strace is not installed")
+def test_onnxruntime_reports_to_nobody() -> None:
+    """A session's whole life under a trace of the kernel's network calls; the witness must see its own call."""
+    code = ("import socket, sys; from tests.brain.onnx_models import actor; "
+            "from firmware_py.brain.session import Session; import numpy as np; "
+            "Session('a', actor(8e-5)).run(np.zeros((1, 11))); "
+            "socket.socket(socket.AF_INET).close()")
+    trace = subprocess.run(
+        ["strace", "-f", "-e", "trace=network", sys.executable, "-c", code],
+        cwd=Path(__file__).parents[2], capture_output=True, text=True, timeout=60, check=True).stderr
+    calls = [line for line in trace.splitlines() if "AF_INET" in line or "connect(" in line or "sendto(" in line]
+    assert len(calls) == 1, calls
+    assert socket.AF_INET.name in calls[0]
