@@ -5,7 +5,7 @@ BIN    := $(VENV)/bin
 PIP    := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 DEMO   ?=
 
-.PHONY: help demo test lint types layers test-train test-slow test-systemd install-sim install-dev install-train lock clean
+.PHONY: help demo test lint types layers test-train test-slow test-systemd install-sim install-dev install-train lock dialect clean
 
 help:            ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 16
@@ -47,6 +47,9 @@ $(VENV)/.dev: pyproject.toml constraints.txt | $(BIN)/python
 
 $(VENV)/.train: pyproject.toml constraints.txt | $(BIN)/python
 	@$(PIP) -e '.[train]' && touch $@ $(VENV)/.sim
+
+dialect: $(VENV)/.dev   ## generate the MAVLink dialect module from its XML again
+	@$(BIN)/mavgen.py --lang=Python3 --wire-protocol=2.0 --output=firmware_py/wire/mav_dialect.py firmware_py/wire/orbitd.xml
 
 lock:            ## renew constraints.txt from the present environment
 	@$(BIN)/python -m pip freeze --exclude-editable | sed 's/+cpu$$//' > constraints.txt

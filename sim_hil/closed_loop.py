@@ -41,8 +41,8 @@ class GuardStage(Protocol):
     def step(self, cycle: Cycle) -> Decision:
         """One cycle."""
 
-    def snapshot(self) -> Snapshot:
-        """State before the next cycle."""
+    def snapshot(self, seq: int, now_ns: int) -> Snapshot:
+        """State before cycle ``seq``."""
 
 
 class BrainStage(Protocol):
@@ -74,6 +74,7 @@ class ClosedLoop:
     make_brain: Callable[[], BrainStage]
     listeners: Iterable[Listener] = ()
     now_ns: int = PERIOD_NS
+    frames_in: list[RawFrame] = field(default_factory=list)
     frames_out: list[RawFrame] = field(default_factory=list)
     _brain: BrainStage | None = None
     _seq: int = 0
@@ -106,10 +107,12 @@ class ClosedLoop:
     def step(self) -> Decision:
         """One cycle of :data:`PERIOD_NS`: rig, guard, brain, in the order of the wires."""
         self.now_ns += PERIOD_NS
-        frames = self.rig.step(self.now_ns, self.frames_out)
+        self.frames_in = self.rig.step(self.now_ns, self.frames_out)
         if self._seq % SNAPSHOT_EVERY == 0:
-            self._tell(self.guard.snapshot())
-        cycle = Cycle(self._seq, self.now_ns, frames, self._advice, list(self._commands), self.brain_runs, True, True)
+            self._tell(self.guard.snapshot(self._seq, self.now_ns))
+        cycle = Cycle(
+            self._seq, self.now_ns, self.frames_in, self._advice, list(self._commands), self.brain_runs, True, True
+        )  # fmt: skip
         self._advice = None
         self._commands.clear()
         decision = self.guard.step(cycle)

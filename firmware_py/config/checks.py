@@ -11,11 +11,11 @@ from firmware_py.records import CHANNELS, INSTANTS_PER_FRAME
 Fault = tuple[str, object, str]
 """Key, value, cause with limit and next step."""
 
-SERIAL_BYTES_PER_SAMPLE_FRAME = 75
-"""One MAVLink 2 sample packet on the wire."""
+SERIAL_BYTES_PER_SAMPLE_FRAME = 74
+"""One MAVLink 2 sample packet: 62 bytes of payload in a frame of 12."""
 
-SERIAL_OVERHEAD_BYTES_S = 4000
-"""Status, state, command and heartbeat packets together."""
+SERIAL_OVERHEAD_BYTES_S = 1350
+"""The rig's other packets: node state and rig status 20 times a second, node info once."""
 
 BUS_LOAD_LIMIT = 0.8
 """Share of the bus that sample frames may take."""
