@@ -56,6 +56,13 @@ def lookup(coefficients: Floats, eps: float, gamma: float) -> tuple[float, float
     return a, d, q, a_rate, d_rate
 
 
+@njit(cache=True)
+def _contact(depth: float, omega: float) -> tuple[float, float]:
+    """Normal and rubbing force of the asperities pressed in by `depth`, N."""
+    normal = CONTACT_STIFFNESS_N_M * depth
+    return normal, CONTACT_FRICTION * normal if omega != 0.0 else 0.0
+
+
 @njit(cache=True, fastmath={"contract"})
 def table_force(
     coefficients: Floats,
@@ -70,16 +77,14 @@ def table_force(
     L: float,
     c_rate: float = 0.0,
 ) -> tuple[float, float, float, float]:
-    """Force on the journal (fx, fy), N, braking friction torque, N m, and side flow, m3/s, of the unfed film.
+    """Force (fx, fy) on the journal, N, braking friction torque, N m, and side flow, m3/s, of the unfed film.
 
     Parameters
     ----------
     coefficients
         `FilmTable.coefficients` of this length over diameter.
-    ex, ey, vx, vy
-        Journal centre, m, and its velocity, m/s, relative to the bearing.
-    omega
-        Journal speed, rad/s, any sign or zero.
+    ex, ey, vx, vy, omega
+        Journal centre, m, and its velocity, m/s, relative to the bearing; speed, rad/s, any sign or zero.
     c, mu, R, L
         Radial clearance, m, viscosity, Pa s, journal radius and bearing length, m, all above zero.
     c_rate
@@ -87,9 +92,8 @@ def table_force(
 
     Notes
     -----
-    Past EPS_TABLE the film stays that of EPS_TABLE and asperities carry the rest: a spring of
-    CONTACT_STIFFNESS_N_M along the eccentricity with Coulomb friction CONTACT_FRICTION against the surface.
-    Finite for every finite state; torque and flow follow the conventions of `film_force`, Couette part full.
+    Past EPS_TABLE the film stays that of EPS_TABLE and asperities carry the rest, with Coulomb friction against
+    the surface. Finite for every finite state; conventions of `film_force`, Couette part full.
     """
     e = math.hypot(ex, ey)
     film_x, film_y, eps = ex, ey, e / c
@@ -116,8 +120,7 @@ def table_force(
     shear = 2 * math.pi * mu * abs(omega) * R * R * R * L / (c * math.sqrt(1 - eps * eps))
     torque = shear + sense * 0.5 * (film_x * fy - film_y * fx)
     if e > EPS_TABLE * c:
-        normal = CONTACT_STIFFNESS_N_M * (e - EPS_TABLE * c)
-        rub = CONTACT_FRICTION * normal if omega != 0.0 else 0.0
+        normal, rub = _contact(e - EPS_TABLE * c, omega)
         fx += (-normal * ex + sense * rub * ey) / e
         fy += (-normal * ey - sense * rub * ex) / e
         torque += rub * R
