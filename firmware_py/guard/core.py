@@ -154,6 +154,9 @@ class GuardCore:
     def _connections(self, cycle: Cycle) -> list[Notice]:
         """Rooms and link that came or went."""
         m = self._memory
+        now = (cycle.link_up, cycle.gate_connected, cycle.brain_connected)
+        if (m.link_up, m.gate_connected, m.brain_connected) == now:
+            return []
         notices = []
         for name, before, after in (
             ("link", m.link_up, cycle.link_up),
@@ -168,7 +171,7 @@ class GuardCore:
             self._acquire.reset_clock()
         if not cycle.brain_connected:
             m.advice = None
-        m.link_up, m.gate_connected, m.brain_connected = cycle.link_up, cycle.gate_connected, cycle.brain_connected
+        m.link_up, m.gate_connected, m.brain_connected = now
         return notices
 
     def _discard(self) -> None:

@@ -66,6 +66,7 @@ class Protection:
                 alarms[name] = AlarmState(name, int(severity), severity is Severity.DANGER, standing=name in latched)
         not_ok = {name: AlarmState(f"{name}_not_ok", int(Severity.FAULT), False) for name in CHANNELS}
         self._state = ProtectionState(alarms, not_ok, self._meter.window)
+        self.tripped = self._latched()
 
     @property
     def state(self) -> ProtectionState:
@@ -76,6 +77,7 @@ class Protection:
     def state(self, state: ProtectionState) -> None:
         self._state = state
         self._meter.window = state.window
+        self.tripped = self._latched()
 
     def step(self, blocks: list[Block], clearance_um: float) -> list[Notice]:
         """Judge new blocks at the smaller of reported and commanded radial clearance."""
@@ -85,6 +87,8 @@ class Protection:
             t_ns = block.t_acq_ns + len(block.samples) // (2 * N_CHANNELS) * block.period_ns
             self._judge_channels(block.channel_ok, t_ns, notices)
             self._judge_vibration(block.channel_ok, clearance_um, t_ns, notices)
+        if notices:
+            self.tripped = self._latched()
         return notices
 
     # ------------------------------------------------------------------ what stands now
@@ -94,9 +98,8 @@ class Protection:
         """Statistics of the last full turn."""
         return self._state.motion
 
-    @property
-    def tripped(self) -> list[str]:
-        """Names of latched danger alarms."""
+    def _latched(self) -> list[str]:
+        """Names of latched danger alarms (kept in ``tripped``, which is asked for in every cycle)."""
         return [a.name for a in self._state.alarms.values() if a.latching and a.standing]
 
     @property
@@ -111,8 +114,10 @@ class Protection:
 
     def reset(self) -> list[str]:
         """Clear the latches; the reasons why some stay."""
-        return [f"{a.name} still exceeded: {a.value:.4g} above {a.limit:.4g}; stop the machine or remove the cause"
-                for a in self._state.alarms.values() if a.latching and not a.reset()]
+        reasons = [f"{a.name} still exceeded: {a.value:.4g} above {a.limit:.4g}; stop the machine or remove the cause"
+                   for a in self._state.alarms.values() if a.latching and not a.reset()]
+        self.tripped = self._latched()
+        return reasons
 
     def set_points_um(self, clearance_um: float) -> tuple[float, float]:
         """Displacement alert and danger (um peak-to-peak) at a radial clearance."""
