@@ -104,6 +104,11 @@ class Build:
             motor_angle_rad=float(rng.uniform(0, 2 * math.pi)),
         )
 
+    @classmethod
+    def of_seed(cls, rig: RigData, seed: int) -> Build:
+        """The build that belongs to the seed of a run."""
+        return cls.draw(rig, np.random.default_rng([seed, 3]))
+
 
 def _calibration(rng: np.random.Generator) -> tuple[Floats, Floats]:
     """Gain and zero of each channel within ``sensors.json`` (uniform); displacement zeros are given in um."""

@@ -6,7 +6,7 @@ last call, exactly as it would cross the wire.
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, deque
 from typing import Final
 
 import numpy as np
@@ -120,9 +120,9 @@ class Rig:
         return self._elapsed_us * 1e-6
 
     @property
-    def truth(self) -> list[RigTruth]:
+    def truth(self) -> deque[RigTruth]:
         """What was true, one entry per tenth of a second of the last hour."""
-        return list(self._truth.entries)
+        return self._truth.entries
 
     @property
     def _elapsed_us(self) -> int:

@@ -1,0 +1,96 @@
+"""The rig in software as a process: real time, one link to the device, one console for people.
+
+It speaks only the wires that a rig of steel would.  Everything is compiled before it says ``ready``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import signal
+from collections.abc import Callable
+
+from firmware_py import launch
+from firmware_py.clock import Clock, MonotonicClock
+from firmware_py.config import Config
+from firmware_py.launch import Launch
+from firmware_py.wire.link import Link, codec_for, open_link
+from sim_hil.build import Build
+from sim_hil.console import SOCKET_NAME, Console
+from sim_hil.duty import Duty
+from sim_hil.rig import Rig, node_limits
+from sim_hil.rigs import RIGS, load_rig
+
+PERIOD_NS = 1_000_000
+WARM_UP_STEPS = 1200
+"""Simulated milliseconds of a throw-away rig: every message is sent once, everything is compiled."""
+
+
+def make_rig(config: Config, name: str, seed: int, *, nominal: bool = False, duty: Duty | None = None) -> Rig:
+    """The rig ``name`` on the wire of ``config``; its build is drawn from ``seed`` unless ``nominal``."""
+    data = load_rig(name)
+    build = Build.nominal(data) if nominal else Build.of_seed(data, seed)
+    return Rig(
+        data, codec_for(config), node_limits(data, config), seed, build=build, duty=duty,
+        rate_hz=config.sampling.rate_hz, coast_on_silence=config.drive.coast_down_on_lost_heartbeat,
+    )  # fmt: skip
+
+
+def warm_up(config: Config, name: str) -> None:
+    """Compile and run everything once."""
+    rig = make_rig(config, name, 0)
+    for step in range(WARM_UP_STEPS):
+        rig.step(step * PERIOD_NS, [])
+
+
+def serve(rig: Rig, link: Link, console: Console, clock: Clock, running: Callable[[], bool]) -> None:
+    """Read, step, write, sleep on a grid of :data:`PERIOD_NS` while ``running()``; late steps are not repeated."""
+    due_ns = clock.now_ns()
+    while running() and not console.quit:
+        now_ns = clock.now_ns()
+        for frame in rig.step(now_ns, link.receive(now_ns)):
+            link.send(frame)
+        console.poll()
+        due_ns = max(due_ns + PERIOD_NS, clock.now_ns())
+        clock.sleep_until(due_ns)
+
+
+def main(argv: list[str]) -> int:
+    """``orbitd hil``: the rig alone, on the configured bus or serial port."""
+    parser = argparse.ArgumentParser(
+        prog="orbitd hil",
+        description="the rotor rig in software, in real time, on the bus or serial port of the configuration",
+    )
+    launch.add_options(parser)
+    parser.add_argument("--rig", choices=RIGS, help="which rig (default: the configuration's)")
+    parser.add_argument("--seed", type=int, default=1, help="draws build, noise and clock (default 1)")
+    parser.add_argument("--nominal", action="store_true", help="the build as drawn, without spread")
+    parser.add_argument("--duty", choices=("hold", "published"), default="hold", help="what the drive follows")
+    options = parser.parse_args(argv)
+    started = launch.from_options(options)
+    name = options.rig or started.config.device.rig
+    duty = Duty.published() if options.duty == "published" else None
+    warm_up(started.config, name)
+    rig = make_rig(started.config, name, options.seed, nominal=options.nominal, duty=duty)
+    _run(started, rig)
+    print(f"rig ended: {rig.time_s:.1f} s, worst lag {rig.lag_ms_max:.1f} ms, {rig.periods_left_out} periods left out")
+    return 0
+
+
+def _run(started: Launch, rig: Rig) -> None:
+    stop: list[int] = []
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda received, _frame: stop.append(received))
+    console = Console(started.runtime / SOCKET_NAME, rig)
+    link = open_link(started.config, "rig")
+    print(f"rig {rig.machine.rig.name} ready on {started.config.bus.link}", flush=True)
+    try:
+        serve(rig, link, console, MonotonicClock(), lambda: not stop)
+    finally:
+        link.close()
+        console.close()
+
+
+if __name__ == "__main__":
+    import sys
+
+    raise SystemExit(main(sys.argv[1:]))
