@@ -32,6 +32,20 @@ SURROGATE = Prose(
 )
 
 
+CLASSIFIER = Prose(
+    "Fault classifier",
+    "Probabilities of four faults (pedestal bolt A, pedestal bolt B, motor bolt, unbalance) from the order "
+    "features of one window, and a novelty score; the brain pools ten windows and derives six classes.",
+    (
+        "Trained on simulated builds of one rig only; a measured machine is another matter.",
+        "It sees no baseline of the machine at hand: a healthy build at the edge of the declared spread looks "
+        "like a slight fault, and half-loosened bolts are mostly not found (see the grid).",
+        "Half-order whirl from clearance is in the data of every class and is not a verdict of this model.",
+        "The novelty score is one distance for all operating points; it misses unknown faults that look taught.",
+    ),
+)
+
+
 def write(run: Run, report: Mapping[str, object], prose: Prose) -> None:
     """Write ``<kind>.md`` beside the model."""
     settings = json.dumps(msgspec.to_builtins(run.settings), indent=2, sort_keys=True)

@@ -35,17 +35,16 @@ class DatasetError(ValueError):
 class Dataset:
     """Windows in the order of their recordings.
 
-    ``features`` ``(n, F)``; ``kind`` the class of each window; ``severity`` what is left of the preload in
-    percent, or the balance grade; ``group`` the build, ``recording`` the recording that it comes from;
-    ``raw`` ``(n, 800, 8)`` counts, empty unless asked for.
+    ``features`` ``(n, F)``, or raw samples in their place; ``kind`` the class of each window; ``severity``
+    what is left of the preload in percent, or the balance grade; ``group`` the build, ``recording`` the
+    recording that it comes from.
     """
 
-    features: Floats
+    features: NDArray[np.floating]
     kind: NDArray[np.intp]
     severity: Floats
     group: NDArray[np.intp]
     recording: NDArray[np.intp]
-    raw: NDArray[np.int16]
 
     def __len__(self) -> int:
         return len(self.features)
@@ -75,9 +74,10 @@ class Dataset:
         bad = np.argwhere(~np.isfinite(self.features))
         if len(bad):
             row, column = bad[0]
+            name = FEATURE_NAMES[column] if self.features.shape[1] == len(FEATURE_NAMES) else f"column {column}"
             raise DatasetError(
-                f"{len(bad)} features are not finite, the first: {FEATURE_NAMES[column]} in recording "
-                f"{self.recording[row]}; drop the recording or supply the missing reading"
+                f"{len(bad)} features are not finite, the first: {name} in recording {self.recording[row]}; "
+                "drop the recording or supply the missing reading"
             )
         if self.kind.min() < 0 or self.kind.max() >= len(CLASSES):
             raise DatasetError(f"class label outside 0 .. {len(CLASSES) - 1}: {sorted(set(self.kind.tolist()))}")

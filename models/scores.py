@@ -59,17 +59,25 @@ def by_window(logits: Floats, data: Dataset) -> Decisions:
     return Decisions(class_probabilities(logits), data.kind, data.severity, data.group)
 
 
-def by_ten_windows(logits: Floats, data: Dataset) -> Decisions:
-    """One decision for every ten windows of a recording, from their mean log-odds."""
+def pool(logits: Floats, data: Dataset, windows: int = WINDOWS_PER_DECISION) -> tuple[Floats, NDArray[np.intp]]:
+    """Mean log-odds of every ``windows`` windows of a recording, and the row of the first of them.
+
+    A recording that is shorter than ``windows`` but has half of them gives one decision.
+    """
     means, first = [], []
     for recording in np.unique(data.recording):
         rows = np.flatnonzero(data.recording == recording)
-        for start in range(0, len(rows) - WINDOWS_PER_DECISION + 1, WINDOWS_PER_DECISION):
-            ten = rows[start : start + WINDOWS_PER_DECISION]
-            means.append(logits[ten].mean(axis=0))
-            first.append(ten[0])
-    at = np.array(first, dtype=np.intp)
-    pooled = np.array(means).reshape(-1, logits.shape[1])
+        for start in range(0, max(1, len(rows) - windows + 1), windows):
+            some = rows[start : start + windows]
+            if len(some) >= windows / 2:
+                means.append(logits[some].mean(axis=0))
+                first.append(some[0])
+    return np.array(means).reshape(-1, logits.shape[1]), np.array(first, dtype=np.intp)
+
+
+def by_ten_windows(logits: Floats, data: Dataset) -> Decisions:
+    """One decision for every ten windows of a recording, from their mean log-odds."""
+    pooled, at = pool(logits, data)
     return Decisions(class_probabilities(pooled), data.kind[at], data.severity[at], data.group[at])
 
 
@@ -120,6 +128,17 @@ def bootstrap(decisions: Decisions, draws: int = 500, seed: int = 0) -> tuple[fl
         rows = np.concatenate([rows_of[k] for k in rng.integers(0, len(rows_of), len(rows_of))])
         scores.append(balanced_accuracy(decisions.kind[rows], named[rows]))
     return float(np.quantile(scores, 0.025)), float(np.quantile(scores, 0.975))
+
+
+def beats(better: NDArray[np.bool_], simpler: NDArray[np.bool_], group: NDArray[np.intp], draws: int = 1000) -> bool:
+    """True when ``better`` is right more often: lower 95 % limit of the paired difference over builds above zero."""
+    difference = better.astype(np.float64) - simpler.astype(np.float64)
+    builds, index = np.unique(group, return_inverse=True)
+    total, count = np.bincount(index, difference), np.bincount(index)
+    rng = np.random.default_rng(0)
+    rows = rng.integers(0, len(builds), (draws, len(builds)))
+    means = total[rows].sum(axis=1) / count[rows].sum(axis=1)
+    return bool(np.quantile(means, 0.025) > 0.0)
 
 
 def severity_grid(decisions: Decisions) -> dict[str, dict[str, float]]:
