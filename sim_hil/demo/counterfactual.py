@@ -1,7 +1,7 @@
-"""What fixed clearances would have burnt: the recorded run again, with the clearance held.
+"""What fixed clearances would have burnt: the recorded duty again, with the clearance held.
 
-Same rig, build, seed, speed, load and faults as the run; only the clearance differs.  "Best feasible" is
-the cheapest fixed clearance whose film and orbit keep the limits through the whole run, found on a grid.
+Same rig, build (unbalance included), seed, speed and load as recorded; only the clearance differs.  "Best
+feasible" is the cheapest fixed clearance whose film and orbit keep the limits throughout, found on a grid.
 """
 
 from __future__ import annotations
@@ -9,13 +9,14 @@ from __future__ import annotations
 import math
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from multiprocessing import get_context
 from typing import Final
 
 import numpy as np
 
-from firmware_py.config import Config
 from sim_hil.build import Build
-from sim_hil.demo.observer import Observer
+from sim_hil.demo.observer import Truth
+from sim_hil.demo.setting import Setting
 from sim_hil.duty import Duty
 from sim_hil.machine import Machine
 from sim_hil.rigs import RigData
@@ -28,7 +29,7 @@ TURNS_PER_SWING: Final = 4
 """Turns over which one swing is taken: two periods of half-order whirl."""
 
 SETTLE_S: Final = 1.0
-"""Left out at the start: the rig runs up."""
+"""Held at the first point before the comparison starts."""
 
 
 @dataclass(frozen=True)
@@ -52,13 +53,12 @@ class Counterfactual:
 
 @dataclass(frozen=True)
 class _Rerun:
-    """Everything a worker needs to run the recorded minutes again."""
+    """Everything a worker needs to run the recorded stretch again."""
 
     rig: RigData
     build: Build
     seed: int
     duty: Duty
-    faults: tuple[tuple[float, str, float], ...]
     min_film_m: float
     clearance_share: float
 
@@ -66,16 +66,8 @@ class _Rerun:
         """Mean power and feasibility with the clearance held at ``clearance_um``."""
         clearance_m = clearance_um * 1e-6
         machine = Machine(self.rig, self.build, self.seed, clearance_m=clearance_m)
-        pieces, start = [], 0.0
-        for t_s, name, severity in (*self.faults, (self.duty.seconds, "", 0.0)):
-            if t_s > start:
-                pieces.append(run(machine, self.duty, t_s - start, clearance=clearance_m, start_s=start).truth)
-                start = t_s
-            if name:
-                machine.inject(name, severity)
-            else:
-                machine.heal()
-        truth = np.concatenate(pieces)[round(SETTLE_S / machine.period_s) :]
+        run(machine, Duty.hold(self.duty.speed_rpm[0], self.duty.load_N[0]), SETTLE_S, clearance=clearance_m)
+        truth = run(machine, self.duty, self.duty.seconds, clearance=clearance_m).truth
         return Fixed(clearance_um, float(_column(truth, "shaft_power_W").mean()), self._feasible(truth, clearance_m))
 
     def _feasible(self, truth: Floats, clearance_m: float) -> bool:
@@ -83,46 +75,35 @@ class _Rerun:
         return film >= self.min_film_m and _largest_orbit_m(truth) <= self.clearance_share * clearance_m
 
 
-def rerun_fixed(observer: Observer, rig: RigData, build: Build, seed: int, config: Config) -> Counterfactual:
-    """Re-run the observed speed, load and faults at fixed clearances, on all cores."""
-    again = _Rerun(
-        rig,
-        build,
-        seed,
-        _recorded_duty(observer),
-        _recorded_faults(observer),
-        config.limits.min_film_um * 1e-6,
-        config.limits.clearance_share,
-    )
-    nominal_um = config.bearing.radial_clearance_nominal_um
-    low, high = config.bearing.radial_clearance_min_um, config.bearing.radial_clearance_max_um
-    grid = [low + GRID_STEP_UM * i for i in range(int((high - low) / GRID_STEP_UM) + 1)]
-    with ProcessPoolExecutor() as pool:
-        nominal = pool.submit(again.at, nominal_um).result() if nominal_um not in grid else None
+def rerun_fixed(truth: list[Truth], setting: Setting, seed: int) -> Counterfactual:
+    """Re-run the speed and load of ``truth`` at fixed clearances, on all cores."""
+    config = setting.config
+    duty = _recorded_duty(truth)
+    limits = config.limits
+    again = _Rerun(setting.rig, setting.build, seed, duty, limits.min_film_um * 1e-6, limits.clearance_share)
+    bearing = config.bearing
+    nominal_um, low_um = bearing.radial_clearance_nominal_um, bearing.radial_clearance_min_um
+    steps = int((bearing.radial_clearance_max_um - low_um) / GRID_STEP_UM)
+    grid = sorted({nominal_um, *(low_um + GRID_STEP_UM * step for step in range(steps + 1))})
+    with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
         results = list(pool.map(again.at, grid))
-    nominal = nominal or next(fixed for fixed in results if fixed.clearance_um == nominal_um)
+    nominal = next(fixed for fixed in results if fixed.clearance_um == nominal_um)
     best = min((f for f in results if f.feasible), key=lambda f: f.mean_power_W, default=None)
     return Counterfactual(
         round(nominal.mean_power_W, 2),
         round(best.mean_power_W, 2) if best else None,
         best.clearance_um if best else None,
-        f"the run's speed, load, faults, build and seed again at fixed clearances, {GRID_STEP_UM:g} um grid",
+        f"speed and load of the duty act again with the same build and seed at fixed clearances, "
+        f"{GRID_STEP_UM:g} um grid; feasible: film and orbit within their limits throughout",
     )
 
 
-def _recorded_duty(observer: Observer) -> Duty:
+def _recorded_duty(truth: list[Truth]) -> Duty:
+    start_s = truth[0].t_s
     return Duty(
-        tuple(truth.t_s for truth in observer.truth),
-        tuple(truth.speed_rad_s * 30 / math.pi for truth in observer.truth),
-        tuple(truth.load_N for truth in observer.truth),
-    )
-
-
-def _recorded_faults(observer: Observer) -> tuple[tuple[float, str, float], ...]:
-    return tuple(
-        (t, beat.fault if beat.verb == "inject" else "", beat.severity)
-        for t, beat in observer.beats
-        if beat.verb in ("inject", "clear")
+        tuple(each.t_s - start_s for each in truth),
+        tuple(each.speed_rad_s * 30 / math.pi for each in truth),
+        tuple(each.load_N for each in truth),
     )
 
 
