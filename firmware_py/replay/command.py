@@ -1,0 +1,100 @@
+"""``orbitd replay FILE``: run a recording again and compare every decision and diagnosis."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from firmware_py.brain.loop import cpu_features
+from firmware_py.brain.store import load_models
+from firmware_py.config import Config
+from firmware_py.gate.loop import read_models
+from firmware_py.recording import Recording, RecordingError
+from firmware_py.replay.decisions import DecisionReplay, DecisionReport
+from firmware_py.replay.diagnoses import DiagnosisReplay, DiagnosisReport
+
+
+class Report(msgspec.Struct):
+    """Outcome of one replay (``--json``)."""
+
+    file: str
+    ok: bool
+    interrupted: bool
+    seconds: float
+    decisions: DecisionReport
+    diagnoses: DiagnosisReport | None
+    diagnoses_left_out: str
+
+
+def main(argv: list[str]) -> int:
+    """Replay the file; 0 when everything agreed, 1 when not, 2 when it is no recording."""
+    parser = argparse.ArgumentParser(prog="orbitd replay", description=__doc__)
+    parser.add_argument("file", type=Path, help="MCAP file of the flight recorder")
+    parser.add_argument("--json", action="store_true", help="the report as JSON")
+    options = parser.parse_args(argv)
+    report = replay(options.file)
+    print(msgspec.json.encode(report).decode() if options.json else "\n".join(words(report)))
+    return 0 if report.ok else 1
+
+
+def replay(path: Path) -> Report:
+    """Replay ``path``.
+
+    Raises
+    ------
+    RecordingError
+        It is no recording, is damaged, or was made with a configuration that this version does not know.
+    """
+    recording = Recording(path)
+    config = _config(recording)
+    left_out = _why_no_diagnoses(recording, config)
+    decisions = DecisionReplay(config)
+    diagnoses = None if left_out else DiagnosisReplay(recording, config, load_models(config), cpu_features())
+    first_ns = last_ns = 0
+    for cycle in decisions.run(recording):
+        first_ns, last_ns = first_ns or cycle.cycle.now_ns, cycle.cycle.now_ns
+        if diagnoses:
+            diagnoses.step(cycle.decision, cycle.new_segment)
+    judged = diagnoses.finish() if diagnoses else None
+    return Report(
+        file=path.name, ok=decisions.report.ok and (judged is None or judged.ok), interrupted=recording.interrupted,
+        seconds=(last_ns - first_ns) * 1e-9, decisions=decisions.report, diagnoses=judged, diagnoses_left_out=left_out)
+
+
+def _config(recording: Recording) -> Config:
+    try:
+        return msgspec.json.decode(recording.metadata["config"], type=Config)
+    except (KeyError, msgspec.DecodeError) as error:
+        raise RecordingError(f"{recording.path.name}: its configuration does not fit this version ({error}); use "
+                             f"orbitd {recording.metadata.get('orbitd')} that wrote it") from error
+
+
+def _why_no_diagnoses(recording: Recording, config: Config) -> str:
+    """Empty when the model files here are those of the recording."""
+    if json.loads(recording.metadata.get("models", "{}")) != read_models(config):
+        return "the model files here are not those of the recording"
+    return ""
+
+
+def words(report: Report) -> list[str]:
+    """The report for a person."""
+    d = report.decisions
+    lines = [f"{report.file}: {report.seconds:.1f} s{', interrupted' if report.interrupted else ''}",
+             f"decisions   {d.cycles} cycles in {d.segments} segments, {d.different} different; "
+             f"{d.snapshots_compared} states compared, {d.snapshots_different} different; "
+             f"{d.cycles_missing} cycles missing, {d.cycles_outside_segments} outside segments"]
+    lines.append(_diagnosis_words(report.diagnoses) if report.diagnoses
+                 else f"diagnoses   not compared: {report.diagnoses_left_out}")
+    firsts: list[Any] = [d.first_difference, report.diagnoses.first_difference if report.diagnoses else ""]
+    return [*lines, *(f"first difference: {text}" for text in firsts if text),
+            f"same decisions{' and diagnoses' if report.diagnoses else ''}" if report.ok else "NOT the same"]
+
+
+def _diagnosis_words(report: DiagnosisReport) -> str:
+    how = "bit by bit" if report.exact else "verdict and probability (other CPU features)"
+    return (f"diagnoses   {report.compared} of {report.recorded} compared {how}, {report.different} different, "
+            f"{report.windows_not_found} windows not found, {report.set_aside} set aside")

@@ -1,0 +1,184 @@
+"""Replay of recordings made by the whole device: the same decisions, the same diagnoses, or a named difference."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from firmware_py import config
+from firmware_py.brain.core import BrainCore
+from firmware_py.brain.loop import cpu_features
+from firmware_py.brain.store import load_models
+from firmware_py.gate.loop import metadata, read_models
+from firmware_py.gate.recorder import Recorder
+from firmware_py.guard.core import GuardCore
+from firmware_py.recording import Recordable, Recording, decode_exact
+from firmware_py.records import (
+    Advice,
+    Block,
+    CycleRecord,
+    Diagnosis,
+    GuardState,
+    RawFrame,
+    RigReading,
+    Snapshot,
+    WindowRecord,
+)
+from firmware_py.replay.command import Report, main, replay
+from firmware_py.wire.link import codec_for
+from sim_hil.closed_loop import ClosedLoop
+from sim_hil.rig import Rig, node_limits
+from sim_hil.rigs import load_rig
+
+BENCH = config.load(config.SHIPPED / "bench.toml")[0]
+UNIX_NS = 1_800_000_000_000_000_000
+START_NS = 5_000_000_000
+SESSION = 0xC0FFEE
+
+
+class Flight:
+    """A short flight: arm, go to auto, lose the brain and get it back, with an unbalance on the way."""
+
+    def __init__(self, listener: Callable[[Recordable, int], None]) -> None:
+        codec = codec_for(BENCH)
+        rig_data = load_rig("bench")
+        models = load_models(BENCH)
+        self.loop = ClosedLoop(
+            Rig(rig_data, codec, node_limits(rig_data, BENCH), 7), GuardCore(BENCH, codec, SESSION),
+            lambda: BrainCore(BENCH, models, cpu_features()), [listener], START_NS)
+
+    def run(self) -> None:
+        events = {2500: lambda: self.loop.command("mode", mode=2), 2600: lambda: self.loop.command("arm"),
+                  3500: self.loop.kill_brain, 3800: self.loop.start_brain}
+        for millisecond in range(7_000):
+            events.get(millisecond, lambda: None)()
+            self.loop.step()
+
+
+@pytest.fixture(scope="session")
+def flown() -> list[tuple[Recordable, int]]:
+    """Everything that crossed a room's border, in order."""
+    told: list[tuple[Recordable, int]] = []
+    Flight(lambda record, now_ns: told.append((record, now_ns))).run()
+    return told
+
+
+def record(told: list[tuple[Recordable, int]], folder: Path, models: object = None) -> Path:
+    head = metadata(BENCH, read_models(BENCH) if models is None else models)
+    made = Recorder(folder, "test", head, 10**9, lambda: UNIX_NS)
+    for item, now_ns in told:
+        if not isinstance(item, Block):
+            assert made.write(item, now_ns)
+    made.close()
+    return next(folder.glob("*.mcap"))
+
+
+def test_the_whole_flight_comes_back_bit_by_bit(flown, tmp_path, capsys):
+    assert main([str(record(flown, tmp_path)), "--json"]) == 0
+    report = msgspec.json.decode(capsys.readouterr().out, type=Report)
+    assert report.decisions.cycles == 7_000
+    assert report.decisions.segments == 1
+    assert report.decisions.snapshots_compared == 6
+    assert report.diagnoses is not None
+    assert report.diagnoses.exact
+    assert report.diagnoses.compared == report.diagnoses.recorded > 18
+
+
+def test_a_recording_that_begins_in_mid_flight_comes_back_from_its_first_snapshot(flown, tmp_path):
+    late = [(r, t) for r, t in flown if t > START_NS + 1_234_000_000]
+    report = replay(record(late, tmp_path))
+    assert report.ok, report
+    assert report.decisions.cycles_outside_segments == 766
+    assert report.diagnoses is not None
+    assert report.diagnoses.compared >= 8, "all of the second brain's"
+    assert report.diagnoses.set_aside > 5
+
+
+def test_a_gap_starts_a_new_segment_and_is_counted(flown, tmp_path):
+    holed = [(r, t) for r, t in flown if not 2_500_000_000 < t - START_NS < 2_600_000_000]
+    report = replay(record(holed, tmp_path))
+    assert report.decisions.segments == 2
+    assert report.decisions.cycles_missing == 99
+    assert report.decisions.different == 0
+    assert report.ok, report
+
+
+def test_an_interrupted_recording_replays_up_to_its_end(flown, tmp_path):
+    path = record(flown, tmp_path)
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    report = replay(path)
+    assert report.interrupted
+    assert report.ok, report
+    assert 2000 < report.decisions.cycles < 5000
+
+
+def changed(told, kind, change, which=1500):
+    """``told`` with the ``which``-th record of ``kind`` changed."""
+    out, count = [], 0
+    for item, now_ns in told:
+        if isinstance(item, kind):
+            count += 1
+            if count == which:
+                item = change(item)
+        out.append((item, now_ns))
+    return out
+
+
+def flip(frame: RawFrame) -> RawFrame:
+    return msgspec.structs.replace(frame, data=frame.data[:-1] + bytes([frame.data[-1] ^ 1]))
+
+
+def test_one_changed_bit_in_a_sent_frame_is_found_and_named(flown, tmp_path, capsys):
+    sending = sum(1 for r, _ in flown if isinstance(r, CycleRecord) and r.frames_out)
+    told, seen = [], 0
+    for item, now_ns in flown:
+        if isinstance(item, CycleRecord) and item.frames_out:
+            seen += 1
+            if seen == sending // 2:
+                item = msgspec.structs.replace(item, frames_out=[flip(item.frames_out[0]), *item.frames_out[1:]])
+        told.append((item, now_ns))
+    path = record(told, tmp_path)
+    assert main([str(path)]) == 1
+    assert "NOT the same" in capsys.readouterr().out
+    report = replay(path)
+    assert report.decisions.different == 1
+    assert "frames_out" in report.decisions.first_difference
+
+
+def test_a_changed_diagnosis_is_found(flown, tmp_path):
+    told = changed(flown, Diagnosis, lambda d: msgspec.structs.replace(d, probability=d.probability + 1e-12), which=12)
+    report = replay(record(told, tmp_path))
+    assert not report.ok
+    assert report.diagnoses is not None
+    assert report.diagnoses.different == 1
+
+
+def test_a_guard_that_got_a_frame_that_was_not_recorded_is_found(flown, tmp_path):
+    def without_frames(r: CycleRecord) -> CycleRecord:
+        return msgspec.structs.replace(r, cycle=msgspec.structs.replace(r.cycle, frames=[]))
+
+    carrying = [(r, t) for r, t in flown if isinstance(r, CycleRecord) and r.cycle.frames]
+    victim = carrying[len(carrying) // 2][0]
+    told = [(without_frames(r) if r is victim else r, t) for r, t in flown]
+    assert not replay(record(told, tmp_path)).ok
+
+
+def test_other_models_leave_the_diagnoses_out_and_say_so(flown, tmp_path, capsys):
+    path = record(flown, tmp_path, models={"classifier.onnx": "other"})
+    assert main([str(path)]) == 0
+    assert "not compared: the model files" in capsys.readouterr().out
+
+
+def test_the_flight_was_eventful(flown):
+    kinds = {type(r) for r, _ in flown}
+    assert {CycleRecord, Snapshot, Block, RigReading, GuardState, Advice, WindowRecord} <= kinds
+    assert any(r.arm_state == 3 for r, _ in flown if isinstance(r, GuardState)), "never armed"
+
+
+def test_cycles_are_stored_exactly(flown, tmp_path):
+    path = record(flown, tmp_path)
+    stored = [decode_exact(m, CycleRecord) for m in Recording(path).messages() if m.topic == "guard/cycle"]
+    assert stored == [r for r, _ in flown if isinstance(r, CycleRecord)]
