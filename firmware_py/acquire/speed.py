@@ -44,10 +44,10 @@ class SpeedMeter:
     def mark(self, mark_us: int, turn: int) -> bool:
         """Take in the last mark's tick (unwrapped) and 16-bit turn number; True when it is a new one."""
         s = self.state
-        turns = (turn - s.turn) & 0xFFFF
-        if s.turn >= 0 and turns == 0:
+        if mark_us <= s.mark_us:
             return False
-        if s.turn >= 0 and turns <= 0x7FFF and mark_us > s.mark_us:
+        turns = (turn - s.turn) & 0xFFFF
+        if s.turn >= 0 and 0 < turns <= 0x7FFF:
             s.speed_rad_s = 2 * pi * turns / ((mark_us - s.mark_us) * 1e-6)
             s.lost = False
         s.mark_us, s.turn = mark_us, turn
