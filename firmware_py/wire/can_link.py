@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import logging
+import os
 import socket
 import time
 from collections.abc import Callable
@@ -20,6 +22,11 @@ RECEIVE_BUFFER_BYTES: Final = 4 << 20
 EXTENDED_ID: Final = 1 << 31
 """Set in ``RawFrame.frame_id`` of a 29-bit identifier, so that it never passes for an 11-bit one."""
 
+_ADVICE: Final = {
+    errno.ENODEV: "plug the adapter in or correct bus.channel",
+    errno.ENETDOWN: "bring the interface up: ip link set CHANNEL up",
+    errno.EAFNOSUPPORT: 'load the kernel modules can and can_raw, or set bus.interface = "orbitd_hub"',
+}
 
 OpenBus = Callable[[float], can.BusABC]
 """Opens a bus; is told how many seconds it may wait; raises ``can.CanError`` or ``OSError``."""
@@ -35,7 +42,7 @@ def bus_opener(interface: str, channel: str) -> OpenBus:
 def _open_socketcan(channel: str) -> can.BusABC:
     logging.getLogger("can.interfaces.socketcan").setLevel(logging.CRITICAL)  # ``fault`` says it once
     bus = can.Bus(channel, interface="socketcan", fd=True, ignore_config=True)
-    with socket.socket(fileno=socket.dup(bus.fileno())) as raw:
+    with socket.socket(fileno=os.dup(bus.fileno())) as raw:
         raw.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
     return bus
 
@@ -71,12 +78,15 @@ class CanLink:
     def receive(self, now_ns: int) -> list[RawFrame]:
         """Everything waiting, at most 256 frames; never blocks, never raises for a lost bus."""
         frames: list[RawFrame] = []
+        was_up = self.up
         bus = self._bus or self._reopen(now_ns)
         if bus is not None:
             try:
                 self._drain(bus, now_ns, frames)
             except can.CanError as error:
-                self._drop(str(error))
+                self.close()
+                self.fault = _explain(error, error.error_code)
+                self.counters["link_lost"] += was_up
         self.counters["frames_in"] += len(frames)
         return frames
 
@@ -100,8 +110,11 @@ class CanLink:
     def _open(self, wait_s: float) -> can.BusABC | None:
         try:
             self._bus = self._open_bus(wait_s)
-        except (can.CanError, OSError) as error:
-            self.fault = str(error)
+        except can.CanError as error:
+            self.fault = _explain(error, error.error_code)
+            return None
+        except OSError as error:
+            self.fault = _explain(error, error.errno)
             return None
         self.fault = ""
         self._hub_lost = 0
@@ -112,11 +125,6 @@ class CanLink:
             return None
         self._retry_ns = now_ns + RETRY_NS
         return self._open(0.0)
-
-    def _drop(self, fault: str) -> None:
-        self.close()
-        self.fault = fault
-        self.counters["link_lost"] += 1
 
     def send(self, frame: RawFrame) -> bool:
         """True when the bus took the frame; a refused one is counted in ``send_failed``."""
@@ -136,3 +144,9 @@ class CanLink:
         if self._bus is not None:
             self._bus.shutdown()
             self._bus = None
+
+
+def _explain(error: Exception, code: int | None) -> str:
+    """What failed and what to do about it."""
+    advice = _ADVICE.get(code or 0)
+    return f"{error}; {advice}" if advice else str(error)

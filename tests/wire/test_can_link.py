@@ -122,6 +122,7 @@ def test_a_killed_hub_takes_the_link_down_and_a_new_one_brings_it_back(pair: tup
         assert here.receive(now_ns) == there.receive(now_ns) == []
         time.sleep(0.05)
     assert here.fault == ""
+    assert here.counters["link_lost"] == there.counters["link_lost"] == 1
     assert here.send(RawFrame(0, 1, b"back"))
     assert receive_until(there, 1, now_ns)[0].data == b"back"
 
