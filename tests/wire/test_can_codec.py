@@ -36,16 +36,30 @@ CODEC = CanCodec()
 MESSAGES = {FrameId(m.frame_id): m for m in DBC.messages}
 EXAMPLES = {i: bytes.fromhex(m.dbc.attributes["ExampleBytes"].value) for i, m in MESSAGES.items()}
 RECORD_OF = {
-    "DEVICE_HEARTBEAT": DeviceHeartbeat, "COMMAND": Command, "NODE_STATE": NodeState, "RIG_STATUS": RigStatus,
-    "SAMPLES": SampleFrame, "NODE_INFO": NodeInfo,
+    "DEVICE_HEARTBEAT": DeviceHeartbeat,
+    "COMMAND": Command,
+    "NODE_STATE": NodeState,
+    "RIG_STATUS": RigStatus,
+    "SAMPLES": SampleFrame,
+    "NODE_INFO": NodeInfo,
 }
 # Signal of the DBC -> field of the record, where the names differ.
 FIELD_OF = {
-    "tick": "tick_us", "echo_tick": "echo_tick_us", "mark_tick": "mark_tick_us", "clearance": "clearance_um",
-    "pressure": "pressure_bar", "target_clearance": "target_clearance_um", "target_pressure": "target_pressure_bar",
-    "shaft_power": "shaft_power_W", "oil_outlet": "oil_outlet_C", "clearance_actual": "clearance_actual_um",
-    "pressure_actual": "pressure_actual_bar", "sample_period": "sample_period_us",
-    "boot_clearance": "boot_clearance_um", "boot_pressure": "boot_pressure_bar", "time_to_live": "time_to_live_ms",
+    "tick": "tick_us",
+    "echo_tick": "echo_tick_us",
+    "mark_tick": "mark_tick_us",
+    "clearance": "clearance_um",
+    "pressure": "pressure_bar",
+    "target_clearance": "target_clearance_um",
+    "target_pressure": "target_pressure_bar",
+    "shaft_power": "shaft_power_W",
+    "oil_outlet": "oil_outlet_C",
+    "clearance_actual": "clearance_actual_um",
+    "pressure_actual": "pressure_actual_bar",
+    "sample_period": "sample_period_us",
+    "boot_clearance": "boot_clearance_um",
+    "boot_pressure": "boot_pressure_bar",
+    "time_to_live": "time_to_live_ms",
     "rate": "rate_um_s",
 }
 
@@ -63,12 +77,24 @@ def random_values(message: Any, rng: np.random.Generator) -> dict[str, float]:
 def record_of(name: str, values: dict[str, float]) -> WireMessage:
     """The record that carries the DBC's ``values``."""
     if name == "SAMPLES":
-        raw = [round(values[f"{c}_{i}"] / MESSAGES[FrameId.SAMPLES].get_signal_by_name(f"{c}_{i}").scale)
-               for i in range(3) for c in CHANNELS]
-        flags = (SampleFlag.BEHIND * values["rig_behind"] + SampleFlag.MARK_VALID * values["mark_valid"]
-                 + SampleFlag.COASTING * values["drive_coasting"])
-        return SampleFrame(values["counter"], values["tick"], values["mark_tick"], values["turn_count"],
-                           int(flags), struct.pack("<24h", *raw))
+        raw = [
+            round(values[f"{c}_{i}"] / MESSAGES[FrameId.SAMPLES].get_signal_by_name(f"{c}_{i}").scale)
+            for i in range(3)
+            for c in CHANNELS
+        ]
+        flags = (
+            SampleFlag.BEHIND * values["rig_behind"]
+            + SampleFlag.MARK_VALID * values["mark_valid"]
+            + SampleFlag.COASTING * values["drive_coasting"]
+        )
+        return SampleFrame(
+            values["counter"],
+            values["tick"],
+            values["mark_tick"],
+            values["turn_count"],
+            int(flags),
+            struct.pack("<24h", *raw),
+        )
     fields = {FIELD_OF.get(k, k): v for k, v in values.items() if k != "crc"}
     for flag in ("at_target", "run_permit", "trip_request"):
         if flag in fields:
@@ -108,6 +134,7 @@ def test_the_dbc_says_all_that_a_stranger_needs(frame_id: FrameId) -> None:
 
 def test_the_crc_is_the_published_one() -> None:
     """The catalogue's check value of CRC-16/CCITT-FALSE ("123456789" -> 0x29B1), computed bit by bit."""
+
     def bitwise(data: bytes) -> int:
         register = 0xFFFF
         for byte in data:
@@ -169,10 +196,15 @@ def test_lengths_and_identifiers_are_checked() -> None:
     assert CODEC.decode(RawFrame(0, 0x061, example)) == Rejected("unknown_id", 0x061)
 
 
-@pytest.mark.parametrize(("frame_id", "offset", "value"), [
-    (FrameId.DEVICE_HEARTBEAT, 8, 3), (FrameId.DEVICE_HEARTBEAT, 9, 6), (FrameId.NODE_STATE, 14, 2),
-    (FrameId.NODE_STATE, 15, 2),
-])
+@pytest.mark.parametrize(
+    ("frame_id", "offset", "value"),
+    [
+        (FrameId.DEVICE_HEARTBEAT, 8, 3),
+        (FrameId.DEVICE_HEARTBEAT, 9, 6),
+        (FrameId.NODE_STATE, 14, 2),
+        (FrameId.NODE_STATE, 15, 2),
+    ],
+)
 def test_enumerations_beyond_their_last_value_are_refused(frame_id: FrameId, offset: int, value: int) -> None:
     seed = protection.seed(MESSAGES[frame_id].dbc.attributes["DataId"].value)
     for good, expected in ((value - 1, False), (value, True), (255, True)):
@@ -193,13 +225,21 @@ def test_the_ends_of_the_clearance_fit(clearance: float) -> None:
     assert CODEC.decode(CODEC.encode(Command(0, 1, 2, clearance, 1.0))) == Command(0, 1, 2, clearance, 1.0)
 
 
-@pytest.mark.parametrize("message", [
-    Command(65536, 1, 2, 50.0, 1.0), Command(-1, 1, 2, 50.0, 1.0), Command(0, 2**32, 2, 50.0, 1.0),
-    DeviceHeartbeat(0, 1, 3, 0, True, False), DeviceHeartbeat(0, 1, 0, 6, True, False),
-    SampleFrame(0, 0, 0, 0, 8, bytes(48)), SampleFrame(0, 0, 0, 0, 0, bytes(47)),
-    NodeInfo(0, 0, 1, 0, 50.0, 1.0, 100, 50.0), RigStatus(0, 0, 3e7, 40.0, 50.0, 1.0),
-    RigStatus(0, 0, 100.0, 400.0, 50.0, 1.0),
-])
+@pytest.mark.parametrize(
+    "message",
+    [
+        Command(65536, 1, 2, 50.0, 1.0),
+        Command(-1, 1, 2, 50.0, 1.0),
+        Command(0, 2**32, 2, 50.0, 1.0),
+        DeviceHeartbeat(0, 1, 3, 0, True, False),
+        DeviceHeartbeat(0, 1, 0, 6, True, False),
+        SampleFrame(0, 0, 0, 0, 8, bytes(48)),
+        SampleFrame(0, 0, 0, 0, 0, bytes(47)),
+        NodeInfo(0, 0, 1, 0, 50.0, 1.0, 100, 50.0),
+        RigStatus(0, 0, 3e7, 40.0, 50.0, 1.0),
+        RigStatus(0, 0, 100.0, 400.0, 50.0, 1.0),
+    ],
+)
 def test_other_values_that_do_not_fit_are_refused(message: WireMessage) -> None:
     with pytest.raises(ValueError):
         CODEC.encode(message)
