@@ -36,7 +36,7 @@ class Drive:
         self._permit = False
         self._heard_us = 0
         self.follow(duty, 0.0)
-        self.speed_rad_s, self.load_N = (float(x) for x in duty.at(np.zeros(1))[0])
+        self.speed_rad_s, self.load_N = duty.point(0.0)
 
     def follow(self, duty: Duty, now_s: float) -> None:
         """Follow ``duty``, whose time 0 is ``now_s``."""
@@ -73,18 +73,23 @@ class Drive:
                 self._coast("device heartbeat lost")
 
     def advance(self, start_s: float, period_s: float, n: int) -> Floats:
-        """Speed, rad/s, and load, N, at the borders of the next ``n`` periods, shape (n + 1, 2)."""
-        wanted = self._duty.at(start_s - self._start_s + np.arange(n + 1, dtype=np.float64) * period_s)
-        wanted[0] = self.speed_rad_s, self.load_N
-        up, down = self._data.run_up_rad_s2 * period_s, self._data.coast_rad_s2 * period_s
-        for k in range(1, n + 1):
-            before = wanted[k - 1, 0]
-            if self.coasting:
-                wanted[k, 0] = max(before - down, 0.0)
-            else:
-                wanted[k, 0] = min(max(wanted[k, 0], before - up), before + up)
-        self.speed_rad_s, self.load_N = float(wanted[n, 0]), float(wanted[n, 1])
-        return wanted
+        """Speed, rad/s, and load, N, at the borders of the next ``n`` periods, shape (n + 1, 2).
+
+        Linear over the call, so calls should be short (a few milliseconds).
+        """
+        span_s = n * period_s
+        speed, load = self._duty.point(start_s - self._start_s + span_s)
+        up, down = self._data.run_up_rad_s2 * span_s, self._data.coast_rad_s2 * span_s
+        if self.coasting:
+            speed = max(self.speed_rad_s - down, 0.0)
+        else:
+            speed = min(max(speed, self.speed_rad_s - up), self.speed_rad_s + up)
+        rows = np.empty((n + 1, 2))
+        share = np.arange(n + 1) / n
+        rows[:, 0] = self.speed_rad_s + share * (speed - self.speed_rad_s)
+        rows[:, 1] = self.load_N + share * (load - self.load_N)
+        self.speed_rad_s, self.load_N = speed, load
+        return rows
 
     def _coast(self, reason: str) -> None:
         if not self.coasting:

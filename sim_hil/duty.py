@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from dataclasses import dataclass
 
 import numpy as np
@@ -66,6 +67,16 @@ class Duty:
     def _of(cls, corners: list[tuple[float, float, float]]) -> Duty:
         time_s, speed, load = zip(*corners, strict=True)
         return cls(tuple(time_s), tuple(speed), tuple(load))
+
+    def point(self, time_s: float) -> tuple[float, float]:
+        """Speed, rad/s, and load, N, at one time: :meth:`at` without arrays."""
+        i = bisect_right(self.time_s, time_s)
+        if i == 0 or i == len(self.time_s):
+            k = max(i - 1, 0)
+            return self.speed_rpm[k] * RAD_S_PER_RPM, self.load_N[k]
+        share = (time_s - self.time_s[i - 1]) / (self.time_s[i] - self.time_s[i - 1])
+        speed = self.speed_rpm[i - 1] + share * (self.speed_rpm[i] - self.speed_rpm[i - 1])
+        return speed * RAD_S_PER_RPM, self.load_N[i - 1] + share * (self.load_N[i] - self.load_N[i - 1])
 
     def at(self, time_s: Floats) -> Floats:
         """Speed, rad/s, and load, N, at the given times, shape (n, 2)."""

@@ -194,14 +194,13 @@ class Rig:
         self._truth.add(batch.truth, now_ns, self.node.clearance_um, self.drive.coasting)
         return [*self._sampler.frames(batch, start_us, self._flags(behind)), *self._slow(batch, start_us)]
 
-    def _flags(self, behind: bool) -> SampleFlag:
-        flags = SampleFlag.BEHIND if behind else SampleFlag(0)
-        return flags | SampleFlag.COASTING if self.drive.coasting else flags
+    def _flags(self, behind: bool) -> int:
+        return behind * SampleFlag.BEHIND.value + self.drive.coasting * SampleFlag.COASTING.value
 
     def _slow(self, batch: Batch, before_us: int) -> list[WireMessage]:
         """Status, state and info when their time has come."""
         messages: list[WireMessage] = []
-        self._power_W.append(float(batch.truth[:, _POWER].mean()))
+        self._power_W.extend(batch.truth[:, _POWER].tolist())
         if self._elapsed_us // STATE_US > before_us // STATE_US:
             now = self.machine.readings()
             messages += [self._status(now), self._state(now)]

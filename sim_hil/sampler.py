@@ -44,35 +44,34 @@ class Sampler:
     def skip(self, frames: int) -> None:
         """Leave out ``frames``: their time and their counters pass, nothing is sent."""
         self._first_us += frames * INSTANTS_PER_FRAME * self._period_us
-        self._counter += frames
+        self._counter = (self._counter + frames) % COUNTERS
 
-    def frames(self, batch: Batch, start_us: int, flags: SampleFlag) -> list[SampleFrame]:
-        """Frames that ``batch``, beginning at ``start_us``, completes."""
+    def frames(self, batch: Batch, start_us: int, flags: int) -> list[SampleFrame]:
+        """Frames that ``batch``, beginning at ``start_us``, completes; ``flags`` without ``MARK_VALID``."""
         for i in np.flatnonzero(batch.marks >= 0).tolist():
             self._edges += 1
             self._marks.append((start_us + i * self._period_us + round(batch.marks[i] * 1e6), self._edges))
+        if not self._pending:
+            self._first_us = start_us + self._period_us - self._delay_us
+        self._pending += batch.counts.astype("<i2", copy=False).tobytes()
         out: list[SampleFrame] = []
-        for i, row in enumerate(batch.counts.astype("<i2", copy=False)):
-            measured_us = start_us + (i + 1) * self._period_us - self._delay_us
-            if not self._pending:
-                self._first_us = measured_us
-            self._pending += row.tobytes()
-            if len(self._pending) == _FRAME_BYTES:
-                out.append(self._frame(measured_us, flags))
+        while len(self._pending) >= _FRAME_BYTES:
+            out.append(self._frame(bytes(self._pending[:_FRAME_BYTES]), flags))
+            del self._pending[:_FRAME_BYTES]
+            self._first_us += INSTANTS_PER_FRAME * self._period_us
         return out
 
-    def _frame(self, last_us: int, flags: SampleFlag) -> SampleFrame:
+    def _frame(self, samples: bytes, flags: int) -> SampleFrame:
+        last_us = self._first_us + (INSTANTS_PER_FRAME - 1) * self._period_us
         while self._marks and self._marks[0][0] <= last_us:
             self._mark_us, self._edges_sent = self._marks.popleft()
         known = self._edges_sent > 0
-        frame = SampleFrame(
-            counter=self._counter % COUNTERS,
+        counter, self._counter = self._counter, (self._counter + 1) % COUNTERS
+        return SampleFrame(
+            counter=counter,
             tick_us=(self._tick0 + self._first_us) % TICKS,
             mark_tick_us=(self._tick0 + self._mark_us) % TICKS if known else 0,
             turn_count=self._edges_sent % COUNTERS,
-            flags=int(flags | (SampleFlag.MARK_VALID if known else SampleFlag(0))),
-            samples=bytes(self._pending),
+            flags=flags + known * SampleFlag.MARK_VALID.value,
+            samples=samples,
         )
-        self._counter += 1
-        self._pending.clear()
-        return frame
