@@ -17,8 +17,8 @@ from firmware_py.gate.commands import CommandDesk
 from firmware_py.gate.recorder import Recorder
 from firmware_py.gate.telemetry import Telemetry
 from firmware_py.gate.view import DeviceState, View
-from firmware_py.recording import TOPICS, Recordable, WallClock
-from firmware_py.records import Block, CommandReply, CycleRecord, Event, EventAck, RoomRecord
+from firmware_py.recording import Recordable, WallClock
+from firmware_py.records import CommandReply, Event, EventAck, RoomRecord
 from firmware_py.wire.rooms import RoomClient, RoomServer
 
 SLOW_PERIOD_NS: Final = 1_000_000_000
@@ -105,7 +105,7 @@ class Gate:
         self.view.step(record, now_ns)
         ticket = self._record(record, now_ns)
         self._doors.telemetry.publish(record)
-        if isinstance(record, Event):
+        if isinstance(record, Event) and (ticket or self._doors.recorder is None):
             self._unacknowledged.append((ticket, record.seq))
         elif isinstance(record, CommandReply):
             self.desk.reply(record)
@@ -114,10 +114,7 @@ class Gate:
 
     def _record(self, record: Recordable, now_ns: int) -> int:
         """Give ``record`` to the recorder; its ticket, 0 when it is not kept."""
-        left_out = Block if self._config.recorder.raw_frames else CycleRecord
-        if self._doors.recorder is None or isinstance(record, left_out) or type(record) not in TOPICS:
-            return 0
-        return self._doors.recorder.write(record, now_ns)
+        return self._doors.recorder.write(record, now_ns) if self._doors.recorder else 0
 
     def _forget_after_reconnect(self) -> None:
         """Another guard, or the same one that will send again: old event numbers mean nothing to it."""

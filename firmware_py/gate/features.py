@@ -12,6 +12,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from firmware_py.acquire.windows import ChannelMap
 from firmware_py.config import Config
 from firmware_py.records import CHANNELS, N_CHANNELS, Block
 
@@ -56,11 +57,7 @@ class Decimator:
     """
 
     def __init__(self, config: Config) -> None:
-        self._scale = np.array([channel.scale for channel in config.channel])
-        self._offset = np.array([channel.offset for channel in config.channel])
-        angles = np.deg2rad([channel.angle_deg for channel in config.channel[:2]])
-        # probe = x cos a + y sin a, for both probes; invert the pair.
-        self._to_xy = np.linalg.inv(np.column_stack([np.cos(angles), np.sin(angles)]))
+        self._channels = ChannelMap.from_config(config)
         self._blocks: list[Block] = []
         self._seq = 0
         self._counts: NDArray[np.int16] = np.zeros((0, N_CHANNELS), np.int16)
@@ -85,9 +82,10 @@ class Decimator:
         for block in blocks:
             quality |= block.quality
             ok &= block.channel_ok
-        mean = self._counts.mean(axis=0) * self._scale + self._offset
-        rms = self._counts.std(axis=0) * np.abs(self._scale)
-        spread = (self._counts.max(axis=0).astype(float) - self._counts.min(axis=0)) * np.abs(self._scale)
+        scale = self._channels.scale
+        mean = self._counts.mean(axis=0) * scale + self._channels.offset
+        rms = self._counts.std(axis=0) * np.abs(scale)
+        spread = (self._counts.max(axis=0).astype(float) - self._counts.min(axis=0)) * np.abs(scale)
         return Features(
             seq=self._seq, t_acq_ns=last.t_acq_ns, quality=quality, speed_rad_s=last.speed_rad_s,
             channel={name: ChannelFeatures(float(mean[i]), float(rms[i]), float(spread[i]), bool(ok >> i & 1))
@@ -95,6 +93,5 @@ class Decimator:
 
     def orbit(self) -> Orbit:
         """The orbit in the last full tenth of a second, at most :data:`ORBIT_POINTS` points."""
-        probes = self._counts[-ORBIT_POINTS:, :2] * self._scale[:2] + self._offset[:2]
-        x, y = self._to_xy @ probes.T * 1e6
-        return Orbit(self._t_acq_ns, np.round(x, 2).tolist(), np.round(y, 2).tolist())
+        path_um = np.round(self._channels.to_si(self._counts[-ORBIT_POINTS:])[:, :2] * 1e6, 2)
+        return Orbit(self._t_acq_ns, path_um[:, 0].tolist(), path_um[:, 1].tolist())

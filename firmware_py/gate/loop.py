@@ -96,7 +96,7 @@ def _open_doors(started: Launch, recordings: Path, models: Any) -> Doors:
     if config.recorder.enabled:
         name = f"{config.device.site}-{config.device.rig}-{config.device.instance}"
         recorder = Recorder(recordings, name, metadata(config, models), config.recorder.max_megabytes * 10**6,
-                            time.time_ns)
+                            time.time_ns, raw_frames=config.recorder.raw_frames)
     return Doors(RoomClient(folder / "guard.sock", "gate"), brain, telemetry, recorder)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import Final
 
 from prometheus_client import CollectorRegistry, generate_latest
-from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily
+from prometheus_client.core import GaugeMetricFamily, UnknownMetricFamily
 from prometheus_client.metrics_core import Metric
 from prometheus_client.registry import Collector
 
@@ -79,7 +79,7 @@ def _channels(features: Features | None) -> list[Metric]:
 
 
 def _counts(state: DeviceState) -> list[Metric]:
-    counts = CounterMetricFamily("orbitd_count", "Everything the device counts, by room", labels=["room", "name"])
+    counts = UnknownMetricFamily("orbitd_count", "Everything the device counts, by room", labels=["room", "name"])
     by_room = {"gate": state.counters, "guard": state.guard.counters if state.guard else {}}
     for room, counters in by_room.items():
         for name, value in sorted(counters.items()):

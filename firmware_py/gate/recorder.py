@@ -20,7 +20,7 @@ import msgspec
 from mcap.writer import CompressionType, IndexType, Writer
 
 from firmware_py.recording import FORMAT, METADATA_NAME, TOPICS, Recordable, serialise
-from firmware_py.records import Record
+from firmware_py.records import Block, CycleRecord, Record
 
 QUEUE_RECORDS: Final = 20_000
 """Some 30 s of records at 10 kHz sampling; beyond it records are lost and counted."""
@@ -54,6 +54,9 @@ class Recorder:
         Allowance for all files of this name together.
     unix_ns
         The calendar's time, for file names.
+    raw_frames
+        Whether to keep the guard's cycles with all their frames (a replay needs them, and gets the blocks
+        from them), or the blocks instead.
 
     Notes
     -----
@@ -63,7 +66,7 @@ class Recorder:
     """
 
     def __init__(self, directory: Path, name: str, metadata: Mapping[str, str], max_bytes: int,
-                 unix_ns: Callable[[], int]) -> None:
+                 unix_ns: Callable[[], int], *, raw_frames: bool = True) -> None:
         self.counters: Counter[str] = Counter()
         self.trouble = ""
         self.stored = 0
@@ -72,6 +75,7 @@ class Recorder:
         self._metadata = {**metadata, "format": FORMAT}
         self._max_bytes = max_bytes
         self._unix_ns = unix_ns
+        self._kept = set(TOPICS) - {Block if raw_frames else CycleRecord}
         self._ticket = 0
         self._queue: deque[_Ticketed] = deque()
         self._file: _McapFile | None = None
@@ -90,8 +94,11 @@ class Recorder:
 
         Returns
         -------
-        Its ticket: the record is in the file once ``stored`` has reached it.  0 when it is lost.
+        Its ticket: the record is in the file once ``stored`` has reached it.  0 when it is not kept, or
+        lost.
         """
+        if type(record) not in self._kept:
+            return 0
         if len(self._queue) >= QUEUE_RECORDS:
             self.counters["recorder_lost"] += 1
             return 0

@@ -75,7 +75,7 @@ def test_the_gate_serves_then_stops_cleanly(gate, tmp_path, make_state):
     assert msgspec.json.decode(live)["state"]["rooms"]["gate"]
     text = eventually(lambda: (t := gate.get("/metrics").decode()) and "orbitd_clearance_actual_um 59.0" in t and t)
     assert 'orbitd_room_up{room="gate"} 1.0' in text
-    assert 'orbitd_count_total{name="frames_in",room="guard"} 5.0' in text
+    assert 'orbitd_count{name="frames_in",room="guard"} 5.0' in text
     page = gate.get("/").decode()
     assert "http" not in page.replace("http-equiv", ""), "the page loads nothing from elsewhere"
     with pytest.raises(urllib.error.HTTPError, match="404"):

@@ -12,7 +12,7 @@ import pytest
 
 from firmware_py.gate.recorder import FILES_KEPT, QUEUE_RECORDS, Recorder
 from firmware_py.recording import Recording, RecordingError, WallClock, decode_exact
-from firmware_py.records import Block, Cycle, CycleRecord, Diagnosis, Event, EventAck, RawFrame, Snapshot
+from firmware_py.records import Cycle, CycleRecord, Diagnosis, Event, EventAck, RawFrame, Snapshot
 
 UNIX_NS = 1_800_000_000_000_000_000
 
@@ -214,4 +214,3 @@ def test_blocks_are_not_stored_twice(recording_stage, make_block):
     topics = [m.topic for m in Recording(next((stage.folder / "recordings").glob("*.mcap"))).messages()]
     assert "guard/cycle" in topics
     assert "da/block" not in topics
-    assert Block.__name__ == "Block"

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import threading
+from pathlib import Path
 
 import msgspec
 import zenoh
 
 from firmware_py.config import Config
 from firmware_py.gate.features import Features
+from firmware_py.gate.session import endpoint
 from firmware_py.records import Advice, Alarm, Block, Diagnosis, Event, GuardState, Severity
 
 ADVICE = Advice(
@@ -125,6 +129,20 @@ def test_a_missing_number_is_null_and_the_rest_stays_valid_json(stage, client, m
     decoded = msgspec.json.decode(sample.payload.to_bytes())
     assert decoded["load_estimate_N"] is None
     assert decoded["type"] == GuardState.__name__
+
+
+def test_the_bare_script_prints_the_live_diagnosis(stage):
+    script = Path(__file__).resolve().parents[2] / "deploy" / "examples" / "zenoh_diagnosis.py"
+    child = subprocess.Popen([sys.executable, script, endpoint(stage.folder)], stdout=subprocess.PIPE, text=True)
+    lines: list[str] = []
+    reader = threading.Thread(target=lambda: lines.append(child.stdout.readline()), daemon=True)
+    reader.start()
+    try:
+        stage.until(lambda: stage.brain.send(DIAGNOSIS) and bool(lines), "a printed diagnosis")
+    finally:
+        child.kill()
+        child.wait()
+    assert lines[0].split() == ["unbalance", "90.0", "%"]
 
 
 def ask_while_stepping(stage, ask):
