@@ -46,6 +46,18 @@ CLASSIFIER = Prose(
 )
 
 
+ACTOR = Prose(
+    "Clearance agent",
+    "Radial bearing clearance of least power from what a rig can measure; a proposal that the predictor checks "
+    "and the guard's shield clamps.",
+    (
+        "Trained by DDPG on one simulated rig, one seed; not compared over ten seeds yet.",
+        "It chooses the clearance alone; supply pressure stays as it is.",
+        "A figure of saving means nothing without its baseline: the table names each, and a lookup table beside.",
+    ),
+)
+
+
 def write(run: Run, report: Mapping[str, object], prose: Prose) -> None:
     """Write ``<kind>.md`` beside the model."""
     settings = json.dumps(msgspec.to_builtins(run.settings), indent=2, sort_keys=True)

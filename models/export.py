@@ -108,7 +108,7 @@ def session(path: Path) -> onnxruntime.InferenceSession:
 
 
 def parity(module: torch.nn.Module, path: Path, x: NDArray[np.generic]) -> float:
-    """Largest difference between ``module`` and the file at ``path`` over inputs ``x``, relative to ``1 + |y|``."""
+    """Largest difference between ``module`` and the file over inputs ``x``, relative to ``|y| + mean |y|``."""
     with torch.no_grad():
         expected = module.eval()(torch.from_numpy(x))
     expected = expected if isinstance(expected, tuple) else (expected,)
@@ -117,7 +117,7 @@ def parity(module: torch.nn.Module, path: Path, x: NDArray[np.generic]) -> float
     worst = 0.0
     for want, got in zip(expected, answers, strict=True):
         w = want.numpy()
-        worst = max(worst, float(np.max(np.abs(w - got) / (1.0 + np.abs(w)))))
+        worst = max(worst, float(np.max(np.abs(w - got) / (np.abs(w) + np.mean(np.abs(w))))))
     return worst
 
 
