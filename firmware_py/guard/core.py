@@ -149,6 +149,11 @@ class GuardCore:
         """Names of latched danger alarms: what the loop keeps over a restart."""
         return self._protection.tripped
 
+    @property
+    def counters(self) -> dict[str, int]:
+        """What came in and what was lost or refused, by name."""
+        return dict(self._acquire.counters, cycle_gaps=self._memory.cycle_gaps)
+
     # ------------------------------------------------------------------ what changed around the guard
 
     def _connections(self, cycle: Cycle) -> list[Notice]:
@@ -288,6 +293,6 @@ class GuardCore:
             clearance_actual_um=a.status.clearance_actual_um if a.status else 0.0, peak_to_peak_um=p2p_um,
             run_permit=not trip, trip_request=trip,
             node_following=node is not None and node.mode == NodeMode.FOLLOWING and node.session == self._session,
-            alarms=self._protection.standing(), counters=dict(a.counters, cycle_gaps=m.cycle_gaps),
+            alarms=self._protection.standing(), counters=self.counters,
             zone=zone(max(p2p_um), a.speed.speed_rad_s * 30 / pi),
         )
