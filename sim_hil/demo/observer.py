@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from firmware_py.records import Advice, CycleRecord, Diagnosis, Event, Forecast, GuardState, RigReading, RoomRecord
 from sim_hil.demo.story import Beat
+from sim_hil.truth import RigTruth
 
 
 @dataclass(frozen=True)
@@ -21,6 +22,20 @@ class Truth:
     min_film_um: float
     peak_to_peak_um: float
     viscosity_Pa_s: float
+
+    @classmethod
+    def of(cls, record: RigTruth, t_s: float) -> Truth:
+        """The rig's entry at ``t_s`` of the story."""
+        return cls(
+            t_s,
+            record.speed_rad_s,
+            record.load_N,
+            record.clearance_um,
+            record.power_W,
+            record.min_film_um,
+            record.peak_to_peak_um,
+            record.viscosity_Pa_s,
+        )
 
 
 @dataclass

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import msgspec
-import numpy as np
 
 from firmware_py.config import SHIPPED, Config, load
 from sim_hil.build import Build
@@ -20,8 +23,13 @@ class Setting:
     rig: RigData
     build: Build
 
+    def on(self, **bus: Any) -> Setting:
+        """The same with other ``bus`` settings."""
+        changed = msgspec.structs.replace(self.config, bus=msgspec.structs.replace(self.config.bus, **bus))
+        return Setting(changed, self.rig, self.build)
 
-def prepare(rig_name: str, seed: int, link: str = "can") -> Setting:
+
+def prepare(rig_name: str, seed: int) -> Setting:
     """The shipped configuration of ``rig_name`` with provisional models allowed to act, and a drawn build.
 
     The device does not know the build: masses, stiffnesses, clearance, viscosity, runout and sensor errors
@@ -29,6 +37,28 @@ def prepare(rig_name: str, seed: int, link: str = "can") -> Setting:
     """
     config, _ = load(SHIPPED / f"{rig_name}.toml")
     authority = msgspec.structs.replace(config.authority, provisional_may_act=True)
-    config = msgspec.structs.replace(config, authority=authority)
     rig = load_rig(rig_name)
-    return Setting(config, rig, Build.draw(rig, np.random.default_rng([seed, 3])))
+    return Setting(msgspec.structs.replace(config, authority=authority), rig, Build.of_seed(rig, seed))
+
+
+def write_config(config: Config, path: Path) -> None:
+    """Write ``config`` as TOML, for the processes that read it."""
+    path.write_text("\n".join(_toml(msgspec.to_builtins(config))) + "\n")
+
+
+def _toml(table: dict[str, Any]) -> Iterator[str]:
+    """The two-level tables of a configuration; JSON's scalars and lists are TOML's."""
+    for key, value in table.items():
+        if not isinstance(value, dict | list):
+            yield f"{key} = {json.dumps(value)}"
+    for key, value in table.items():
+        for head, entries in _tables(key, value):
+            yield head
+            yield from (f"{name} = {json.dumps(entry)}" for name, entry in entries.items())
+
+
+def _tables(key: str, value: object) -> Iterator[tuple[str, dict[str, Any]]]:
+    if isinstance(value, dict):
+        yield f"[{key}]", value
+    elif isinstance(value, list):
+        yield from ((f"[[{key}]]", entry) for entry in value)

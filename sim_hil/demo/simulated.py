@@ -16,10 +16,12 @@ from sim_hil.demo.observer import Observer, Truth
 from sim_hil.demo.setting import Setting
 from sim_hil.demo.story import Beat, Story
 from sim_hil.rig import Rig, node_limits
-from sim_hil.truth import RigTruth
 
 BRAIN_AWAY_S = 5.0
 """How long a killed brain stays away."""
+
+START_NS = 1_000_000_000
+"""Where the simulated clock starts."""
 
 SESSION = 0x5EED0001
 """Nonce of the simulated guard: fixed, so that runs repeat bit for bit."""
@@ -30,7 +32,7 @@ class SimulatedRun:
     """What a run on the simulated clock leaves behind."""
 
     observer: Observer
-    rig: Rig
+    counters: dict[str, int]
     frames_expected: int
     brain_back_s: float | None
 
@@ -46,10 +48,11 @@ class Player:
             setting.rig, codec, node_limits(setting.rig, setting.config), story.seed, build=setting.build,
             rate_hz=setting.config.sampling.rate_hz,
         )  # fmt: skip
+        self.guard = GuardCore(setting.config, codec, SESSION)
         models = load_models(setting.config)
         self.loop = ClosedLoop(
             self.rig,
-            GuardCore(setting.config, codec, SESSION),
+            self.guard,
             lambda: BrainCore(setting.config, models),
             (observer.on_record, *listeners),
             now_ns=observer.started_ns,
@@ -73,7 +76,7 @@ class Player:
                 self._counter.count(self.loop.frames_in)
                 self._read_truth()
                 self._screen.update(t_s)
-        return SimulatedRun(self._observer, self.rig, self._counter.frames, self._brain_back_s)
+        return SimulatedRun(self._observer, self.guard.counters, self._counter.frames, self._brain_back_s)
 
     def _perform(self, beat: Beat) -> None:
         self._observer.on_beat(beat, self.loop.now_ns)
@@ -97,7 +100,7 @@ class Player:
         for record in reversed(self.rig.truth):
             if record.t_ns <= self._truth_ns:
                 break
-            self._observer.truth.append(truth_of(record, self._observer))
+            self._observer.truth.append(Truth.of(record, self._observer.story_s(record.t_ns)))
         if self.rig.truth:
             self._truth_ns = self.rig.truth[-1].t_ns
 
@@ -126,12 +129,3 @@ def perform_on_rig(rig: Rig, beat: Beat) -> None:
         rig.inject(beat.fault, beat.severity)
     elif beat.verb == "clear":
         rig.clear()
-
-
-def truth_of(record: RigTruth, observer: Observer) -> Truth:
-    """The rig's truth on the story's time."""
-    return Truth(
-        observer.story_s(record.t_ns), record.speed_rad_s, record.load_N, record.clearance_um, record.power_W,
-        record.min_film_um, record.peak_to_peak_um, record.viscosity_Pa_s,
-    )  # fmt: skip
-
