@@ -10,7 +10,7 @@ from struct import Struct
 from typing import Any, Final
 
 import msgspec
-from rich.console import Console
+from rich.console import Console, Group
 from rich.live import Live
 from rich.table import Table
 
@@ -160,8 +160,7 @@ def _line(frame: RawFrame, message: WireMessage | Rejected, at_s: float, config:
     name = type(message).__name__
     if as_json:
         return json.dumps({"t_s": round(at_s, 6), "id": frame.frame_id, "name": name, **fields})
-    shown = " ".join(f"{key}={value}" for key, value in fields.items())
-    return f"{at_s:10.3f}  {frame.frame_id:#05x}  {name:<16} {shown}"
+    return f"{at_s:10.3f}  {frame.frame_id:#05x}  {name:<16} {_shown(fields)}"
 
 
 def _watch(seen: Monitor, link: Link, started: float, seconds: float, live: Live | None) -> None:
@@ -174,14 +173,20 @@ def _watch(seen: Monitor, link: Link, started: float, seconds: float, live: Live
         time.sleep(POLL_S)
 
 
-def _table(report: dict[str, Any]) -> Table:
+def _table(report: dict[str, Any]) -> Group:
     rejected = ", ".join(f"{count} {reason}" for reason, count in report["rejected"].items()) or "none"
-    table = Table(caption=f"{report['seconds']:.1f} s, bus load {100 * report['bus_load']:.1f} %, "
-                          f"rejected: {rejected}")
-    for title in ("id", "message", "frames", "per s", "lost", "not newer", "newest"):
-        table.add_column(title, overflow="fold" if title == "newest" else "ellipsis")
+    table = Table(title=f"{report['seconds']:.1f} s, bus load {100 * report['bus_load']:.1f} %, rejected: {rejected}",
+                  box=None, title_justify="left")
+    for title in ("id", "message", "frames", "per s", "lost", "not newer"):
+        table.add_column(title, justify="left" if title in ("id", "message") else "right")
+    newest = []
     for m in report["messages"]:
-        newest = " ".join(f"{key}={value:g}" for key, value in m["last"].items())
         table.add_row(f"{m['id']:#05x}", m["name"], str(m["frames"]), f"{m['per_s']:.1f}", str(m["lost"]),
-                      str(m["not_newer"]), newest)
-    return table
+                      str(m["not_newer"]))
+        newest.append(f"\n{m['name']}  " + _shown(m["last"]))
+    return Group(table, *newest)
+
+
+def _shown(fields: dict[str, Any]) -> str:
+    return "  ".join(f"{name}={value:.5g}" if isinstance(value, float) else f"{name}={value}"
+                     for name, value in fields.items())
