@@ -28,7 +28,10 @@ class BlockSums(msgspec.Struct, array_like=True, gc=False):
 
 
 class Motion(msgspec.Struct, frozen=True):
-    """Statistics over the window; ``complete`` says that it covers a full turn without a gap."""
+    """Statistics over the window; ``complete`` says that it covers a full turn without a gap.
+
+    Before that, peak-to-peak and rms are too small, never too large.
+    """
 
     complete: bool
     peak_to_peak_um: tuple[float, float]
@@ -65,26 +68,27 @@ class MotionMeter:
         total = sum(b.count for b in self.window)
         while total - self.window[0].count >= needed:
             total -= self.window.pop(0).count
-        return self._motion(total, total >= needed)
+        return self._motion(total, needed)
 
-    def _motion(self, n: int, complete: bool) -> Motion:
+    def _motion(self, n: int, needed: float) -> Motion:
         window = self.window
         spans = [max(b.highs[i] for b in window) - min(b.lows[i] for b in window) for i in DISPLACEMENTS]
         sums = [sum(b.sums[i] for b in window) for i in range(len(DISPLACEMENTS) + len(ACCELERATIONS))]
         squares = [sum(b.squares[j] for b in window) for j in range(len(ACCELERATIONS))]
         a, b = (sums[i] / n * scale + offset for i, (scale, offset) in zip(DISPLACEMENTS, self._offsets, strict=True))
         (xa, xb), (ya, yb) = self._to_xy
+
+        def rms(i: int) -> float:
+            """Of the alternating part; what is missing of the window counts as still."""
+            square = n * squares[i - ACCELERATIONS[0]] - sums[i] * sums[i]
+            return sqrt(square / (n * max(float(n), needed))) * self._scales[i]
+
         return Motion(
-            complete=complete,
+            complete=n >= needed,
             peak_to_peak_um=(spans[0] * self._scales[0] * 1e6, spans[1] * self._scales[1] * 1e6),
-            rms_m_s2=(self._rms(2, n, sums, squares), self._rms(3, n, sums, squares), self._rms(4, n, sums, squares)),
+            rms_m_s2=(rms(2), rms(3), rms(4)),
             mean_x_m=xa * a + xb * b, mean_y_m=ya * a + yb * b,
         )
-
-    def _rms(self, channel: int, n: int, sums: list[int], squares: list[int]) -> float:
-        """Standard deviation of an acceleration; exact integers up to the root."""
-        square = squares[channel - ACCELERATIONS[0]]
-        return sqrt(n * square - sums[channel] * sums[channel]) / n * self._scales[channel]
 
 
 def _sums(block: Block) -> BlockSums:

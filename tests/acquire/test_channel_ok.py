@@ -24,7 +24,7 @@ def test_a_lively_signal_is_ok() -> None:
     assert all(ok.step(lively(k)) == ALL_OK for k in range(50))
 
 
-@pytest.mark.parametrize("outside", range(0, N + 1))
+@pytest.mark.parametrize("outside", range(N + 1))
 def test_more_than_a_quarter_outside_is_not_ok_a_clipped_peak_is(outside: int) -> None:
     ok = ChannelOk(CHANNELS, RATE_HZ)
     samples = lively()

@@ -1,0 +1,208 @@
+from math import exp, isfinite, pi
+
+import msgspec
+import numpy as np
+import pytest
+
+from firmware_py.config import SHIPPED, Config, ConfigError, load
+from firmware_py.guard.shield import (
+    CLEARANCE_ERROR_M,
+    SPEED_MARGIN,
+    WHIRL_NUMBER,
+    Shield,
+    check_safe,
+    load_per_viscous_speed,
+)
+from firmware_py.guard.viscosity import ViscosityTable, decay
+from sim_hil.film import Equilibrium, equilibrium
+
+from .scripted_node import bench
+
+RPM = pi / 30
+SAFE_M = 50e-6
+
+
+def film(config: Config, eccentricity: float, clearance_m: float, speed_rad_s: float, viscosity: float,
+         length_m: float | None = None) -> Equilibrium:
+    return equilibrium(eccentricity_ratio=eccentricity, radius_m=config.bearing.journal_radius_m,
+                       length_m=length_m or config.bearing.length_m, clearance_m=clearance_m,
+                       viscosity_Pa_s=viscosity, speed_rad_s=speed_rad_s)
+
+
+@pytest.mark.parametrize("ratio", [0.25, 0.5, 1.0])
+@pytest.mark.parametrize("eccentricity", [0.05, 0.2, 0.4, 0.6, 0.75, 0.85, 0.9, 0.94])
+def test_the_closed_form_load_is_below_the_film_and_not_far(ratio: float, eccentricity: float) -> None:
+    config = bench()
+    radius = config.bearing.journal_radius_m
+    true = film(config, eccentricity, 60e-6, 600.0, 0.01, 2 * radius * ratio).load_N
+    closed = load_per_viscous_speed(eccentricity, 60e-6, radius, 2 * radius * ratio) * 600.0 * 0.01
+    assert 0.7 * true < closed < 1.01 * true
+
+
+@pytest.mark.parametrize("ratio", [0.25, 0.5, 1.0])
+def test_no_eccentricity_is_less_stable_than_the_whirl_number(ratio: float) -> None:
+    config = bench()
+    length = 2 * config.bearing.journal_radius_m * ratio
+    thresholds = [film(config, e, 60e-6, 600.0, 0.01, length).threshold for e in np.linspace(0.05, 0.7, 14)]
+    assert min(t for t in thresholds if isfinite(t)) > WHIRL_NUMBER
+
+
+@pytest.mark.parametrize("rpm", [1500.0, 3000.0, 6000.0, 9000.0, 12000.0])
+@pytest.mark.parametrize("load_N", [30.0, 100.0, 300.0])
+def test_every_admissible_clearance_keeps_film_and_stability_in_the_film_solver(rpm: float, load_N: float) -> None:
+    """Ends and middle of each interval, held against the Reynolds equilibrium at the thinnest oil."""
+    config = bench()
+    found = Shield(config).interval(rpm * RPM, load_N, load_N, 41.0)
+    if found is None:
+        assert load_N == 300.0
+        return
+    assert found[0] <= SAFE_M <= found[1]
+    viscosity = config.oil.viscosity_Pa_s(42.0)
+    for clearance_m in (found[0], 0.5 * (found[0] + found[1]), found[1]):
+        state = equilibrium(load_N=load_N, radius_m=config.bearing.journal_radius_m, length_m=config.bearing.length_m,
+                            clearance_m=clearance_m, viscosity_Pa_s=viscosity, speed_rad_s=rpm * RPM)
+        assert (1 - state.eccentricity_ratio) * clearance_m >= config.limits.min_film_um * 1e-6
+        mass = config.rotor.effective_mass_at_bearing_kg
+        number = rpm * RPM * (clearance_m * mass / load_N) ** 0.5
+        assert not isfinite(state.threshold) or number < state.threshold
+
+
+def test_wide_clearances_are_there_where_load_and_speed_allow() -> None:
+    shield = Shield(bench())
+    wide = shield.interval(6000 * RPM, 80.0, 125.0, 41.0)
+    narrow = shield.interval(12000 * RPM, 30.0, 40.0, 41.0)
+    assert wide is not None
+    assert wide[1] > 90e-6
+    assert narrow is not None
+    assert narrow[1] < 60e-6
+
+
+def test_reachability_the_actuator_outruns_the_fastest_ramps_from_every_admissible_clearance() -> None:
+    """Replays the worst ramps at a finer step than the shield's own and retreats at the rate limit."""
+    config = bench()
+    shield, a, o = Shield(config), config.actuator, config.operating
+    reach_s = a.time_to_live_ms * 1e-3 + 3 * a.time_constant_s
+    for rpm in range(1500, 12001, 1500):
+        for load_N in (30.0, 60.0, 100.0, 200.0):
+            found = shield.interval(rpm * RPM, load_N, load_N, 41.0)
+            if found is None:
+                continue
+            for t in np.arange(0.0, 3.0, 0.013):
+                speed = min(o.speed_max_rpm, rpm + o.speed_ramp_max_rpm_s * t) * RPM
+                light = max(o.load_min_N, load_N - o.load_ramp_max_N_s * t)
+                clearance_m = max(SAFE_M, found[1] - a.rate_um_s * 1e-6 * max(0.0, t - reach_s))
+                bound = (WHIRL_NUMBER * SPEED_MARGIN) ** 2 * light / (config.rotor.effective_mass_at_bearing_kg * speed**2)
+                assert clearance_m <= bound - CLEARANCE_ERROR_M + 1e-9
+
+
+@pytest.mark.parametrize("slower", [1.0, 0.5, 0.2])
+def test_a_slower_actuator_never_widens_the_interval(slower: float) -> None:
+    config = bench()
+    lame = msgspec.structs.replace(config, actuator=msgspec.structs.replace(
+        config.actuator, rate_um_s=config.actuator.rate_um_s * slower))
+    for rpm in (3000, 6000, 9000):
+        full = Shield(config).interval(rpm * RPM, 90.0, 110.0, 41.0)
+        less = Shield(lame).interval(rpm * RPM, 90.0, 110.0, 41.0)
+        assert full is not None
+        assert less is not None
+        assert full[0] <= less[0]
+        assert less[1] <= full[1]
+
+
+def test_doubt_about_the_load_never_widens_the_interval() -> None:
+    shield = Shield(bench())
+    for rpm in range(1500, 12001, 500):
+        sure = shield.interval(rpm * RPM, 100.0, 100.0, 41.0)
+        unsure = shield.interval(rpm * RPM, 60.0, 160.0, 41.0)
+        if sure is not None and unsure is not None:
+            assert sure[0] <= unsure[0]
+            assert unsure[1] <= sure[1]
+        assert sure is not None or unsure is None
+
+
+@pytest.mark.parametrize("p2p_um", np.arange(18.0, 27.0, 0.5))
+def test_vibration_may_fill_its_share_of_the_clearance_and_no_more(p2p_um: float) -> None:
+    found = Shield(bench()).interval(6000 * RPM, 90.0, 110.0, 41.0, p2p_um * 1e-6)
+    assert (found is None) == (p2p_um * 1e-6 / 0.5 > SAFE_M)
+    if found is not None:
+        assert found[0] == pytest.approx(max(40e-6, p2p_um * 2e-6))
+
+
+@pytest.mark.parametrize("speed", [0.0, -100.0, float("nan")])
+def test_no_speed_no_interval(speed: float) -> None:
+    assert Shield(bench()).interval(speed, 100.0, 100.0, 41.0) is None
+
+
+def test_hotter_oil_never_helps() -> None:
+    shield = Shield(bench())
+    ends = [shield.interval(3000 * RPM, 100.0, 150.0, t) for t in range(30, 70, 2)]
+    highs = [found[1] if found else 0.0 for found in ends]
+    assert highs == sorted(highs, reverse=True)
+
+
+# ------------------------------------------------------------------ the safe value at configuration
+
+
+def changed(section: str, **values: float) -> Config:
+    config = bench()
+    part = msgspec.structs.replace(getattr(config, section), **values)
+    return msgspec.structs.replace(config, **{section: part})
+
+
+def refusal(config: Config) -> str:
+    _, source = load(SHIPPED / "bench.toml")
+    with pytest.raises(ConfigError) as caught:
+        check_safe(config, source)
+    return str(caught.value)
+
+
+def test_the_shipped_safe_value_is_admissible_everywhere_in_the_film_solver() -> None:
+    config, source = load(SHIPPED / "bench.toml")
+    check_safe(config, source)
+    hot = config.oil.viscosity_Pa_s(config.oil.inlet_max_C)
+    for rpm in (1500.0, 3000.0, 6000.0, 12000.0):
+        state = equilibrium(load_N=300.0, radius_m=0.02, length_m=0.02, clearance_m=SAFE_M, viscosity_Pa_s=hot,
+                            speed_rad_s=rpm * RPM)
+        assert (1 - state.eccentricity_ratio) * SAFE_M >= 10e-6
+
+
+def test_an_unsafe_safe_value_is_refused_with_the_range_that_would_do() -> None:
+    config = changed("actuator", safe_radial_clearance_um=80.0)
+    text = refusal(config)
+    assert "actuator.safe_radial_clearance_um = 80" in text
+    assert "40 .. 55 um" in text
+
+
+def test_the_ends_of_the_admissible_range_are_where_the_refusal_begins() -> None:
+    low_m, high_m = Shield(bench()).fixed_range() or (0.0, 0.0)
+    assert Shield(bench()).admits_fixed(high_m)
+    assert not Shield(bench()).admits_fixed(high_m + 1e-6)
+    assert low_m == pytest.approx(40e-6)
+
+
+def test_an_impossible_range_is_refused() -> None:
+    config = changed("operating", load_max_N=600.0)
+    assert "no fixed clearance is admissible" in refusal(config)
+
+
+def test_a_long_bearing_is_outside_the_verified_domain() -> None:
+    config = changed("bearing", length_m=0.05)
+    assert "L/D = 1.25" in refusal(config)
+
+
+# ------------------------------------------------------------------ viscosity without libm
+
+
+@pytest.mark.parametrize("exponent", [0.0, 0.01, 0.03, 0.1, 0.5, 1.0])
+def test_decay_is_the_exponential(exponent: float) -> None:
+    assert decay(exponent) == pytest.approx(exp(-exponent), rel=1e-14)
+
+
+@pytest.mark.parametrize("temperature", [-10.0, 19.5, 40.0, 41.01, 60.0, 119.9])
+def test_the_table_brackets_the_law(temperature: float) -> None:
+    oil = bench().oil
+    table = ViscosityTable(oil)
+    law = oil.viscosity_Pa_s(temperature)
+    assert table.thinnest(temperature) <= law * (1 + 1e-12)
+    assert table.thickest(temperature) >= law * (1 - 1e-12)
+    assert table.thickest(temperature) / table.thinnest(temperature) <= exp(oil.viscosity_slope_per_K) * (1 + 1e-12)
