@@ -96,8 +96,10 @@ class BrainCore:
 
     def diagnose(self, window: Window) -> list[RoomRecord]:
         """Diagnosis of ``window`` and the record that lets a replay find the same window."""
-        diagnosis, _ = self._diagnoser.step(window)
+        diagnosis, orders = self._diagnoser.step(window)
         self._diagnosis = diagnosis
+        if orders is not None:
+            self._policy.learn(window, orders)
         return [diagnosis, WindowRecord(
             seq=diagnosis.seq, last_t_acq_ns=window.end_ns, last_block_seq=window.last_block_seq,
             diagnosis_seq=diagnosis.seq, cpu_features=self._cpu_features)]
@@ -116,16 +118,16 @@ class BrainCore:
 
     def _forecast(self, proposal: Proposal) -> Forecast | None:
         """The record of the forecast for where the clearance will be; None without one."""
-        outlook, um = proposal.forecast, 1e6
-        if outlook is None:
+        outlook, estimate, um = proposal.forecast, proposal.estimate, 1e6
+        if outlook is None or estimate is None:
             return None
         return Forecast(
             seq=self._advice_seq, t_acq_ns=self._newest_ns, quality=0, horizon_s=HORIZON_S,
             conditional_on=proposal.expectation, clearance_um=float(outlook.clearance_m[0]) * um,
             peak_to_peak_um=_triple(outlook.peak_to_peak_m[0] * um), power_W=_triple(outlook.power_W[0]),
             min_film_um=_triple(outlook.min_film_m[0] * um), whirl_margin=_triple(outlook.whirl_margin[0]),
-            load_N=outlook.estimate.interval("load_N"), viscosity_Pa_s=outlook.estimate.interval("viscosity_Pa_s"),
-            unbalance_kg_m=outlook.estimate.interval("unbalance_kg_m"), model=self._predictor_label)
+            load_N=estimate.load_interval_N, viscosity_Pa_s=estimate.viscosity_interval_Pa_s,
+            unbalance_kg_m=proposal.unbalance_kg_m, model=self._predictor_label)
 
 
 def _triple(values: NDArray[np.float64]) -> tuple[float, float, float]:

@@ -1,12 +1,12 @@
-"""Synchronising the film model with the running machine: load, viscosity and unbalance from one window.
+"""Synchronising the film model with the running machine: load and viscosity from what is measured now.
 
 Weighted least squares on mean shaft position and shaft power, with priors from the declared load range and
-the oil's temperature; the unbalance follows from the forward 1X amplitude.
+the oil's temperature.  The unbalance comes from its own filter (:mod:`firmware_py.brain.unbalance`).
 
 What cannot be told apart: in an isothermal plain film the position fixes only viscosity / (load x
 clearance^2).  The shaft power (error 5 W) separates the two where friction is large; at low speed the
-oil-temperature prior does.  A zero error of the probes reads as load, runout as unbalance, a wrong clearance
-as viscosity; the covariance counts the declared size of the first and third, the runout not.
+oil-temperature prior does.  A zero error of the probes reads as load (its declared size is counted), a wrong
+clearance as viscosity.
 """
 
 from __future__ import annotations
@@ -28,7 +28,6 @@ POWER_ERROR_W: Final = 5.0
 POWER_MODEL_ERROR: Final = 0.05
 TEMPERATURE_ERROR_C: Final = 3.0
 VISCOSITY_SPREAD: Final = 0.1
-AMPLITUDE_ERROR_M: Final = 3e-7
 SIGMA_90: Final = 1.645
 """Half-width of a 90 % interval in standard deviations."""
 
@@ -44,7 +43,6 @@ class Measured:
     clearance_m: float
     mean_x_m: float
     mean_y_m: float
-    forward_1x_m: float
     peak_to_peak_m: float
     shaft_power_W: float
     oil_outlet_C: float
@@ -52,29 +50,33 @@ class Measured:
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """Synchronised parameters; load, viscosity and unbalance are lognormal.
+    """Synchronised load and viscosity, lognormal.
 
     Attributes
     ----------
     log_covariance
         Shape (2, 2): of ``ln load`` and ``ln viscosity``.
-    log_unbalance_sd
-        Standard deviation of ``ln unbalance``.
     """
 
     load_N: float
     viscosity_Pa_s: float
-    unbalance_kg_m: float
     log_covariance: Floats
-    log_unbalance_sd: float
 
-    def interval(self, name: str) -> tuple[float, float, float]:
-        """90 % interval (low, expected, high) of ``load_N``, ``viscosity_Pa_s`` or ``unbalance_kg_m``."""
-        deviations = {"load_N": float(np.sqrt(self.log_covariance[0, 0])),
-                      "viscosity_Pa_s": float(np.sqrt(self.log_covariance[1, 1])),
-                      "unbalance_kg_m": self.log_unbalance_sd}
-        value, spread = float(getattr(self, name)), float(np.exp(SIGMA_90 * deviations[name]))
-        return value / spread, value, value * spread
+    @property
+    def load_interval_N(self) -> tuple[float, float, float]:
+        """90 % interval: low, expected, high."""
+        return lognormal(self.load_N, float(np.sqrt(self.log_covariance[0, 0])))
+
+    @property
+    def viscosity_interval_Pa_s(self) -> tuple[float, float, float]:
+        """90 % interval: low, expected, high."""
+        return lognormal(self.viscosity_Pa_s, float(np.sqrt(self.log_covariance[1, 1])))
+
+
+def lognormal(value: float, log_sd: float) -> tuple[float, float, float]:
+    """90 % interval of a lognormal quantity with median ``value``."""
+    spread = float(np.exp(SIGMA_90 * log_sd))
+    return value / spread, value, value * spread
 
 
 class Synchroniser:
@@ -101,32 +103,23 @@ class Synchroniser:
         slope = self._oil.viscosity_slope_per_K * TEMPERATURE_ERROR_C
         information = np.diag([self._prior_load_sd**-2, 1.0 / (slope**2 + VISCOSITY_SPREAD**2)])
         observed, deviation = _observed(measured)
-        theta = prior
+        theta, start_m = prior, None
         for _ in range(_ITERATIONS):
-            predicted, sensitivity = self._predict(theta, measured)
+            predicted, sensitivity, start_m = self._predict(theta, measured, start_m)
             weighted = sensitivity / deviation[:, None]
             normal = weighted.T @ weighted + information
             gradient = weighted.T @ ((observed - predicted) / deviation) + information @ (prior - theta)
             theta = theta + np.clip(np.linalg.solve(normal, gradient), -0.7, 0.7)
         covariance = np.asarray(np.linalg.inv(normal), np.float64)
-        unbalance, spread = self._unbalance(theta, measured)
-        return Estimate(float(np.exp(theta[0])), float(np.exp(theta[1])), unbalance, covariance, spread)
+        return Estimate(float(np.exp(theta[0])), float(np.exp(theta[1])), covariance)
 
-    def _predict(self, theta: Floats, measured: Measured) -> tuple[Floats, Floats]:
-        """Position and power (3,) at ``theta``, and their derivatives (3, 2) by logarithm."""
+    def _predict(self, theta: Floats, measured: Measured, start_m: Floats | None) -> tuple[Floats, Floats, Floats]:
+        """Position and power (3,) at ``theta``, their derivatives (3, 2) by logarithm, and the positions (3, 2)."""
         shifted = np.exp(theta + _LOG_STEP * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]))
-        points = _points(measured, shifted)
-        position, _, torque = self._film.equilibrium(points)
+        points = points_at(measured, shifted)
+        position, _, torque = self._film.equilibrium(points, start_m)
         values = np.column_stack([position, torque * points.speed_rad_s])
-        return values[0], (values[1:] - values[0]).T / _LOG_STEP
-
-    def _unbalance(self, theta: Floats, measured: Measured) -> tuple[float, float]:
-        """Unbalance whose forward 1X response is the measured one, and the deviation of its logarithm."""
-        steady = self._film.steady(_points(measured, np.exp(theta)[None, :]))
-        x, y = steady.response_m_per_kg_m[0]
-        gain = 0.5 * abs(x + 1j * y)
-        relative = float(np.hypot(PROBE_GAIN_ERROR, AMPLITUDE_ERROR_M / max(measured.forward_1x_m, 1e-9)))
-        return measured.forward_1x_m / max(float(gain), 1e-12), min(relative, 1.0)
+        return values[0], (values[1:] - values[0]).T / _LOG_STEP, position
 
 
 def _observed(measured: Measured) -> tuple[Floats, Floats]:
@@ -137,7 +130,8 @@ def _observed(measured: Measured) -> tuple[Floats, Floats]:
     return values, np.array([position, position, power])
 
 
-def _points(measured: Measured, load_viscosity: Floats) -> Points:
+def points_at(measured: Measured, load_viscosity: Floats) -> Points:
+    """Operating points at the measured speed and clearance with loads and viscosities (n, 2)."""
     n = len(load_viscosity)
     return Points(np.full(n, measured.speed_rad_s), np.full(n, measured.clearance_m),
                   load_viscosity[:, 1], load_viscosity[:, 0])

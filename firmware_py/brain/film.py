@@ -102,12 +102,13 @@ class Film:
         answer = self._session.run(rows)
         return answer["force"], answer["friction_torque"][:, 0]
 
-    def equilibrium(self, points: Points) -> tuple[Floats, NDArray[np.bool_], Floats]:
+    def equilibrium(self, points: Points, start_m: Floats | None = None) -> tuple[Floats, NDArray[np.bool_], Floats]:
         """Position (n, 2) where the film carries the load, whether it was found, and the friction torque (n,).
 
-        Newton's method from the short bearing's position, with a bounded step; Jacobian by differences.
+        Newton's method from ``start_m`` (n, 2), or from the short bearing's position, with a bounded step;
+        Jacobian by differences.
         """
-        ratio = self._start(points)
+        ratio = self._start(points) if start_m is None else _inside(start_m / points.clearance_m[:, None])
         found = np.zeros(len(ratio), np.bool_)
         torque = np.zeros(len(ratio))
         target = np.column_stack([np.zeros_like(points.load_N), points.load_N])

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from firmware_py.acquire.windows import ChannelMap
 from firmware_py.brain.estimate import Measured
@@ -31,7 +30,6 @@ class Present:
     mean_m: tuple[float, float]
     peak_to_peak_m: tuple[float, float]
     probe_peak_to_peak_m: float
-    forward_1x_m: float
     supply_pressure_bar: float
     clearance_m: float
     shaft_power_W: float
@@ -40,7 +38,7 @@ class Present:
 
     def measured(self) -> Measured:
         """What the predictor synchronises with."""
-        return Measured(self.speed_rad_s, self.clearance_m, *self.mean_m, self.forward_1x_m,
+        return Measured(self.speed_rad_s, self.clearance_m, *self.mean_m,
                         self.probe_peak_to_peak_m, self.shaft_power_W, self.oil_outlet_C)
 
 
@@ -95,16 +93,9 @@ class Observer:
             t_acq_ns=last.t_acq_ns + _length_ns(last), reading_ns=self._reading.t_acq_ns,
             speed_rad_s=last.speed_rad_s, mean_m=(float(mean[0]), float(mean[1])),
             peak_to_peak_m=(float(spread[0]), float(spread[1])), probe_peak_to_peak_m=float(probes.max()),
-            forward_1x_m=_forward(si[:, :2], turns), supply_pressure_bar=float(mean[6]),
+            supply_pressure_bar=float(mean[6]),
             clearance_m=status.clearance_actual_um * 1e-6, shaft_power_W=status.shaft_power_W,
             oil_outlet_C=status.oil_outlet_C, channel_ok=ok)
-
-
-def _forward(shaft: NDArray[np.float64], turns: int) -> float:
-    """Forward 1X amplitude of the orbit over ``turns`` whole turns."""
-    orbit = shaft[:, 0] + 1j * shaft[:, 1]
-    phase = np.exp(-2j * math.pi * turns * np.arange(len(orbit)) / len(orbit))
-    return float(abs(np.mean((orbit - orbit.mean()) * phase)))
 
 
 def _instants(block: Block) -> int:

@@ -1,10 +1,11 @@
 """The policy: the actor proposes a clearance, the predictor checks it, and the reasons are written down (AG).
 
-A clearance is good when, at the pessimistic end of the forecast, the minimum film stays above its limit, the
-shaft does not whirl, and the peak-to-peak stays below its share of the smaller of present and new clearance.
-If the actor's proposal is not good, the good candidate with the least expected power is advised instead
-(the forecast says so).  Without models, fresh samples or a clear diagnosis there is no proposal, and every
-reason is given; an advice with reasons against itself is one that nobody may act on.
+A clearance is good when the guard admits it, the expected minimum film and damping ratio keep their limits
+with a reserve, and the peak-to-peak stays below its share of the smaller of present and new clearance.  If
+the actor's proposal is not good, the good candidate with the least expected power is advised instead, or the
+safe clearance when there is none; the forecast says so.  Pessimism about load and oil is the guard's part.
+Without models, fresh samples or a clear diagnosis there is no proposal, and every reason is given; an advice
+with reasons against itself is one that nobody may act on.
 """
 
 from __future__ import annotations
@@ -15,8 +16,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from firmware_py.acquire.orders import Orders
+from firmware_py.acquire.windows import Window
 from firmware_py.brain.errors import ModelAnswerError
-from firmware_py.brain.estimate import Estimate
+from firmware_py.brain.estimate import Estimate, Measured
 from firmware_py.brain.observation import Present
 from firmware_py.brain.prediction import HORIZON_S, Outlook, Predictor
 from firmware_py.brain.store import OBSERVATION, Model, Models
@@ -29,7 +32,14 @@ DIAGNOSIS_AGE_MAX_NS: Final = 1_500_000_000
 DOUBT_MAX_S: Final = 3.0
 """Doubt and unknown withhold the advice when they have stood this long."""
 
+FILM_RESERVE_M: Final = 5e-7
+WHIRL_RESERVE: Final = 0.03
+"""What the expected film and damping ratio must have above their limits."""
+
 _NEEDED_CHANNELS: Final = ("disp_x", "disp_y", "supply_pressure")
+
+
+Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +53,8 @@ class Proposal:
     reasons: list[str]
     forecast: Outlook | None = None
     expectation: str = ""
+    estimate: Estimate | None = None
+    unbalance_kg_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 class Policy:
@@ -69,6 +81,19 @@ class Policy:
         used = (self._models.classifier, self._models.actor, self._models.surrogate)
         return all(model is not None and model.qualified for model in used)
 
+    def learn(self, window: Window, orders: Orders) -> None:
+        """Let a window with whole turns and readings improve the predictor's unbalance and runout."""
+        readings = (window.clearance_m, window.shaft_power_W, window.oil_outlet_C)
+        if self._predictor is None or not np.isfinite(readings).all() or window.channel_ok & 3 != 3:
+            return
+        measured = Measured(orders.speed_rad_s, window.clearance_m, float(orders.mean[0]), float(orders.mean[1]),
+                            0.0, window.shaft_power_W, window.oil_outlet_C)
+        x, y = orders.harmonics[:2, 0].tolist()
+        try:
+            self._predictor.learn(window.end_ns, measured, 0.5 * (x + 1j * y))
+        except (ModelAnswerError, np.linalg.LinAlgError):
+            self.counters["forecasts_refused"] += 1
+
     def step(self, present: Present | None, diagnosis: Diagnosis | None, guard: GuardState | None,
              now_ns: int) -> Proposal:
         """The proposal for ``now_ns``."""
@@ -86,21 +111,20 @@ class Policy:
         measured = present.measured()
         estimate = predictor.estimate(measured)
         actor = self._models.actor
-        wish_m = self._wish(actor, present, diagnosis, estimate, reasons) if actor and not reasons else None
+        wish_m = self._wish(actor, present, diagnosis, guard, estimate, reasons) if actor and not reasons else None
         chosen_m, overruled = None, ""
         if wish_m is not None:
             outlook = predictor.forecast(measured, estimate, np.append(predictor.candidates_m, wish_m))
-            chosen_m, overruled = self._check(wish_m, present.clearance_m, outlook)
-            if chosen_m is None:
-                reasons += [overruled, "no candidate clearance is good at this speed and load"]
+            chosen_m, overruled = self._check(wish_m, present.clearance_m, outlook, _interval(guard))
         self.counters["proposals" if chosen_m is not None else "proposals_withheld"] += 1
         expected_m, expectation = self._future(present, guard, chosen_m)
         forecast = predictor.forecast(measured, estimate, np.array([expected_m]))
-        return Proposal(chosen_m, reasons, forecast, "; ".join(filter(None, (expectation, overruled))))
+        return Proposal(chosen_m, reasons, forecast, "; ".join(filter(None, (expectation, overruled))), estimate,
+                        predictor.unbalance_interval_kg_m)
 
-    def _wish(self, actor: Model, present: Present, diagnosis: Diagnosis | None, estimate: Estimate,
-              reasons: list[str]) -> float | None:
-        """What the actor wants, within the bearing's range; None (with reason) outside its domain."""
+    def _wish(self, actor: Model, present: Present, diagnosis: Diagnosis | None, guard: GuardState | None,
+              estimate: Estimate, reasons: list[str]) -> float | None:
+        """What the actor wants, within what the guard admits; None (with reason) outside its domain."""
         share = diagnosis.evidence.get("subsync_share", 0.0) if diagnosis else 0.0
         values = observation(present, estimate.load_N, share)
         outside = actor.outside(values)
@@ -109,40 +133,50 @@ class Policy:
             return None
         row = np.array([[values[name] for name in OBSERVATION]])
         bearing = self._config.bearing
+        admitted_um = (bearing.radial_clearance_min_um, bearing.radial_clearance_max_um)
+        if guard is not None and guard.clearance_low_um < guard.clearance_high_um:
+            admitted_um = (guard.clearance_low_um, guard.clearance_high_um)
         wish_m = float(actor.session.run(row)["clearance"][0, 0])
-        return min(max(wish_m, bearing.radial_clearance_min_um * 1e-6), bearing.radial_clearance_max_um * 1e-6)
+        return min(max(wish_m, admitted_um[0] * 1e-6), admitted_um[1] * 1e-6)
 
-    def _check(self, wish_m: float, present_m: float, outlook: Outlook) -> tuple[float | None, str]:
-        """The wish if its forecast is good, else the best good candidate, else None; why it was overruled."""
+    def _check(self, wish_m: float, present_m: float, outlook: Outlook,
+               interval_m: tuple[float, float]) -> tuple[float, str]:
+        """The wish if its forecast is good, else the best good candidate, else the safe value; and why."""
         good = self.good(outlook, present_m)
         if good[-1]:
             return wish_m, ""
         self.counters["proposals_overruled"] += 1
         overruled = f"actor's {wish_m * 1e6:.0f} um overruled: {self._fault(outlook, -1, present_m)}"
-        candidates = np.flatnonzero(good[:-1])
+        low_m, high_m = interval_m
+        inside = (outlook.clearance_m >= low_m) & (outlook.clearance_m <= high_m)
+        candidates = np.flatnonzero((good & inside)[:-1])
         if not len(candidates):
-            return None, overruled
+            return self._config.actuator.safe_radial_clearance_um * 1e-6, f"{overruled}; no candidate is good"
         best = candidates[np.argmin(outlook.power_W[candidates, 1])]
         return float(outlook.clearance_m[best]), overruled
 
-    def good(self, outlook: Outlook, present_clearance_m: float) -> NDArray[np.bool_]:
-        """Which clearances of ``outlook`` are good, shape (n,)."""
+    def _rooms(self, outlook: Outlook, present_m: float) -> tuple[Floats, Floats, Floats]:
+        """By how much film (m), damping ratio and peak-to-peak (m) of each clearance keep their limits."""
         limits = self._config.limits
-        room = limits.clearance_share * np.minimum(outlook.clearance_m, present_clearance_m)
-        return np.asarray(outlook.possible & (outlook.min_film_m[:, 0] >= limits.min_film_um * 1e-6)
-                          & (outlook.whirl_margin[:, 0] >= 0.0) & (outlook.peak_to_peak_m[:, 2] <= room))
+        film = outlook.min_film_m[:, 1] - limits.min_film_um * 1e-6 - FILM_RESERVE_M
+        swing = limits.clearance_share * np.minimum(outlook.clearance_m, present_m)
+        return (film, outlook.whirl_margin[:, 1] - WHIRL_RESERVE,
+                swing - outlook.peak_to_peak_m[:, 1] - outlook.residual_m)
 
-    def _fault(self, outlook: Outlook, index: int, present_clearance_m: float) -> str:
+    def good(self, outlook: Outlook, present_m: float) -> NDArray[np.bool_]:
+        """Which clearances of ``outlook`` are good, shape (n,)."""
+        film, whirl, swing = self._rooms(outlook, present_m)
+        return np.asarray(outlook.possible & (film >= 0) & (whirl >= 0) & (swing >= 0))
+
+    def _fault(self, outlook: Outlook, index: int, present_m: float) -> str:
         """What is not good about one clearance."""
-        limits = self._config.limits
-        film_um = outlook.min_film_m[index, 0] * 1e6
-        swing_um = outlook.peak_to_peak_m[index, 2] * 1e6
-        room_um = limits.clearance_share * min(outlook.clearance_m[index], present_clearance_m) * 1e6
+        film, whirl, swing = (float(room[index]) for room in self._rooms(outlook, present_m))
+        film_um, swing_um = outlook.min_film_m[index, 1] * 1e6, outlook.peak_to_peak_m[index, 1] * 1e6
         checks = [
             (bool(outlook.possible[index]), "the film may not carry the load"),
-            (film_um >= limits.min_film_um, f"minimum film {film_um:.1f} um below {limits.min_film_um:g}"),
-            (outlook.whirl_margin[index, 0] >= 0, f"whirl margin {outlook.whirl_margin[index, 0]:.2f} below 0"),
-            (swing_um <= room_um, f"peak-to-peak {swing_um:.1f} um above {room_um:.1f}"),
+            (film >= 0, f"minimum film {film_um:.1f} um is {-film * 1e6:.1f} short"),
+            (whirl >= 0, f"damping ratio {outlook.whirl_margin[index, 1]:.2f} is {-whirl:.2f} short"),
+            (swing >= 0, f"peak-to-peak {swing_um:.1f} um is {-swing * 1e6:.1f} too much"),
         ]
         return ", ".join(text for holds, text in checks if not holds)
 
@@ -189,6 +223,11 @@ def observation(present: Present, load_N: float, subsync_share: float) -> dict[s
     values = (present.speed_rad_s, *present.mean_m, *present.peak_to_peak_m, present.clearance_m,
               present.supply_pressure_bar, present.shaft_power_W, present.oil_outlet_C, load_N, subsync_share)
     return dict(zip(OBSERVATION, values, strict=True))
+
+
+def _interval(guard: GuardState | None) -> tuple[float, float]:
+    """Clearances (m) that the guard admits; everything before it has spoken."""
+    return (guard.clearance_low_um * 1e-6, guard.clearance_high_um * 1e-6) if guard else (0.0, np.inf)
 
 
 def _acts(guard: GuardState) -> bool:

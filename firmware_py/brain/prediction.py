@@ -2,21 +2,23 @@
 
 The synchronised film model answers for every candidate at once: equilibrium, friction power, 1X response,
 stability.  Intervals come from the parameters' covariance (sigma points) and from declared model errors.
-Power and peak-to-peak are scaled so that the model agrees with the measurement at the present clearance.
-Speed, load and oil are held at their present values; the oil's answer to another friction is not followed.
+Power is scaled so that the model agrees with the measurement at the present clearance.  Speed, load and oil
+are held at their present values; the oil's answer to another friction is not followed.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_py.brain.estimate import SIGMA_90, Estimate, Measured, Synchroniser
+from firmware_py.brain.estimate import SIGMA_90, Estimate, Measured, Synchroniser, points_at
 from firmware_py.brain.film import Film, Points, Steady
 from firmware_py.brain.store import Model
+from firmware_py.brain.unbalance import ImbalanceFilter
 from firmware_py.config import Config
 
 Floats = NDArray[np.float64]
@@ -28,15 +30,15 @@ PEAK_TO_PEAK_ERROR: Final = 0.15
 FILM_ERROR_M: Final = 1e-6
 MARGIN_ERROR: Final = 0.02
 POWER_SCALE: Final = (0.8, 1.25)
-PEAK_TO_PEAK_SCALE: Final = (0.5, 3.0)
 
 
 @dataclass(frozen=True, slots=True)
 class Outlook:
     """Forecast for ``n`` clearances; each quantity has shape (n, 3): low, expected, high.
 
-    ``whirl_margin`` is the damping ratio of the least damped mode, ``possible`` (n,) says where the film
-    carries the load at all.
+    ``peak_to_peak_m`` is the shaft's own motion at the probes, without runout; ``residual_m`` is by how much
+    the probes report more than that now (runout, harmonics, noise).  ``whirl_margin`` is the damping ratio of
+    the least damped mode, ``possible`` (n,) says where the film carries the load at all.
     """
 
     clearance_m: Floats
@@ -45,7 +47,7 @@ class Outlook:
     min_film_m: Floats
     whirl_margin: Floats
     possible: NDArray[np.bool_]
-    estimate: Estimate
+    residual_m: float
 
 
 class Predictor:
@@ -67,6 +69,7 @@ class Predictor:
         self._probes = np.column_stack([np.cos(angles), np.sin(angles)])
         self._load_range_N = (config.operating.load_min_N, config.operating.load_max_N)
         bearing = config.bearing
+        self._imbalance = ImbalanceFilter(config.rotor.unbalance_normal_kg_m)
         self.candidates_m: Floats = 1e-6 * np.linspace(bearing.radial_clearance_min_um,
                                                        bearing.radial_clearance_max_um, CANDIDATES)
         self.label = model.label
@@ -74,6 +77,19 @@ class Predictor:
     def estimate(self, measured: Measured) -> Estimate:
         """Synchronise the model with the machine."""
         return self._synchroniser.step(measured)
+
+    def learn(self, t_ns: int, measured: Measured, forward_m: complex) -> None:
+        """Let the forward first order of a window (m, phase from the mark) speak about unbalance and runout."""
+        estimate = self._synchroniser.step(measured)
+        point = points_at(measured, np.array([[estimate.load_N, estimate.viscosity_Pa_s]]))
+        x, y = self._film.steady(point).response_m_per_kg_m[0].tolist()
+        self._imbalance.step(t_ns, forward_m, 0.5 * (x + 1j * y))
+
+    @property
+    def unbalance_interval_kg_m(self) -> tuple[float, float, float]:
+        """90 % interval: low, expected, high."""
+        size, half = self._imbalance.state.size_kg_m, SIGMA_90 * self._imbalance.state.size_sd_kg_m
+        return max(0.0, size - half), size, size + half
 
     def forecast(self, measured: Measured, estimate: Estimate, clearances_m: Floats) -> Outlook:
         """What the clearances ``clearances_m`` (n,) would bring."""
@@ -83,21 +99,23 @@ class Predictor:
         k = len(sigma)
         points = Points(np.full(k * len(every), measured.speed_rad_s), np.repeat(every, k),
                         np.tile(sigma[:, 1], len(every)), np.tile(sigma[:, 0], len(every)))
-        return self._outlook(measured, estimate, every, points, self._film.steady(points))
+        return self._outlook(measured, every, points, self._film.steady(points))
 
-    def _outlook(self, measured: Measured, estimate: Estimate, every: Floats, points: Points,
-                 steady: Steady) -> Outlook:
+    def _outlook(self, measured: Measured, every: Floats, points: Points, steady: Steady) -> Outlook:
         shape = (len(every), -1)
-        unbalance = np.full(len(points.load_N), estimate.unbalance_kg_m)
+        imbalance = self._imbalance.state
+        unbalance = np.full(len(points.load_N), imbalance.size_kg_m)
         motion = 2.0 * np.abs(steady.response_m_per_kg_m @ self._probes.T).max(axis=1) * unbalance
         power = _spread(steady.power_W.reshape(shape), POWER_ERROR, 0.0)
-        power *= _scale(measured.shaft_power_W, power[-1, 1], POWER_SCALE)
-        swing = _spread(motion.reshape(shape), float(np.hypot(PEAK_TO_PEAK_ERROR, estimate.log_unbalance_sd)), 0.0)
-        swing *= _scale(measured.peak_to_peak_m, swing[-1, 1], PEAK_TO_PEAK_SCALE)
+        power *= min(max(measured.shaft_power_W / power[-1, 1], POWER_SCALE[0]), POWER_SCALE[1])
+        uncertain = math.hypot(PEAK_TO_PEAK_ERROR, imbalance.size_sd_kg_m / imbalance.size_kg_m)
+        swing = _spread(motion.reshape(shape), uncertain, 0.0)
         film = _spread(steady.min_film_m(points.clearance_m, unbalance).reshape(shape), 0.05, FILM_ERROR_M)
         margin = _spread(steady.damping_ratio.reshape(shape), 0.0, MARGIN_ERROR)
         possible = np.asarray(steady.converged.reshape(shape).all(axis=1))
-        return Outlook(every[:-1], swing[:-1], power[:-1], film[:-1], margin[:-1], possible[:-1], estimate)
+        residual_m = max(0.0, measured.peak_to_peak_m - float(swing[-1, 1]))
+        return Outlook(every[:-1], np.maximum(swing[:-1], 0.0), power[:-1], film[:-1], margin[:-1], possible[:-1],
+                       residual_m)
 
 
 def _sigma_points(estimate: Estimate) -> Floats:
@@ -114,8 +132,3 @@ def _spread(values: Floats, relative: float, absolute: float) -> Floats:
     model = SIGMA_90 * np.hypot(relative * expected, absolute)
     half = np.sqrt(np.sum(reach**2, axis=1) + model**2)
     return np.column_stack([expected - half, expected, expected + half])
-
-
-def _scale(measured: float, modelled: float, limits: tuple[float, float]) -> float:
-    """Measured over modelled, within ``limits``."""
-    return min(max(measured / max(modelled, 1e-12), limits[0]), limits[1])

@@ -34,7 +34,7 @@ STEP_NS = 24_000_000
 def guard_state(target_um: float = 60.0, **changed: object) -> GuardState:
     state = GuardState(
         seq=0, t_ns=0, mode=Mode.AUTO, arm_state=ArmState.ARMED, authority=True, authority_reasons=[],
-        speed_rad_s=628.0, load_estimate_N=100.0, clearance_low_um=45.0, clearance_high_um=120.0,
+        speed_rad_s=628.0, load_estimate_N=100.0, clearance_low_um=40.0, clearance_high_um=160.0,
         target_clearance_um=target_um, target_pressure_bar=1.0, clearance_actual_um=60.0,
         peak_to_peak_um=(5.0, 5.0), run_permit=True, trip_request=False, node_following=True, alarms=[], counters={})
     return msgspec.structs.replace(state, **changed)
@@ -158,7 +158,7 @@ def test_a_poor_proposal_is_overruled_by_the_predictor() -> None:
     assert advice.reasons == []
     assert advice.forecast is not None
     assert "; actor's 160 um overruled: " in advice.forecast.conditional_on
-    assert "whirl margin" in advice.forecast.conditional_on
+    assert "damping ratio" in advice.forecast.conditional_on
     assert core.counters["proposals_overruled"] > 0
 
 
