@@ -125,7 +125,8 @@ def samples(first: int, period_us: int, clearance_um: float, coasting: bool) -> 
 def slow_messages(wire: Wire, node: Node, now_us: int) -> None:
     """Status and state, every 50 ms."""
     tick = now_us & 0xFFFFFFFF
-    refused = {**node.refused, "check": node.refused["check"] + wire.counts["bad COMMAND"]}
+    bad = sum(count for name, count in wire.counts.items() if name.startswith("bad "))
+    refused = {**node.refused, "check": node.refused["check"] + bad}
     wire.send("RIG_STATUS", tick=tick, shaft_power=87.0, oil_outlet=41.5,
               clearance_actual=node.actual["clearance"], pressure_actual=node.actual["pressure"])
     wire.send("NODE_STATE", tick=tick, session=node.session, command_counter=node.command_counter, mode=node.mode,
