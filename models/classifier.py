@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -77,19 +78,20 @@ class Taught:
 def train(run: Run, settings: ClassifierSettings) -> dict[str, object]:
     """Train, judge and export; returns the report that is written beside the model."""
     started = time.monotonic()
-    rng = np.random.default_rng(run.seed)
+    rng, out = np.random.default_rng(run.seed), run.folder.parent
     plan = Plan(settings.rig, run.seed, settings.rate_hz, settings.seconds, recordings.training_cases)
-    views = recorded(run.folder.parent, plan, settings.builds, settings.workers)
+    views = recorded(out, plan, settings.builds, settings.workers)
     views.orders.check()
     outer, inner = split_groups(views.orders, settings.inner_share, rng)
     scaler = Scaler.of(outer)
     network, rungs = _climb(outer, inner, scaler, settings, run, rng)
     taught = _finish(network, scaler, outer, inner, settings)
-    judged = judged_views(settings, run.seed, run.folder.parent)
+    verdicts, judged = of_module(taught.module()), judged_views(settings, run.seed, out)
     report: dict[str, object] = {
         "chosen": network.name,
         "inner_ladder": rungs,
-        "unseen_builds": judge(of_module(taught.module()), judged.orders),
+        "unseen_builds": judge(verdicts, judged.orders),
+        "unknown_faults": judge_unknown(verdicts, taught.novelty_threshold, settings, run.seed, out),
         "baselines_on_unseen_builds": _baselines(views, outer, inner, judged, settings, run, rng),
         "training": {"builds": settings.builds, "windows": len(views.orders),
                      "seconds": round(time.monotonic() - started, 1)},
@@ -116,6 +118,36 @@ def judge(verdicts: Verdicts, data: Dataset) -> dict[str, object]:
         "right_class_by_severity": scores.severity_grid(ten),
         "false_alarms": scores.false_alarms(ten),
     }
+
+
+def judge_unknown(
+    verdicts: Verdicts, threshold: float, settings: ClassifierSettings, seed: int, out: Path
+) -> dict[str, object]:
+    """How well the novelty score tells faults that were never taught from healthy builds, per ten windows."""
+    from sklearn.metrics import roc_auc_score
+
+    plan = Plan(settings.rig, JUDGE_SEED + seed, settings.rate_hz, JUDGED_SECONDS, recordings.unknown_cases)
+    data = recorded(out, plan, max(2, settings.judged_builds // 5), settings.workers).orders
+    _, novelty = verdicts(data.features.astype(np.float32))
+    ids = np.unique(data.recording)
+    medians = np.array([np.median(novelty[data.recording == r]) for r in ids])
+    first = np.array([np.flatnonzero(data.recording == r)[0] for r in ids])
+    healthy = data.kind[first] == 0
+    report: dict[str, object] = {"healthy_called_unknown": round(float(np.mean(medians[healthy] > threshold)), 4)}
+    for k, name in enumerate(recordings.UNKNOWNS):
+        of_fault = ~healthy & (data.severity[first] == k)
+        both = healthy | of_fault
+        report[name] = {
+            "auroc": round(float(roc_auc_score(of_fault[both], medians[both])), 4),
+            "called_unknown": round(float(np.mean(medians[of_fault] > threshold)), 4),
+        }
+    return report
+
+
+def novelty_threshold(path: Path) -> float:
+    """The threshold in an exported file's metadata."""
+    settings = json.loads(export.session(path).get_modelmeta().custom_metadata_map["settings"])
+    return float(settings["novelty_threshold"])
 
 
 def of_module(module: Diagnosis) -> Verdicts:

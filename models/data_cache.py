@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from firmware_py.acquire.features import FEATURE_NAMES
+from models import PHYSICS_VERSION
 from models.dataset import Dataset
-from models.export import PHYSICS_VERSION
 from models.recordings import Plan, Views, record_builds
 from models.runs import progress_bar
 

@@ -1,11 +1,10 @@
-"""From a torch module to one self-contained ONNX file with metadata, and the manifest that trusts it."""
+"""From a torch module to one self-contained ONNX file with metadata."""
 
 from __future__ import annotations
 
 import hashlib
 import io
 import json
-import os
 import subprocess
 import warnings
 from collections.abc import Mapping, Sequence
@@ -20,9 +19,8 @@ import torch
 from numpy.typing import NDArray
 
 from firmware_py import records
-
-PHYSICS_VERSION = "1"
-"""Raised when film, rotor, faults or sensors change so that a model made before no longer fits."""
+from models import PHYSICS_VERSION
+from models.manifest import write_whole
 
 OPSET = 17
 
@@ -97,7 +95,7 @@ def export(
         node.doc_string = ""
     onnx.helper.set_model_props(model, metadata.properties())
     onnx.checker.check_model(model, full_check=True)
-    _write_whole(path, model.SerializeToString())
+    write_whole(path, model.SerializeToString())
 
 
 def session(path: Path) -> onnxruntime.InferenceSession:
@@ -121,29 +119,12 @@ def parity(module: torch.nn.Module, path: Path, x: NDArray[np.generic]) -> float
     return worst
 
 
-def write_manifest(folder: Path) -> None:
-    """Renew ``manifest.json``: SHA-256 and size of every ONNX file in ``folder``."""
-    files = {
-        path.name: {"sha256": hashlib.sha256(path.read_bytes()).hexdigest(), "bytes": path.stat().st_size}
-        for path in sorted(folder.glob("*.onnx"))
-    }
-    text = json.dumps({"schema": 1, "files": files}, indent=2, sort_keys=True) + "\n"
-    _write_whole(folder / "manifest.json", text.encode())
-
-
 def data_hash(*arrays: NDArray[np.generic]) -> str:
     """SHA-256 over the bytes of ``arrays`` in order."""
     digest = hashlib.sha256()
     for array in arrays:
         digest.update(np.ascontiguousarray(array).tobytes())
     return digest.hexdigest()
-
-
-def _write_whole(path: Path, content: bytes) -> None:
-    """Replace ``path`` at once: an interrupted write leaves the old file."""
-    part = path.with_suffix(path.suffix + ".part")
-    part.write_bytes(content)
-    os.replace(part, path)
 
 
 def _commit() -> str:

@@ -27,7 +27,7 @@ def rivals(judged: FilmSamples, length_over_diameter: float, rng: np.random.Gene
     """Errors of the spline table on the judged films, and of the paper's 4-n-2 network on its own variables."""
     force = table(length_over_diameter)
     return {
-        "spline_table": _table_error(judged, length_over_diameter),
+        "spline_table": table_error(judged, length_over_diameter),
         "paper_4_n_2": paper_network(force, rng),
     }
 
@@ -70,7 +70,8 @@ def _raw_states(count: int, rng: np.random.Generator) -> Floats:
     return np.column_stack(columns)
 
 
-def _table_error(judged: FilmSamples, length_over_diameter: float) -> dict[str, float]:
+def table_error(judged: FilmSamples, length_over_diameter: float) -> dict[str, float]:
+    """Error of the spline table on the judged films."""
     coefficients = FilmTable.load(length_over_diameter).coefficients
     c, mu, length, speed = CLEARANCE_M, VISCOSITY_PA_S, 2.0 * RADIUS_M * length_over_diameter, 0.01
     gain = mu * RADIUS_M * length**3 * speed / c**3

@@ -14,7 +14,8 @@ from typing import TypeVar
 import msgspec
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
-from models import ARTIFACTS, export
+from models import ARTIFACTS
+from models.manifest import write_manifest
 
 
 class SettingsError(ValueError):
@@ -91,7 +92,7 @@ class Run:
         """Copy model, report and card to ``models/artifacts`` and renew the manifest."""
         for suffix in ("onnx", "json", "md"):
             shutil.copyfile(self.folder / f"{self.kind}.{suffix}", ARTIFACTS / f"{self.kind}.{suffix}")
-        export.write_manifest(ARTIFACTS)
+        write_manifest(ARTIFACTS)
 
 
 @contextmanager

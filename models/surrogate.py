@@ -24,6 +24,8 @@ FilmModel = Callable[[Floats], Sequence[Floats]]
 """State ``(m, 9)`` in SI to force ``(m, 2)``, friction torque and side flow ``(m, 1)``."""
 
 ECCENTRICITY_JUDGED = 0.95
+JUDGE_SEED = 1_000_000
+"""Stands before the seed of judged films, so that they are never those of a training seed."""
 
 
 class SurrogateSettings(Settings, frozen=True):
@@ -91,7 +93,7 @@ def train(run: Run, settings: SurrogateSettings) -> dict[str, object]:
         samples = solve_points(
             points, length_over_diameter=settings.length_over_diameter, grid=settings.grid, progress=bar
         )
-    judged = unseen(settings, rng)
+    judged = unseen(settings, np.random.default_rng([JUDGE_SEED, run.seed]))
     net = Mlp((2, *settings.hidden, 3))
     fit = _fit(net, Targets.of(samples), settings, run, rng)
     module = ReducedFilm(net.layers(fit.theta))

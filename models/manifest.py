@@ -1,0 +1,25 @@
+"""The manifest that trusts the shipped models: SHA-256 and size of each."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from pathlib import Path
+
+
+def write_manifest(folder: Path) -> None:
+    """Renew ``manifest.json`` from every ONNX file in ``folder``."""
+    files = {
+        path.name: {"sha256": hashlib.sha256(path.read_bytes()).hexdigest(), "bytes": path.stat().st_size}
+        for path in sorted(folder.glob("*.onnx"))
+    }
+    text = json.dumps({"schema": 1, "files": files}, indent=2, sort_keys=True) + "\n"
+    write_whole(folder / "manifest.json", text.encode())
+
+
+def write_whole(path: Path, content: bytes) -> None:
+    """Replace ``path`` at once: an interrupted write leaves the old file."""
+    part = path.with_suffix(path.suffix + ".part")
+    part.write_bytes(content)
+    os.replace(part, path)

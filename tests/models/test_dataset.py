@@ -1,0 +1,80 @@
+"""Datasets: what is refused, and that splits keep groups apart."""
+
+import numpy as np
+import pytest
+
+from firmware_py.acquire.features import FEATURE_NAMES
+from models.dataset import CLASSES, HEADS_OF_CLASS, Dataset, DatasetError, check_disjoint, join, split_groups
+
+
+def dataset(kinds=(0, 0, 1, 1, 4, 4), windows=3):
+    n = len(kinds) * windows
+    rng = np.random.default_rng(0)
+    of_window = np.repeat(np.arange(len(kinds)), windows)
+    return Dataset(
+        rng.normal(size=(n, len(FEATURE_NAMES))),
+        np.array(kinds)[of_window],
+        np.full(n, 25.0),
+        of_window // 2,
+        of_window,
+    )
+
+
+def changed(data, **columns):
+    return Dataset(**{name: columns.get(name, getattr(data, name)) for name in data.__dataclass_fields__})
+
+
+def test_whole_data_passes():
+    dataset().check()
+
+
+def test_empty_data_is_refused():
+    with pytest.raises(DatasetError, match="empty"):
+        dataset().subset(np.zeros(18, bool)).check()
+
+
+def test_nan_is_refused_with_its_feature_and_recording():
+    data = dataset()
+    data.features[7, 2] = np.nan
+    with pytest.raises(DatasetError, match=rf"{FEATURE_NAMES[2]} in recording 2"):
+        data.check()
+
+
+def test_unknown_label_is_refused():
+    with pytest.raises(DatasetError, match="class label outside"):
+        dataset(kinds=(0, 0, 6, 6)).check()
+
+
+def test_class_with_one_recording_is_refused():
+    with pytest.raises(DatasetError, match=r"unbalance has 1 recording"):
+        dataset(kinds=(0, 0, 4)).check()
+
+
+def test_labels_of_another_length_are_refused():
+    data = dataset()
+    with pytest.raises(DatasetError, match="differ in length"):
+        changed(data, severity=data.severity[:-1]).check()
+
+
+def test_group_on_both_sides_is_refused():
+    data = dataset()
+    with pytest.raises(DatasetError, match="both sides"):
+        check_disjoint(data, data.subset(data.group == 1))
+
+
+def test_split_keeps_every_group_whole_and_every_window():
+    data = join([dataset(), changed(dataset(), group=dataset().group + 10)])
+    first, second = split_groups(data, 0.4, np.random.default_rng(1))
+    assert not set(first.group) & set(second.group)
+    assert len(first) + len(second) == len(data)
+    assert len(np.unique(second.group)) == 2
+
+
+def test_classes_are_those_of_the_reference():
+    from sim_hil.rigs import read_json
+
+    reference = read_json("classes.json")["six_classes_from_heads"]
+    assert tuple(reference) == CLASSES
+    short = ["A", "B", "motor", "unbalance"]
+    for row, heads in zip(HEADS_OF_CLASS, reference.values(), strict=True):
+        assert [name for name, on in zip(short, row, strict=True) if on] == heads

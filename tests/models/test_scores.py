@@ -1,0 +1,74 @@
+"""Scores on cases whose answer is known."""
+
+import numpy as np
+import pytest
+
+from models import scores
+from models.dataset import HEADS_OF_CLASS, Dataset
+from models.scores import Decisions
+
+
+def decisions(kind, named, severity=25.0, confidence=0.9):
+    probability = np.full((len(kind), 6), (1 - confidence) / 5)
+    probability[np.arange(len(kind)), named] = confidence
+    return Decisions(probability, np.array(kind), np.full(len(kind), severity), np.arange(len(kind)))
+
+
+def test_sure_heads_give_their_class():
+    logits = 20.0 * (2.0 * HEADS_OF_CLASS - 1.0)
+    np.testing.assert_allclose(scores.class_probabilities(logits), np.eye(6), atol=1e-8)
+
+
+def test_class_probabilities_are_those_of_independent_heads_over_the_six_patterns():
+    logits = np.array([[0.3, -1.0, 0.2, -2.0]])
+    p = 1 / (1 + np.exp(-logits[0]))
+    joint = np.array([np.prod(np.where(row > 0, p, 1 - p)) for row in HEADS_OF_CLASS])
+    np.testing.assert_allclose(scores.class_probabilities(logits)[0], joint / joint.sum(), rtol=1e-12)
+
+
+def test_balanced_accuracy_weighs_classes_not_rows():
+    assert scores.balanced_accuracy(np.array([0, 0, 0, 1]), np.array([0, 0, 0, 0])) == 0.5
+
+
+def test_calibration_error_of_the_overconfident():
+    ten = decisions([0] * 10, [0] * 6 + [1] * 4)
+    assert scores.calibration_error(ten) == pytest.approx(0.3)
+
+
+def test_ten_windows_decide_by_mean_log_odds_and_leave_out_the_rest():
+    n = 23
+    data = Dataset(np.zeros((n, 1)), np.zeros(n, int), np.zeros(n), np.zeros(n, int), np.zeros(n, int))
+    logits = np.linspace(-1.0, 1.0, n)[:, None] * np.ones(4)
+    pooled, first = scores.pool(logits, data)
+    assert list(first) == [0, 10]
+    np.testing.assert_allclose(pooled[1], logits[10:20].mean(axis=0))
+
+
+def test_required_severities():
+    ten = decisions([1, 4, 4, 0], [1, 4, 4, 0])
+    ten = Decisions(ten.probability, ten.kind, np.array([50.0, 6.3, 16.0, 100.0]), ten.group)
+    assert list(scores.required(ten).kind) == [4, 0]
+
+
+def test_temperature_finds_the_overconfidence():
+    rng = np.random.default_rng(0)
+    true = rng.normal(0.0, 1.5, (4000, 4))
+    heads = (rng.random((4000, 4)) < 1 / (1 + np.exp(-true))).astype(float)
+    assert scores.temperature(3.0 * true, heads) == pytest.approx(3.0, rel=0.1)
+
+
+def test_beats_needs_more_than_luck():
+    rng = np.random.default_rng(1)
+    group, simpler = np.arange(200), rng.random(200) < 0.8
+    better = simpler | (rng.random(200) < 0.5)
+    assert scores.beats(better, simpler, group)
+    assert not scores.beats(simpler, simpler, group)
+    one_more = simpler.copy()
+    one_more[np.argmin(simpler)] = True
+    assert not scores.beats(one_more, simpler, group)
+
+
+def test_false_alarms_are_counted_by_decision_and_by_build():
+    ten = decisions([0, 0, 0, 1], [0, 4, 0, 1])
+    counted = scores.false_alarms(ten)
+    assert (counted["healthy_decisions"], counted["false_alarms"], counted["builds_with_a_false_alarm"]) == (3, 1, 1)

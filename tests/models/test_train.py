@@ -1,0 +1,66 @@
+"""The commands: a smoke training of every model, reproducible, and named refusals."""
+
+import json
+
+import pytest
+
+from models.runs import Settings, SettingsError, load_settings
+
+
+class Some(Settings, frozen=True):
+    points: int = 3
+
+
+def test_settings_from_toml_and_unknown_keys_refused(tmp_path):
+    file = tmp_path / "settings.toml"
+    file.write_text("points = 5\n")
+    assert load_settings(Some, file).points == 5
+    file.write_text("pionts = 5\n")
+    with pytest.raises(SettingsError, match=r"pionts.*known keys: points"):
+        load_settings(Some, file)
+    file.write_text("points = ")
+    with pytest.raises(SettingsError, match=r"settings.toml"):
+        load_settings(Some, file)
+    with pytest.raises(SettingsError, match="cannot be read"):
+        load_settings(Some, tmp_path / "none.toml")
+    assert load_settings(Some, None) == Some()
+
+
+def test_shipping_a_smoke_model_is_refused(capsys):
+    from models.train import main
+
+    assert main(["surrogate", "--smoke", "--ship"]) == 2
+    assert "drop one" in capsys.readouterr().err
+
+
+def test_evaluating_a_missing_file_is_refused(capsys, tmp_path):
+    from models.evaluate import main
+
+    assert main(["actor", "--file", str(tmp_path / "none.onnx")]) == 2
+    assert "orbitd train actor" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["surrogate", "classifier", "actor"])
+def test_smoke_training_makes_a_whole_run_and_repeats_itself(kind, tmp_path, capsys):
+    from models.train import main
+
+    weights = []
+    for out in (tmp_path / "first", tmp_path / "second"):
+        assert main([kind, "--smoke", "--seed", "3", "--out", str(out)]) == 0
+        run = out / f"{kind}-seed3-smoke"
+        assert {p.name for p in run.iterdir()} >= {
+            "config.json", "metrics.csv", f"{kind}.onnx", f"{kind}.json", f"{kind}.md",
+        }  # fmt: skip
+        config = json.loads((run / "config.json").read_text())
+        assert (config["model"], config["seed"], config["smoke"]) == (kind, 3, True)
+        assert f"orbitd train {kind} --seed 3 --smoke" in (run / f"{kind}.md").read_text()
+        assert json.loads((run / f"{kind}.json").read_text())["export_parity"] <= 1e-6
+        weights.append(initializers(run / f"{kind}.onnx"))
+    assert weights[0] == weights[1]
+
+
+def initializers(path):
+    import onnx
+
+    return [tensor.raw_data for tensor in onnx.load(path).graph.initializer]
