@@ -95,6 +95,7 @@ class Machine:
         self.delay_s = (self._taps.size - 1) / 2 * step_s
         self._table = FilmTable.load(rig.bearing.length_m / (2 * rig.bearing.radius_m)).coefficients
         self._rng = np.random.default_rng(seed)
+        self._fault_rng = np.random.default_rng([seed, 4])
         self._state = new_state(
             self._taps.size,
             rig.bearing.clearance_nominal_m if clearance_m is None else clearance_m,
@@ -181,7 +182,7 @@ class Machine:
         return math.hypot(fx, fy)
 
     def _uniform(self, n: int) -> Floats:
-        """Random numbers for sensor faults, drawn only while there is one."""
+        """Random numbers for sensor faults: a stream of their own, so that a fault changes no other noise."""
         if any(sensor_fault(name) for name in self._faults):
-            return self._rng.random((n, N_SENSORS))
+            return self._fault_rng.random((n, N_SENSORS))
         return np.zeros((n, N_SENSORS))

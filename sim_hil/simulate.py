@@ -79,17 +79,18 @@ CLEARANCE_NOISE_M = 0.2e-6
 def record(
     rig: RigData, build: Build, duty: Duty, seconds: float, *, clearance: Schedule, seed: int,
     pressure: Schedule | None = None, faults: Mapping[str, float] | None = None, rate_hz: int = 5000,
-    inlet_C: float | None = None, settle_s: float = 0.5,
+    inlet_C: float | None = None, settle_s: float = 0.4,
 ) -> Recording:
-    """Measure ``seconds`` of a machine with ``faults`` (name -> severity), after ``settle_s`` at the start."""
+    """Measure ``seconds`` of a machine after it has run for ``settle_s`` healthy and as long with ``faults``."""
     machine = Machine(
         rig, build, seed, rate_hz=rate_hz, inlet_C=inlet_C, clearance_m=_value(clearance, 0.0),
         pressure_Pa=None if pressure is None else _value(pressure, 0.0),
     )  # fmt: skip
+    start, present = Duty.hold(duty.speed_rpm[0], duty.load_N[0]), _value(clearance, 0.0)
+    run(machine, start, settle_s, clearance=present)
     for name, severity in (faults or {}).items():
         machine.inject(name, severity)
-    speed, load = duty.speed_rpm[0], duty.load_N[0]
-    run(machine, Duty.hold(speed, load), settle_s, clearance=_value(clearance, 0.0), pressure=pressure)
+    run(machine, start, settle_s, clearance=present)
     batch = run(machine, duty, seconds, clearance=clearance, pressure=pressure)
     return recording_of(machine, batch, np.random.default_rng([seed, 1]))
 

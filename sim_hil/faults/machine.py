@@ -16,7 +16,7 @@ from sim_hil.rotor.parameters import Foot, Four, Plant, four
 
 LEAST_CONTACT_SHARE = 0.1
 PRELOAD_EXPONENT = 1.0
-RUB_STIFFNESS_N_M = 2e6
+RUB_STIFFNESS_N_M = 2e7
 RUB_GAP_M = 20e-6
 MISALIGNMENT_N = 60.0
 WEAR_M = 30e-6
@@ -108,10 +108,10 @@ def misalignment(plant: Plant, rig: RigData, build: Build, severity: float) -> P
 
 
 def rub(plant: Plant, rig: RigData, build: Build, severity: float) -> Plant:
-    """Stator contact around the mean position: gap ``20 um (1 - severity)``, 2 MN/m, friction 0.2.
+    """Partial rub: a seal ``20 um (1 - severity)`` above where the shaft ran before, 20 MN/m, friction 0.2.
 
-    Piecewise linear contact with dry friction against the rotation (Muszynska 1989): odd and fractional
-    orders, backward whirl.
+    One-sided, piecewise linear contact with dry friction against the rotation (Muszynska 1989).  On a strongly
+    damped film it mostly restrains and shifts the orbit; harmonics stay weak.
     """
     gap = RUB_GAP_M * (1 - severity)
     stiffness = RUB_STIFFNESS_N_M if severity > 0 else 0.0

@@ -28,7 +28,6 @@ from sim_hil.rotor.parameters import (
     CLEARANCE,
     DEMAND,
     FLOW,
-    MEAN_X,
     MEAN_Y,
     OIL,
     POSITION,
@@ -46,7 +45,7 @@ from sim_hil.rotor.parameters import (
 GRAVITY = 9.81
 THETA = 0.55
 """Share of the new velocity in the film force: 1/2 is centred, a little more damps the stiffest modes."""
-_MEAN_RATE = 5.0
+_MEAN_RATE = 10.0
 
 
 @njit(cache=True)
@@ -102,14 +101,14 @@ def heat_oil(film: Film, scalar: Floats, dt: float) -> None:
 
 
 @njit(cache=True)
-def rub_force(excite: Excite, dx: float, dy: float, omega: float) -> tuple[float, float]:
-    """Stator contact at ``rub_gap`` around the mean position with dry friction against the rotation."""
-    r = math.hypot(dx, dy)
-    if excite.rub_stiffness <= 0.0 or r <= excite.rub_gap or r == 0.0:
+def rub_force(excite: Excite, dy: float, omega: float) -> tuple[float, float]:
+    """A seal above the shaft, ``rub_gap`` over where it ran before: one-sided contact with dry friction."""
+    depth = dy - excite.rub_gap
+    if excite.rub_stiffness <= 0.0 or depth <= 0.0:
         return 0.0, 0.0
-    normal = excite.rub_stiffness * (r - excite.rub_gap)
-    drag = excite.rub_friction * normal if omega >= 0.0 else -excite.rub_friction * normal
-    return (-normal * dx + drag * dy) / r, (-normal * dy - drag * dx) / r
+    normal = excite.rub_stiffness * depth
+    drag = excite.rub_friction * normal
+    return (drag if omega >= 0.0 else -drag), -normal
 
 
 @njit(cache=True)
@@ -169,9 +168,9 @@ def substep(
     fx, fy, torque, flow = table_force(
         table, ex, ey, wx, wy, omega, c, mu, film.radius, film.length, c_rate
     )
-    scalar[MEAN_X] += _MEAN_RATE * dt * (ex - scalar[MEAN_X])
-    scalar[MEAN_Y] += _MEAN_RATE * dt * (ey - scalar[MEAN_Y])
-    rub_x, rub_y = rub_force(plant.excite, ex - scalar[MEAN_X], ey - scalar[MEAN_Y], omega)
+    if plant.excite.rub_stiffness <= 0.0:
+        scalar[MEAN_Y] += _MEAN_RATE * dt * (ey - scalar[MEAN_Y])
+    rub_x, rub_y = rub_force(plant.excite, ey - scalar[MEAN_Y], omega)
     angle = scalar[ANGLE] + s.unbalance_angle
     cosine, sine = math.cos(angle), math.sin(angle)
     share = s.mass * GRAVITY * s.to_coupling / (s.to_coupling + b)

@@ -167,12 +167,11 @@ CLEARANCE: Final = 4
 PRESSURE: Final = 5
 OIL: Final = 6
 RING: Final = 7
-MEAN_X: Final = 8
-MEAN_Y: Final = 9
-POWER: Final = 10
-FLOW: Final = 11
-TURNS: Final = 12
-N_SCALARS: Final = 13
+MEAN_Y: Final = 8
+POWER: Final = 9
+FLOW: Final = 10
+TURNS: Final = 11
+N_SCALARS: Final = 12
 
 
 def three(values: Iterable[float]) -> Three:

@@ -1,0 +1,126 @@
+"""One call for the film force, whatever stands behind it; chosen by type when a kernel is compiled.
+
+A law is the coefficient array of a `FilmTable`, a `DirectLaw` or a `LinearLaw`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+from numba import njit, types
+from numba.extending import overload
+
+from sim_hil.film.direct import DirectFilm, direct_force
+from sim_hil.film.table_kernel import EPS_TABLE, contact_force, lookup, table_force
+from sim_hil.rotor.parameters import Floats
+
+Forces = tuple[float, float, float, float]
+
+
+class DirectLaw(NamedTuple):
+    """The Guembel film solved at each call (`DirectFilm`); `work` belongs to one thread.
+
+    The direct film has no side flow of its own: it is taken from the table.
+    """
+
+    ring: Floats
+    axial: Floats
+    work: Floats
+    table: Floats
+
+    @classmethod
+    def make(cls, table: Floats, stations: int = 64, modes: int = 4) -> DirectLaw:
+        """A law with that many stations around and cosine modes along."""
+        film = DirectFilm.make(stations, modes)
+        return cls(film.ring, film.axial, film.work, table)
+
+
+class LinearLaw(NamedTuple):
+    """Springs and dampers around one equilibrium: `F = F0 - K (e - e0) - C v`, in x and y, SI."""
+
+    x: float
+    y: float
+    fx: float
+    fy: float
+    kxx: float
+    kxy: float
+    kyx: float
+    kyy: float
+    cxx: float
+    cxy: float
+    cyx: float
+    cyy: float
+
+
+Law = Floats | DirectLaw | LinearLaw
+
+
+@njit(cache=True)
+def _held_inside(ex: float, ey: float, c: float) -> tuple[float, float]:
+    """The eccentricity, not beyond EPS_TABLE."""
+    share = EPS_TABLE * c / max(math.hypot(ex, ey), EPS_TABLE * c)
+    return ex * share, ey * share
+
+
+@njit(cache=True)
+def _direct(
+    law: DirectLaw, ex: float, ey: float, vx: float, vy: float, omega: float, c: float, mu: float, R: float,
+    L: float, c_rate: float,
+) -> Forces:  # fmt: skip
+    x, y = _held_inside(ex, ey, c)
+    fx, fy, torque = direct_force(law.ring, law.axial, law.work, x, y, vx, vy, omega, c, mu, R, L, c_rate)
+    sx, sy = vx + 0.5 * omega * y, vy - 0.5 * omega * x
+    squeeze = math.hypot(sx, sy)
+    gamma = math.atan2(abs(x * sy - y * sx), x * sx + y * sy)
+    flow = R * R * squeeze * lookup(law.table, math.hypot(x, y) / c, gamma)[2]
+    contact_x, contact_y, rub = contact_force(ex, ey, omega, c)
+    return fx + contact_x, fy + contact_y, torque + rub * R, flow
+
+
+@njit(cache=True)
+def _linear(
+    law: LinearLaw, ex: float, ey: float, vx: float, vy: float, omega: float, c: float, mu: float, R: float,
+    L: float, c_rate: float,
+) -> Forces:  # fmt: skip
+    dx, dy = ex - law.x, ey - law.y
+    fx = law.fx - law.kxx * dx - law.kxy * dy - law.cxx * vx - law.cxy * vy
+    fy = law.fy - law.kyx * dx - law.kyy * dy - law.cyx * vx - law.cyy * vy
+    x, y = _held_inside(ex, ey, c)
+    shear = 2 * math.pi * mu * abs(omega) * R * R * R * L / (c * math.sqrt(1 - (x * x + y * y) / (c * c)))
+    sense = -1.0 if omega < 0 else 1.0
+    return fx, fy, shear + sense * 0.5 * (ex * fy - ey * fx), 0.0
+
+
+@njit(cache=True)
+def _tabulated(
+    law: Floats, ex: float, ey: float, vx: float, vy: float, omega: float, c: float, mu: float, R: float,
+    L: float, c_rate: float,
+) -> Forces:  # fmt: skip
+    forces: Forces = table_force(law, ex, ey, vx, vy, omega, c, mu, R, L, c_rate)
+    return forces
+
+
+def film_law(
+    law: Law, ex: float, ey: float, vx: float, vy: float, omega: float, c: float, mu: float, R: float, L: float,
+    c_rate: float,
+) -> Forces:  # fmt: skip
+    """Force (fx, fy), N, friction torque, N m, and side flow, m3/s; arguments as `table_force`."""
+    forces: Forces = _of_type(type(law))(law, ex, ey, vx, vy, omega, c, mu, R, L, c_rate)
+    return forces
+
+
+def _of_type(kind: type) -> Callable[..., Forces]:
+    chosen: Callable[..., Forces] = {DirectLaw: _direct, LinearLaw: _linear}.get(kind, _tabulated)
+    return chosen
+
+
+@overload(film_law)
+def _film_law(law, ex, ey, vx, vy, omega, c, mu, R, L, c_rate):  # type: ignore[no-untyped-def]  # noqa: ANN
+    chosen = _of_type(law.instance_class if isinstance(law, types.BaseNamedTuple) else type(law))
+
+    def forces(law, ex, ey, vx, vy, omega, c, mu, R, L, c_rate):  # type: ignore[no-untyped-def]
+        return chosen(law, ex, ey, vx, vy, omega, c, mu, R, L, c_rate)
+
+    return forces

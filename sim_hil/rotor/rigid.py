@@ -1,0 +1,185 @@
+"""The rotor of equation (2) alone: four degrees of freedom on a film and a coupling, both on firm ground.
+
+Coordinates `x, y, A = dx/dz, B = dy/dz`; the equation with its omissions mended is that of `rotor.kernel`. One step
+is ROS2 (Verwer, Spee, Blom and Hundsdorfer 1999), second order and L-stable with gamma = 1 - 1/sqrt(2):
+
+    (I - gamma dt J) k1 = dt f(w),   (I - gamma dt J) k2 = dt f(w + k1) - 2 k1,   w += 3/2 k1 + 1/2 k2
+
+J holds the film alone (the rest is not stiff) and is renewed every few steps: ROS2 keeps its order with any J.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit, prange
+
+from sim_hil.rotor.film_law import Law, film_law
+from sim_hil.rotor.kernel import GRAVITY, heat_oil, move_actuator, viscosity_now
+from sim_hil.rotor.parameters import CLEARANCE, FLOW, OIL, POWER, Act, Film, Floats, Shaft
+
+GAMMA = 1 - math.sqrt(0.5)
+COLUMNS = ("x_m", "y_m", "vx_m_s", "vy_m_s", "min_film_m", "clearance_m", "power_W", "oil_C", "angle_rad")
+"""Columns of the output: journal at the bearing, smallest film and mean power since the row before."""
+
+Four = tuple[float, float, float, float]
+Eight = tuple[float, float, float, float, float, float, float, float]
+
+
+@njit(cache=True)
+def film_slopes(
+    law: Law, film: Film, ex: float, ey: float, vx: float, vy: float, omega: float, c: float, mu: float, c_rate: float
+) -> Eight:
+    """Forward differences of the film force: dF/de (xx, xy, yx, yy), then dF/dv."""
+    de = 1e-5 * max(c - math.hypot(ex, ey), 0.01 * c)
+    dv = 1e-4 * (c * abs(omega) + abs(vx) + abs(vy)) + 1e-9
+    r, length = film.radius, film.length
+    f0 = film_law(law, ex, ey, vx, vy, omega, c, mu, r, length, c_rate)
+    f1 = film_law(law, ex + de, ey, vx, vy, omega, c, mu, r, length, c_rate)
+    f2 = film_law(law, ex, ey + de, vx, vy, omega, c, mu, r, length, c_rate)
+    f3 = film_law(law, ex, ey, vx + dv, vy, omega, c, mu, r, length, c_rate)
+    f4 = film_law(law, ex, ey, vx, vy + dv, omega, c, mu, r, length, c_rate)
+    return (
+        (f1[0] - f0[0]) / de, (f2[0] - f0[0]) / de, (f1[1] - f0[1]) / de, (f2[1] - f0[1]) / de,
+        (f3[0] - f0[0]) / dv, (f4[0] - f0[0]) / dv, (f3[1] - f0[1]) / dv, (f4[1] - f0[1]) / dv,
+    )  # fmt: skip
+
+
+@njit(cache=True)
+def acceleration(
+    shaft: Shaft, film: Film, law: Law, w: Floats, angle: float, omega: float, alpha: float, load: float, c: float,
+    c_rate: float, mu: float, a: Floats,
+) -> tuple[float, float]:  # fmt: skip
+    """Accelerations of (x, y, A, B) into `a`; returns dissipated power, W, and side flow, m3/s.
+
+    `w` holds the four coordinates and their rates, `load` the total static load at the bearing, N.
+    """
+    s, b, d = shaft, shaft.to_bearing, shaft.to_coupling
+    ex, ey, vx, vy = w[0] + b * w[2], w[1] + b * w[3], w[4] + b * w[6], w[5] + b * w[7]
+    fx, fy, torque, flow = film_law(law, ex, ey, vx, vy, omega, c, mu, film.radius, film.length, c_rate)
+    cosine, sine = math.cos(angle + s.unbalance_angle), math.sin(angle + s.unbalance_angle)
+    gravity_share = s.mass * GRAVITY * d / (b + d)
+    bx = fx + s.unbalance * (omega * omega * cosine + alpha * sine)
+    by = fy + s.unbalance * (omega * omega * sine - alpha * cosine) - (load - gravity_share)
+    k, damping = s.coupling_stiffness, s.coupling_damping
+    cx = -k * (w[0] - d * w[2]) - damping * (w[4] - d * w[6])
+    cy = -k * (w[1] - d * w[3]) - damping * (w[5] - d * w[7]) + s.mass * GRAVITY - gravity_share
+    a[0] = (bx + cx) / s.mass
+    a[1] = (by + cy) / s.mass - GRAVITY
+    a[2] = (b * bx - d * cx - s.polar * (omega * w[7] + alpha * w[3])) / s.diametral
+    a[3] = (b * by - d * cy + s.polar * (omega * w[6] + alpha * w[2])) / s.diametral
+    return torque * abs(omega) - (fx * vx + fy * vy) + film.windage * abs(omega) ** 3, flow
+
+
+@njit(cache=True)
+def solve_stage(shaft: Shaft, slopes: Eight, reach: float, move: Floats, k: Floats) -> None:
+    """Solve `(I - reach J) k = move` for positions and rates, with the film as the only J."""
+    b = shaft.to_bearing
+    mobility = 1 / shaft.mass + b * b / shaft.diametral
+    kxx, kxy, kyx, kyy, cxx, cxy, cyx, cyy = slopes
+    ex, ey = move[0] + b * move[2], move[1] + b * move[3]
+    vx, vy = move[4] + b * move[6], move[5] + b * move[7]
+    gxx, gxy, gyx, gyy = cxx + reach * kxx, cxy + reach * kxy, cyx + reach * kyx, cyy + reach * kyy
+    h = reach * mobility
+    rx = vx + h * (kxx * ex + kxy * ey)
+    ry = vy + h * (kyx * ex + kyy * ey)
+    mxx, mxy, myx, myy = 1 - h * gxx, -h * gxy, -h * gyx, 1 - h * gyy
+    det = mxx * myy - mxy * myx
+    ux, uy = (myy * rx - mxy * ry) / det, (mxx * ry - myx * rx) / det
+    fx, fy = (ux - vx) / mobility, (uy - vy) / mobility
+    k[4], k[5] = move[4] + fx / shaft.mass, move[5] + fy / shaft.mass
+    k[6], k[7] = move[6] + b * fx / shaft.diametral, move[7] + b * fy / shaft.diametral
+    for i in range(4):
+        k[i] = move[i] + reach * k[4 + i]
+
+
+@njit(cache=True)
+def step(
+    shaft: Shaft, film: Film, law: Law, slopes: Eight, w: Floats, work: Floats, angle: float, omega: float,
+    alpha: float, load: float, c: float, c_rate: float, mu: float, dt: float,
+) -> tuple[float, float]:  # fmt: skip
+    """One step of `w` in place; `work` has shape (4, 8). Returns power and side flow at its start."""
+    k1, k2, probe, move = work[0], work[1], work[2], work[3]
+    power, flow = acceleration(shaft, film, law, w, angle, omega, alpha, load, c, c_rate, mu, move[4:])
+    for i in range(4):
+        move[i] = dt * w[4 + i]
+        move[4 + i] *= dt
+    solve_stage(shaft, slopes, GAMMA * dt, move, k1)
+    for i in range(8):
+        probe[i] = w[i] + k1[i]
+    turned = angle + (omega + 0.5 * alpha * dt) * dt
+    acceleration(shaft, film, law, probe, turned, omega + alpha * dt, alpha, load, c, c_rate, mu, move[4:])
+    for i in range(4):
+        move[i] = dt * probe[4 + i] - 2 * k1[i]
+        move[4 + i] = dt * move[4 + i] - 2 * k1[4 + i]
+    solve_stage(shaft, slopes, GAMMA * dt, move, k2)
+    for i in range(8):
+        w[i] += 1.5 * k1[i] + 0.5 * k2[i]
+    return power, flow
+
+
+@njit(cache=True)
+def advance_rotor(
+    shaft: Shaft, film: Film, act: Act, law: Law, w: Floats, scalar: Floats, drive: Floats, target: Floats,
+    period: float, substeps: int, renew: int, out: Floats,
+) -> None:  # fmt: skip
+    """Advance by `len(out)` periods of `substeps` steps, renewing J every `renew` steps.
+
+    Parameters
+    ----------
+    w, scalar
+        State (8,) and the scalars of `rotor.parameters`, in place.
+    drive
+        Speed, rad/s, and load, N, at the borders of the periods, shape (n + 1, 2).
+    target
+        Clearance, m, and pressure, Pa, at the start of each period, shape (n, 2).
+    out
+        Written: `COLUMNS`, shape (n, 9).
+    """
+    dt = period / substeps
+    work = np.zeros((4, 8))
+    b = shaft.to_bearing
+    angle = scalar[0]
+    age = renew
+    slopes = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    for n in range(out.shape[0]):
+        alpha = (drive[n + 1, 0] - drive[n, 0]) / period
+        load_rate = (drive[n + 1, 1] - drive[n, 1]) / period
+        c_start = scalar[CLEARANCE] + film.wear
+        c_rate = move_actuator(act, scalar, target[n, 0], target[n, 1], period)
+        mu = viscosity_now(film, scalar)
+        power = 0.0
+        smallest = 1e9
+        for i in range(substeps):
+            omega, load, c = drive[n, 0] + alpha * dt * i, drive[n, 1] + load_rate * dt * i, c_start + c_rate * dt * i
+            if age >= renew:
+                ex, ey, vx, vy = w[0] + b * w[2], w[1] + b * w[3], w[4] + b * w[6], w[5] + b * w[7]
+                slopes = film_slopes(law, film, ex, ey, vx, vy, omega, c, mu, c_rate)
+                age = 0
+            age += 1
+            lost, scalar[FLOW] = step(
+                shaft, film, law, slopes, w, work, angle, omega, alpha, load, c, c_rate, mu, dt
+            )
+            power += lost
+            angle += (omega + 0.5 * alpha * dt) * dt
+            smallest = min(smallest, c + c_rate * dt - math.hypot(w[0] + b * w[2], w[1] + b * w[3]))
+        scalar[POWER] = power / substeps
+        heat_oil(film, scalar, period)
+        out[n, 0], out[n, 1] = w[0] + b * w[2], w[1] + b * w[3]
+        out[n, 2], out[n, 3] = w[4] + b * w[6], w[5] + b * w[7]
+        out[n, 4], out[n, 5], out[n, 6], out[n, 7] = smallest, scalar[CLEARANCE] + film.wear, scalar[POWER], scalar[OIL]
+        out[n, 8] = angle
+    scalar[0] = angle
+
+
+@njit(parallel=True, cache=True)
+def advance_rotors(
+    shaft: Shaft, film: Film, act: Act, law: Floats, w: Floats, scalar: Floats, drive: Floats, target: Floats,
+    period: float, substeps: int, renew: int, out: Floats,
+) -> None:  # fmt: skip
+    """Many rotors on the table film, one a thread: the arrays of `advance_rotor` with a leading axis."""
+    for r in prange(w.shape[0]):
+        advance_rotor(
+            shaft, film, act, law, w[r], scalar[r], drive[r], target[r], period, substeps, renew, out[r]
+        )

@@ -1,0 +1,195 @@
+"""Every fault shows where the literature says, on one and the same drawn build."""
+
+from collections.abc import Mapping
+from functools import cache
+
+import numpy as np
+import pytest
+
+from sim_hil.build import Build, unbalance_of_grade
+from sim_hil.duty import Duty
+from sim_hil.faults import MACHINE_FAULTS, SENSOR_FAULTS, UnknownFault, apply_machine_faults, check_fault
+from sim_hil.faults.machine import loosen
+from sim_hil.machine import Machine
+from sim_hil.rigs import load_rig
+from sim_hil.rotor.assembly import assemble
+from sim_hil.rotor.parameters import Floats
+from sim_hil.sensors.chain import units
+from sim_hil.simulate import Recording, record, run
+
+RIG = load_rig("bench")
+BUILD = Build.draw(RIG, np.random.default_rng(7))
+RATE = 5000
+VERTICAL, HORIZONTAL, MOTOR, PRESSURE = 2, 3, 4, 6
+
+
+@cache
+def recorded(faults: tuple[tuple[str, float], ...] = (), rpm: float = 6000, load_N: float = 100) -> Recording:
+    duty = Duty.hold(rpm, load_N)
+    return record(RIG, BUILD, duty, 2.0, clearance=60e-6, seed=11, faults=dict(faults), rate_hz=RATE)
+
+
+def measured(faults: Mapping[str, float] | None = None, rpm: float = 6000, load_N: float = 100) -> Floats:
+    return units(recorded(tuple((faults or {}).items()), rpm, load_N).counts)
+
+
+def order(signal: Floats, number: float, rpm: float = 6000) -> float:
+    """Amplitude of one order."""
+    t = np.arange(len(signal)) / RATE
+    window = np.hanning(len(signal))
+    wave = np.exp(-2j * np.pi * number * rpm / 60 * t)
+    return float(2 * abs(np.sum((signal - signal.mean()) * window * wave)) / window.sum())
+
+
+def joined(y: Floats) -> float:
+    """Vertical-horizontal correlation of the housing between 250 and 900 Hz: its modes' common motion."""
+    spectrum = np.fft.rfft(y - y.mean(axis=0), axis=0)
+    hz = np.fft.rfftfreq(len(y), 1 / RATE)
+    v, h = spectrum[(hz > 250) & (hz < 900)][:, [VERTICAL, HORIZONTAL]].T
+    return float(np.real(np.vdot(h, v)) / np.sqrt(np.vdot(h, h).real * np.vdot(v, v).real))
+
+
+def centre_hz(signal: Floats) -> float:
+    """Centre of the housing's energy between 250 and 900 Hz."""
+    energy = np.abs(np.fft.rfft(signal - signal.mean())) ** 2
+    hz = np.fft.rfftfreq(len(signal), 1 / RATE)
+    band = (hz > 250) & (hz < 900)
+    return float((energy * hz)[band].sum() / energy[band].sum())
+
+
+def test_unbalance_raises_the_first_order_and_little_else() -> None:
+    healthy, faulty = measured(), measured({"unbalance": 40.0})
+    assert order(faulty[:, HORIZONTAL], 1) > 5 * order(healthy[:, HORIZONTAL], 1)
+    assert order(faulty[:, HORIZONTAL], 1) > 2 * order(faulty[:, HORIZONTAL], 2)
+
+
+def test_unbalance_orbit_turns_forward() -> None:
+    y = measured({"unbalance": 40.0})
+    orbit = (y[:, 0] - y[:, 0].mean()) + 1j * (y[:, 1] - y[:, 1].mean())
+    t = np.arange(len(orbit)) / RATE
+    forward, backward = (abs(np.mean(orbit * np.exp(-s * 2j * np.pi * 100 * t))) for s in (1, -1))
+    assert forward > 1.5 * backward
+
+
+def test_grade_of_the_rig_file() -> None:
+    assert unbalance_of_grade(RIG, 6.14) == pytest.approx(RIG.rotor.unbalance_kg_m, rel=0.01)
+
+
+def test_a_loose_bolt_joins_vertical_and_lateral_motion_with_the_sign_of_its_side() -> None:
+    healthy = joined(measured())
+    a, c = joined(measured({"pedestal_bolt": 0.0})), joined(measured({"pedestal_bolt_c": 0.0}))
+    assert abs(a - healthy) > 0.05
+    assert abs(c - healthy) > 0.05
+    assert np.sign(a - healthy) != np.sign(c - healthy)
+
+
+def test_the_effect_of_a_bolt_grows_as_its_preload_goes() -> None:
+    steps = [abs(joined(measured({"pedestal_bolt": left})) - joined(measured())) for left in (75.0, 25.0, 0.0)]
+    assert steps[0] < steps[1] < steps[2]
+
+
+def test_two_bolts_lower_the_modes_more_than_one() -> None:
+    one, two = measured({"pedestal_bolt": 25.0}), measured({"pedestal_two_bolts": 25.0})
+    frequencies = [centre_hz(y[:, VERTICAL]) for y in (measured(), one, two)]
+    assert frequencies[0] > frequencies[1] + 5 > frequencies[2] + 10
+
+
+def test_motor_bolt_shows_at_the_motor_not_at_the_pedestal() -> None:
+    healthy, faulty = measured(), measured({"motor_bolt": 0.0})
+    assert abs(centre_hz(faulty[:, MOTOR]) - centre_hz(healthy[:, MOTOR])) > 15
+    assert abs(centre_hz(faulty[:, VERTICAL]) - centre_hz(healthy[:, VERTICAL])) < 15
+
+
+def test_pedestal_and_motor_bolt_is_both() -> None:
+    plant = assemble(RIG, BUILD, 1e-5)
+    both = apply_machine_faults(plant, RIG, BUILD, {"pedestal_and_motor_bolt": 25.0})
+    assert both.pedestal == apply_machine_faults(plant, RIG, BUILD, {"pedestal_bolt": 25.0}).pedestal
+    assert both.motor == apply_machine_faults(plant, RIG, BUILD, {"motor_bolt": 25.0}).motor
+
+
+def test_a_foot_that_lifts_truncates_the_wave() -> None:
+    """Strong unbalance lifts the loose foot: harmonics that the tight pedestal does not have."""
+    tight = measured({"unbalance": 100.0}, 9000)
+    loose = measured({"unbalance": 100.0, "pedestal_two_bolts": 0.0}, 9000)
+
+    assert order(loose[:, VERTICAL], 4, 9000) > 10 * order(tight[:, VERTICAL], 4, 9000)
+    assert order(loose[:, VERTICAL], 3, 9000) > 10 * order(tight[:, VERTICAL], 3, 9000)
+
+
+def test_misalignment_shows_at_twice_the_speed() -> None:
+    healthy, faulty = measured(), measured({"misalignment": 1.0})
+    assert order(faulty[:, HORIZONTAL], 2) > 5 * order(healthy[:, HORIZONTAL], 2)
+    assert order(faulty[:, HORIZONTAL], 2) > 2 * order(faulty[:, HORIZONTAL], 1)
+
+
+def test_rub_restrains_the_orbit_from_above() -> None:
+    healthy, faulty = (recorded(f, 9000) for f in ((("unbalance", 40.0),), (("unbalance", 40.0), ("rub", 1.0))))
+    before, after = (r.column("eccentricity_y_m") for r in (healthy, faulty))
+    assert np.ptp(after) < 0.8 * np.ptp(before)
+    assert after.max() < before.max() - 3e-6
+
+
+def test_starvation_thins_the_film_and_wear_widens_it() -> None:
+    healthy, starved, worn = (recorded(f) for f in ((), (("starvation", 1.0),), (("wear", 1.0),)))
+    assert starved.column("min_film_m").mean() < 0.8 * healthy.column("min_film_m").mean()
+    assert worn.column("shaft_power_W").mean() < healthy.column("shaft_power_W").mean()
+    assert worn.status[:, 3].mean() == pytest.approx(60e-6, abs=1e-6)
+
+
+def test_supply_pressure_is_lost() -> None:
+    assert measured({"pressure_loss": 0.8})[-1000:, PRESSURE].mean() == pytest.approx(0.2, abs=0.02)
+
+
+def test_loosening_nothing_changes_nothing() -> None:
+    foot = assemble(RIG, BUILD, 1e-5).pedestal
+    assert loosen(foot, 0, 100.0, 1e-4) == foot
+
+
+@pytest.mark.parametrize("name", list(MACHINE_FAULTS))
+def test_healthy_end_of_every_severity_is_nearly_healthy(name: str) -> None:
+    if name == "unbalance":
+        return
+    plant = assemble(RIG, BUILD, 1e-5)
+    same = apply_machine_faults(plant, RIG, BUILD, {name: MACHINE_FAULTS[name].healthy})
+    assert same._replace(excite=same.excite._replace(rub_gap=0.0)) == plant
+
+
+@pytest.mark.parametrize(
+    ("kind", "check"),
+    [
+        ("gain", lambda y, h: y.std() == pytest.approx(0.5 * h.std(), rel=0.05)),
+        ("offset", lambda y, h: y.mean() - h.mean() == pytest.approx(40.0, rel=0.01)),
+        ("drift", lambda y, h: y[-500:].mean() - y[:500].mean() == pytest.approx(40.0 * 0.9 / 60, rel=0.1)),
+        ("stuck", lambda y, h: y.std() == 0.0),
+        ("dropout", lambda y, h: 0.15 < np.mean(y == 0.0) < 0.25),
+        ("clipping", lambda y, h: np.abs(y).max() <= 1.0 + 1e-9),
+        ("hum", lambda y, h: y.std() == pytest.approx(10 / np.sqrt(2), rel=0.05)),
+    ],
+)
+def test_sensor_faults_change_their_channel_alone(kind: str, check: object) -> None:
+    healthy, faulty = (Machine(RIG, BUILD, 3) for _ in range(2))
+    faulty.inject(f"sensor_{kind}:acc_bearing_vertical", 1.0)
+    duty = Duty.hold(9000, 100)
+    a, b = (units(run(m, duty, 1.0, clearance=60e-6).counts) for m in (healthy, faulty))
+    assert callable(check)
+    assert check(b[:, VERTICAL], a[:, VERTICAL])
+    np.testing.assert_array_equal(np.delete(a, VERTICAL, 1), np.delete(b, VERTICAL, 1))
+
+
+def test_unknown_names_and_severities_are_refused() -> None:
+    assert len(SENSOR_FAULTS) == 7
+    for name, severity in (("bent_shaft", 1.0), ("sensor_gain:disp_z", 1.0), ("sensor_x:disp_x", 1.0)):
+        with pytest.raises(UnknownFault, match="choose one of"):
+            check_fault(name, severity)
+    with pytest.raises(UnknownFault, match=r"outside 0 \.\. 100"):
+        check_fault("pedestal_bolt", 101.0)
+    with pytest.raises(UnknownFault, match="outside"):
+        check_fault("rub", float("nan"))
+
+
+def test_healed_machine_is_the_healthy_one() -> None:
+    machine = Machine(RIG, BUILD, 1)
+    machine.inject("wear", 1.0)
+    machine.heal()
+    assert machine.faults == {}
+    assert machine.wear_m == BUILD.clearance_error_m

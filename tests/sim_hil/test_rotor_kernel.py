@@ -1,0 +1,146 @@
+"""Terms of the equation of motion, each by itself, and the bolted joints."""
+
+import math
+
+import numpy as np
+import pytest
+
+from sim_hil.build import Build
+from sim_hil.film.table import FilmTable
+from sim_hil.rigs import load_rig
+from sim_hil.rotor.assembly import assemble
+from sim_hil.rotor.joints import foot_forces, normal_force
+from sim_hil.rotor.kernel import GRAVITY, move_actuator, rub_force, substep
+from sim_hil.rotor.parameters import ANGLE, CLEARANCE, Plant, State, new_state
+
+DT = 1e-6
+TABLE = FilmTable.load(0.5).coefficients
+RIG = load_rig("bench")
+
+
+def free_plant() -> Plant:
+    """No film, no coupling, no tooth force: only inertia, gravity, unbalance."""
+    plant = assemble(RIG, Build.nominal(RIG), DT)
+    return plant._replace(
+        shaft=plant.shaft._replace(coupling_stiffness=0.0, coupling_damping=0.0),
+        excite=plant.excite._replace(tooth_force=0.0),
+    )
+
+
+def one_step(
+    plant: Plant, state: State, omega: float = 0.0, alpha: float = 0.0, load: float = 0.0, dt: float = DT
+) -> State:
+    film = plant.film
+    substep(
+        plant, state, TABLE, (0.0, 0.0, 0.0, 0.0), omega, alpha, load, 60e-6, 0.0, 1e-15 * film.viscosity,
+        np.zeros(4), dt,
+    )  # fmt: skip
+    return state
+
+
+def rest() -> State:
+    return new_state(3, 60e-6, 1e5, 40.0, 0.0)
+
+
+def test_gravity_and_load_act_at_their_places() -> None:
+    state = one_step(free_plant(), rest(), load=RIG.rotor.gravity_share_N)
+    # with only its own weight, and the coupling carrying its share at the other end
+    assert state.a[1] * RIG.rotor.mass_kg == pytest.approx(-RIG.rotor.gravity_share_N, rel=1e-6)
+    more = one_step(free_plant(), rest(), load=RIG.rotor.gravity_share_N + 60.0)
+    assert (more.a[1] - state.a[1]) * RIG.rotor.mass_kg == pytest.approx(-60.0)
+    assert (more.a[3] - state.a[3]) * RIG.rotor.diametral_inertia_kg_m2 == pytest.approx(-60.0 * 0.25)
+    assert pytest.approx(9.81) == GRAVITY
+
+
+@pytest.mark.parametrize("omega", [1000.0, -1000.0])
+def test_gyroscopic_moment_turns_one_tilt_rate_into_the_other(omega: float) -> None:
+    plant = free_plant()
+    plant = plant._replace(shaft=plant.shaft._replace(unbalance=0.0))
+    state = rest()
+    state.v[3] = 0.01
+    one_step(plant, state, omega)
+    ratio = RIG.rotor.polar_inertia_kg_m2 / RIG.rotor.diametral_inertia_kg_m2
+    assert state.v[2] / DT == pytest.approx(-ratio * omega * 0.01, rel=1e-4)
+    state = rest()
+    state.v[2] = 0.01
+    before = one_step(plant, rest(), omega).v[3]
+    one_step(plant, state, omega)
+    assert (state.v[3] - before) / DT == pytest.approx(ratio * omega * 0.01, rel=1e-4)
+
+
+def test_gyroscopic_coupling_keeps_the_energy_at_any_step() -> None:
+    plant = free_plant()
+    plant = plant._replace(shaft=plant.shaft._replace(unbalance=0.0))
+    state = rest()
+    state.v[2] = 1e-4
+    for _ in range(1000):  # an explicit step would grow by 2 %
+        one_step(plant, state, 1000.0, dt=1e-4)
+    assert math.hypot(state.v[2], state.v[3]) == pytest.approx(1e-4, rel=1e-3)
+
+
+@pytest.mark.parametrize("angle", [0.0, 1.0, 4.0])
+def test_unbalance_force_with_run_up(angle: float) -> None:
+    omega, alpha = 300.0, 5e4
+    still = free_plant()
+    still = still._replace(shaft=still.shaft._replace(unbalance=0.0))
+    states = []
+    for plant in (still, free_plant()):
+        state = rest()
+        state.scalar[ANGLE] = angle
+        states.append(one_step(plant, state, omega, alpha))
+    force = (states[1].a[:2] - states[0].a[:2]) * RIG.rotor.mass_kg
+    u = RIG.rotor.unbalance_kg_m
+    expected = [
+        u * (omega**2 * math.cos(angle) + alpha * math.sin(angle)),
+        u * (omega**2 * math.sin(angle) - alpha * math.cos(angle)),
+    ]
+    np.testing.assert_allclose(force, expected, rtol=1e-6, atol=1e-9)
+
+
+def test_joint_is_clamped_then_free_then_stopped_by_the_bolt() -> None:
+    k, clamp, gap, k_bolt = 5e7, 100.0, 3e-5, 2e7
+    lift_off = clamp / k
+    assert normal_force(-1e-6, k, clamp, gap, k_bolt) == pytest.approx(50.0)
+    assert normal_force(lift_off, k, clamp, gap, k_bolt) == pytest.approx(-clamp)
+    assert normal_force(lift_off + 0.99 * gap, k, clamp, gap, k_bolt) == -clamp
+    assert normal_force(lift_off + gap + 1e-6, k, clamp, gap, k_bolt) == pytest.approx(-clamp - 20.0)
+    assert normal_force(1e-6, k, 0.0, gap, k_bolt) == 0.0
+
+
+def test_foot_slips_at_the_friction_limit_and_returns_with_a_permanent_set() -> None:
+    foot = assemble(RIG, Build.nominal(RIG), DT).pedestal._replace(clamp=(100.0,) * 4, damping=(0.0,) * 4)
+    slip = np.zeros(8)
+    limit = 4 * foot.friction * 100.0
+    force, _, _ = foot_forces(foot, 1e-3, 0.0, 0.0, 0.0, 0.0, 0.0, slip, 0)
+    assert force == pytest.approx(-limit)
+    back, _, _ = foot_forces(foot, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, slip, 0)
+    assert back == pytest.approx(limit)
+    assert (slip[:4] > 0).all()
+    assert (slip[4:] == 0).all()
+
+
+def test_equal_feet_do_not_join_lift_and_roll_but_one_soft_foot_does() -> None:
+    foot = assemble(RIG, Build.nominal(RIG), DT).pedestal
+    assert foot_forces(foot, 0.0, 1e-6, 0.0, 0.0, 0.0, 0.0, np.zeros(8), 0)[2] == pytest.approx(0.0, abs=1e-9)
+    soft = foot._replace(stiffness=(2e7, 5e7, 5e7, 5e7))
+    assert foot_forces(soft, 0.0, 1e-6, 0.0, 0.0, 0.0, 0.0, np.zeros(8), 0)[2] < -1.0
+
+
+def test_rub_is_one_sided_and_drags_against_the_rotation() -> None:
+    excite = free_plant().excite._replace(rub_stiffness=1e6, rub_gap=1e-5, rub_friction=0.2)
+    assert rub_force(excite, 0.9e-5, 100.0) == (0.0, 0.0)
+    assert rub_force(excite, -9e-5, 100.0) == (0.0, 0.0)
+    assert rub_force(excite, 2e-5, 100.0) == pytest.approx((2.0, -10.0))
+    assert rub_force(excite, 2e-5, -100.0) == pytest.approx((-2.0, -10.0))
+
+
+def test_actuator_keeps_its_rate_and_its_backlash() -> None:
+    act = free_plant().act
+    scalar = rest().scalar
+    for _ in range(1000):
+        rate = move_actuator(act, scalar, 100e-6, 1e5, 1e-3)
+        assert abs(rate) <= act.rate * 1.001
+    assert scalar[CLEARANCE] == pytest.approx(100e-6, abs=1.01e-6)
+    reached = scalar[CLEARANCE]
+    move_actuator(act, scalar, 100e-6 - 0.4e-6, 1e5, 1e-3)
+    assert scalar[CLEARANCE] == reached
