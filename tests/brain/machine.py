@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -31,9 +32,11 @@ def models(clearance_m: float = 80e-6, **of_classifier: object) -> Models:
     return Models(model(classifier(**of_classifier)), model(actor(clearance_m)), model(short_film()))  # type: ignore[arg-type]
 
 
-def film() -> Film:
+@cache
+def film(nodes: int = 60) -> Film:
+    """The film functions on the test surrogate; more nodes around the bearing are more exact."""
     b = CONFIG.bearing
-    return Film(Session("film", short_film()), b.journal_radius_m, b.length_m,
+    return Film(Session("film", short_film(nodes)), b.journal_radius_m, b.length_m,
                 CONFIG.rotor.effective_mass_at_bearing_kg)
 
 

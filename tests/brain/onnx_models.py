@@ -15,8 +15,6 @@ from firmware_py.acquire.windows import WINDOW_LAYOUT
 from firmware_py.brain.store import FILM_STATE, OBSERVATION
 from firmware_py.records import CHANNELS
 
-NODES = 60
-
 
 class Graph:
     """Collects nodes; every method returns the name of a new tensor."""
@@ -50,11 +48,11 @@ class Graph:
         return self.op("ReduceSum", tensor, axis.name, keepdims=1)
 
 
-def short_film(**changed: str) -> bytes:
+def short_film(nodes: int = 60, **changed: str) -> bytes:
     """``surrogate.onnx`` of the short bearing: ``p = max(0, 6 mu (dh/dt + w/2 dh/dtheta)(z^2 - L^2/4)/h^3)``."""
     g = Graph()
     x, y, vx, vy, omega, c, mu, radius, length = (g.column("state", k) for k in range(9))
-    angle = np.linspace(0, 2 * np.pi, NODES, endpoint=False)[None, :]
+    angle = np.linspace(0, 2 * np.pi, nodes, endpoint=False)[None, :]
     cos, sin = np.cos(angle), np.sin(angle)
     film = g.op("Sub", g.op("Sub", c, g.op("Mul", x, cos)), g.op("Mul", y, sin))
     film = g.op("Max", film, g.op("Mul", c, 0.02))
@@ -65,10 +63,10 @@ def short_film(**changed: str) -> bytes:
     squeeze = g.op("Add", g.op("Mul", closing_x, cos), g.op("Mul", closing_y, sin))
     pressure = g.op("Div", g.op("Max", squeeze, 0.0), g.op("Mul", g.op("Mul", film, film), film))
     gain = g.op("Mul", g.op("Mul", mu, radius), g.op("Mul", g.op("Mul", length, length), length))
-    gain = g.op("Mul", gain, -2 * np.pi / NODES)
+    gain = g.op("Mul", gain, -2 * np.pi / nodes)
     fx = g.op("Mul", gain, g.total(g.op("Mul", pressure, cos)))
     fy = g.op("Mul", gain, g.total(g.op("Mul", pressure, sin)))
-    shear = g.op("Mul", g.total(g.op("Reciprocal", film)), 2 * np.pi / NODES)
+    shear = g.op("Mul", g.total(g.op("Reciprocal", film)), 2 * np.pi / nodes)
     size = g.op("Mul", g.op("Mul", mu, omega), g.op("Mul", g.op("Mul", radius, radius), g.op("Mul", radius, length)))
     torque = g.op(
         "Add", g.op("Mul", size, shear), g.op("Mul", g.op("Sub", g.op("Mul", x, fy), g.op("Mul", y, fx)), 0.5)
