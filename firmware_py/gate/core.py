@@ -13,8 +13,9 @@ import zenoh
 from firmware_py import __version__
 from firmware_py.config import Config
 from firmware_py.gate import keys
-from firmware_py.gate.commands import CommandDesk
+from firmware_py.gate.commands import Answer, CommandDesk
 from firmware_py.gate.recorder import Recorder
+from firmware_py.gate.station import GroundStation
 from firmware_py.gate.telemetry import Telemetry
 from firmware_py.gate.view import DeviceState, View
 from firmware_py.recording import Recordable, WallClock
@@ -47,11 +48,17 @@ class Gate:
         Answer to a query on ``models``.
     unix_ns
         The calendar's time, for the once-a-second pairing.
+
+    Attributes
+    ----------
+    station
+        Link to a ground station, when there is to be one.
     """
 
     def __init__(self, config: Config, doors: Doors, models: Any, unix_ns: Callable[[], int]) -> None:
         self.view = View(config)
         self.desk = CommandDesk(doors.guard.send)
+        self.station: GroundStation | None = None
         self.counters: Counter[str] = Counter()
         self._config = config
         self._doors = doors
@@ -73,9 +80,17 @@ class Gate:
         self._answer_questions(now_ns)
         self._acknowledge()
         self._doors.telemetry.set_alive({**self.view.rooms(now_ns), "gate": True})
+        if self.station:
+            self.station.step(self.view.guard if self.view.rooms(now_ns)["guard"] else None, now_ns)
         if now_ns >= self._next_slow_ns:
             self._next_slow_ns = now_ns + SLOW_PERIOD_NS
             self._slow_step(now_ns)
+
+    def ask(self, verb: str, payload: bytes, origin: str, answer: Answer, now_ns: int) -> None:
+        """Put a wish to the guard, on the record; ``answer`` is called once, now or later."""
+        request = self.desk.ask(verb, payload, origin, answer, now_ns)
+        if request is not None:
+            self._record(request, now_ns)
 
     def state(self, now_ns: int) -> DeviceState:
         """The whole device at one instant."""
@@ -91,7 +106,7 @@ class Gate:
         """Every count of the gate, by name."""
         doors = self._doors
         total = Counter(self.counters)
-        for part in (self.view, self.desk, doors.telemetry, doors.guard, doors.brain, doors.recorder):
+        for part in (self.view, self.desk, doors.telemetry, doors.guard, doors.brain, doors.recorder, self.station):
             if part is not None:
                 total.update(part.counters)
         return dict(total)
@@ -107,6 +122,8 @@ class Gate:
         self._doors.telemetry.publish(record)
         if isinstance(record, Event) and (ticket or self._doors.recorder is None):
             self._unacknowledged.append((ticket, record.seq))
+        if isinstance(record, Event) and self.station:
+            self.station.tell(record)
         elif isinstance(record, CommandReply):
             self.desk.reply(record)
         elif self.view.features is not features and self.view.features:
@@ -134,10 +151,7 @@ class Gate:
     def _hear_commands(self, now_ns: int) -> None:
         for verb, query in self._doors.telemetry.commands():
             payload = query.payload.to_bytes() if query.payload else b""
-            answer = partial(self._doors.telemetry.answer, keys.command(verb), query)
-            request = self.desk.ask(verb, payload, "zenoh", answer, now_ns)
-            if request is not None:
-                self._record(request, now_ns)
+            self.ask(verb, payload, "zenoh", partial(self._doors.telemetry.answer, keys.command(verb), query), now_ns)
         self.desk.step(now_ns)
 
     def _answer_questions(self, now_ns: int) -> None:

@@ -22,6 +22,7 @@ from firmware_py.gate import keys, session
 from firmware_py.gate.core import Doors, Gate
 from firmware_py.gate.page import Page
 from firmware_py.gate.recorder import Recorder
+from firmware_py.gate.station import GroundStation
 from firmware_py.gate.telemetry import Telemetry
 from firmware_py.launch import Launch
 from firmware_py.wire.rooms import RoomClient, RoomServer
@@ -39,19 +40,22 @@ def main(argv: list[str]) -> int:
     launch.add_options(parser)
     parser.add_argument("--record", type=Path, metavar="DIR", help="folder of the recordings (default: "
                         "recorder.directory, else the service's state folder, else ~/.local/state/orbitd)")
+    parser.add_argument("--ground-station", type=int, default=0, metavar="PORT",
+                        help="speak MAVLink to the ground station on this UDP port of the loopback, e.g. 14550")
+    launch.add_peers(parser, "brain")
     options = parser.parse_args(argv)
     started = launch.from_options(options)
     stop = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stop.set())
     directory = options.record or recordings_dir(started.config, os.environ)
-    run(started, directory, notify.from_environment(), stop.is_set, MonotonicClock())
+    run(started, directory, notify.from_environment(), stop.is_set, MonotonicClock(), options.ground_station)
     return 0
 
 
 def run(started: Launch, recordings: Path, notifier: notify.Notifier, stopped: Callable[[], bool],
-        clock: Clock) -> None:
-    """Serve until ``stopped``.
+        clock: Clock, ground_station: int = 0) -> None:
+    """Serve until ``stopped``; ``ground_station`` is a UDP port, 0 for none.
 
     Raises
     ------
@@ -62,6 +66,8 @@ def run(started: Launch, recordings: Path, notifier: notify.Notifier, stopped: C
     models = read_models(config)
     doors = _open_doors(started, recordings, models)
     gate = Gate(config, doors, models, time.time_ns)
+    if ground_station:
+        gate.station = GroundStation(ground_station, config, gate.ask)
     page = Page(config.metrics.port) if config.metrics.port else None
     notifier.ready()
     try:
@@ -70,6 +76,8 @@ def run(started: Launch, recordings: Path, notifier: notify.Notifier, stopped: C
         notifier.stopping()
         if page:
             page.close()
+        if gate.station:
+            gate.station.close()
         _close(doors)
 
 
