@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from copy import deepcopy
+from functools import cache
 from math import cos, pi, sin
 from struct import pack
 
@@ -110,18 +113,32 @@ class ScriptedNode:
                 late_us = round(self._phase / max(self.speed_rpm * pi / 30, 1e-9) * 1e6)
                 self._mark_tick = tick_us + i * period_us - late_us
             rows += self._row(tick_us // period_us + i)
-        return SampleFrame(self.counter(SampleFrame), tick_us & 0xFFFFFFFF, self._mark_tick & 0xFFFFFFFF,
-                           self._turns, 2 * self.mark_valid, rows)
+        return SampleFrame(
+            self.counter(SampleFrame),
+            tick_us & 0xFFFFFFFF,
+            self._mark_tick & 0xFFFFFFFF,
+            self._turns,
+            2 * self.mark_valid,
+            rows,
+        )
 
     def _row(self, n: int) -> bytes:
         a, p = self.amplitude_um, self._phase
         dither = n & 1
-        root2 = 2 ** 0.5
+        root2 = 2**0.5
         d1 = (self.mean_um[0] + self.mean_um[1]) / root2 + a * cos(p)
         d2 = (self.mean_um[1] - self.mean_um[0]) / root2 + a * sin(p)
         acc = round(self.acceleration_m_s2 * root2 * 100 * cos(p))
-        counts = [round(d1 * 100) + dither, round(d2 * 100) + dither, acc + dither, acc - dither, acc + dither,
-                  10 + dither, 1000 + dither, 5000 + dither]
+        counts = [
+            round(d1 * 100) + dither,
+            round(d2 * 100) + dither,
+            acc + dither,
+            acc - dither,
+            acc + dither,
+            10 + dither,
+            1000 + dither,
+            5000 + dither,
+        ]
         if self.frozen_channel is not None:
             counts[self.frozen_channel] = 0
         return pack("<8h", *counts)
@@ -129,13 +146,35 @@ class ScriptedNode:
     def _slow(self, tick_us: int) -> list[WireMessage]:
         a = self.config.actuator
         messages: list[WireMessage] = [
-            NodeState(self.counter(NodeState), tick_us, self.mode, self.session, 0, self.target_um, a.safe_pressure_bar,
-                      True, 0, 0, 0, 0),
+            NodeState(
+                self.counter(NodeState),
+                tick_us,
+                self.mode,
+                self.session,
+                0,
+                self.target_um,
+                a.safe_pressure_bar,
+                True,
+                0,
+                0,
+                0,
+                0,
+            ),
             RigStatus(self.counter(RigStatus), tick_us, 50.0, self.oil_C, self.clearance_um, a.safe_pressure_bar),
         ]
         if self._slow_ms % 20 == 1:
-            messages.append(NodeInfo(self.counter(NodeInfo), tick_us, 1, self.config.sampling.period_us,
-                                     self.info_boot_um, a.safe_pressure_bar, a.time_to_live_ms, a.rate_um_s))
+            messages.append(
+                NodeInfo(
+                    self.counter(NodeInfo),
+                    tick_us,
+                    1,
+                    self.config.sampling.period_us,
+                    self.info_boot_um,
+                    a.safe_pressure_bar,
+                    a.time_to_live_ms,
+                    a.rate_um_s,
+                )
+            )
         return messages
 
 
@@ -154,14 +193,17 @@ class Bench:
         self.events: list[Event] = []
         self.cycles: list[Cycle] = []
         self.extra: list[RawFrame] = []
+        self.tamper: Callable[[list[RawFrame]], list[RawFrame]] = list
+        self.node.step(self.now_ns)
 
     def cycle(self, commands: list[CommandRequest] | None = None) -> Decision:
         """One millisecond."""
         self.now_ns += MS
         self.seq += 1
-        frames = (self.node.step(self.now_ns) if self.link_up else []) + self.extra
+        sent = self.node.step(self.now_ns)
+        frames = (self.tamper(sent) if self.link_up else []) + self.extra
         self.extra = []
-        cycle = Cycle(self.seq, self.now_ns, frames, self._advice(), commands or [], self.brain, self.gate, self.link_up)
+        cycle = Cycle(self.seq, self.now_ns, frames, self.advice(), commands or [], self.brain, self.gate, self.link_up)
         self.cycles.append(cycle)
         decision = self.core.step(cycle)
         self.node.hear(decision.frames_out)
@@ -189,8 +231,25 @@ class Bench:
         """Names of the events so far."""
         return [event.name for event in self.events]
 
-    def _advice(self) -> Advice | None:
+    def advice(self) -> Advice | None:
+        """What the brain says now."""
         if not self.brain or self.now_ns // MS % 100:
             return None
         self.advice_seq += 1
-        return Advice(self.advice_seq, self.now_ns, self.now_ns - 5 * MS, 300 * MS, self.advise_um, None, True, [], None)
+        return Advice(
+            self.advice_seq, self.now_ns, self.now_ns - 5 * MS, 300 * MS, self.advise_um, None, True, [], None
+        )
+
+
+def working() -> Bench:
+    """Armed in auto, with authority, following an advice of 70 um (a fresh copy each time)."""
+    return deepcopy(_worked_up())
+
+
+@cache
+def _worked_up() -> Bench:
+    b = Bench().armed()
+    b.advise_um = 70.0
+    b.run(3.0)
+    del b.cycles[:-20]
+    return b

@@ -22,11 +22,20 @@ def test_good_advice_has_nothing_against_it() -> None:
     assert reasons(advice()) == []
 
 
-@pytest.mark.parametrize("bad", [
-    {"clearance_um": None}, {"clearance_um": float("nan")}, {"clearance_um": float("inf")},
-    {"pressure_bar": float("nan")}, {"qualified": False}, {"reasons": ["doubt"]},
-    {"t_ns": 10 * S - 500_000_001}, {"t_acq_ns": 9 * S}, {"lifetime_ns": -1},
-])
+@pytest.mark.parametrize(
+    "bad",
+    [
+        {"clearance_um": None},
+        {"clearance_um": float("nan")},
+        {"clearance_um": float("inf")},
+        {"pressure_bar": float("nan")},
+        {"qualified": False},
+        {"reasons": ["doubt"]},
+        {"t_ns": 10 * S - 500_000_001},
+        {"t_acq_ns": 9 * S},
+        {"lifetime_ns": -1},
+    ],
+)
 def test_each_flaw_is_a_reason(bad: dict[str, object]) -> None:
     assert len(reasons(advice(**bad))) == 1
 

@@ -14,23 +14,31 @@ RNG = np.random.default_rng(7)
 
 def position(load_N: float, rpm: float, clearance_m: float, temperature_C: float = 40.0) -> tuple[float, float]:
     config = bench()
-    state = equilibrium(load_N=load_N, radius_m=config.bearing.journal_radius_m, length_m=config.bearing.length_m,
-                        clearance_m=clearance_m, viscosity_Pa_s=config.oil.viscosity_Pa_s(temperature_C),
-                        speed_rad_s=rpm * RPM)
+    state = equilibrium(
+        load_N=load_N,
+        radius_m=config.bearing.journal_radius_m,
+        length_m=config.bearing.length_m,
+        clearance_m=clearance_m,
+        viscosity_Pa_s=config.oil.viscosity_Pa_s(temperature_C),
+        speed_rad_s=rpm * RPM,
+    )
     return float(state.position_m[0]), float(state.position_m[1])
 
 
 @pytest.mark.parametrize("load_N", [30.0, 100.0, 300.0])
 @pytest.mark.parametrize("rpm", [1500.0, 12000.0])
 @pytest.mark.parametrize("clearance_um", [45.0, 140.0])
-def test_the_interval_holds_the_true_load_under_every_sensor_error(load_N: float, rpm: float, clearance_um: float) -> None:
+def test_the_interval_holds_the_true_load_under_every_sensor_error(
+    load_N: float, rpm: float, clearance_um: float
+) -> None:
     estimator = LoadEstimator(bench())
     for _ in range(2):
         built_m = (clearance_um + RNG.uniform(-2, 2)) * 1e-6
         x, y = position(load_N, rpm, built_m, RNG.uniform(39, 42))
         gains, zeros = 1 + RNG.uniform(-0.03, 0.03, 2), RNG.uniform(-2e-6, 2e-6, 2)
-        found = estimator.estimate(x * gains[0] + zeros[0], y * gains[1] + zeros[1], clearance_um * 1e-6,
-                                   rpm * RPM, 41.0, 5e-6)
+        found = estimator.estimate(
+            x * gains[0] + zeros[0], y * gains[1] + zeros[1], clearance_um * 1e-6, rpm * RPM, 41.0, 5e-6
+        )
         assert found.low_N <= load_N <= found.high_N
 
 
@@ -47,7 +55,9 @@ def test_a_shifted_zero_is_seen_by_the_direction_and_falls_back_to_the_declared_
     assert (found.low_N, found.high_N, found.measured) == (30.0, 300.0, False)
 
 
-@pytest.mark.parametrize(("speed", "p2p_m", "measured"), [(0.0, 5e-6, False), (600.0, 49e-6, False), (600.0, 47e-6, True)])
+@pytest.mark.parametrize(
+    ("speed", "p2p_m", "measured"), [(0.0, 5e-6, False), (600.0, 49e-6, False), (600.0, 47e-6, True)]
+)
 def test_a_standing_or_whirling_shaft_says_nothing(speed: float, p2p_m: float, measured: bool) -> None:
     x, y = position(100.0, 6000.0, 80e-6)
     assert LoadEstimator(bench()).estimate(x, y, 80e-6, speed, 40.0, p2p_m).measured == measured

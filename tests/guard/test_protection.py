@@ -33,16 +33,28 @@ class Source:
         rows[:, 0] = np.round(self.amplitude_um * 100 * np.cos(phase))
         rows[:, 1] = np.round(self.amplitude_um * 100 * np.sin(phase))
         rows[:, 2:5] = np.round(self.rms * sqrt(2) * 100 * np.cos(phase))[:, None] + 300
-        block = Block(self.seq, self.seq * N * PERIOD_US * 1000, PERIOD_US * 1000, self.seq * N * PERIOD_US, PERIOD_US,
-                      quality, self.ok, self.rpm * pi / 30, 0, [], rows.tobytes())
+        block = Block(
+            self.seq,
+            self.seq * N * PERIOD_US * 1000,
+            PERIOD_US * 1000,
+            self.seq * N * PERIOD_US,
+            PERIOD_US,
+            quality,
+            self.ok,
+            self.rpm * pi / 30,
+            0,
+            [],
+            rows.tobytes(),
+        )
         self.seq += 1
         return block
 
 
 def with_delays(seconds: float) -> Config:
     config = bench()
-    return msgspec.structs.replace(config, limits=msgspec.structs.replace(
-        config.limits, alert_delay_s=seconds, danger_delay_s=seconds))
+    return msgspec.structs.replace(
+        config, limits=msgspec.structs.replace(config.limits, alert_delay_s=seconds, danger_delay_s=seconds)
+    )
 
 
 def run(protection: Protection, source: Source, seconds: float, clearance_um: float = 140.0) -> list[str]:
@@ -78,7 +90,7 @@ def test_the_window_is_exactly_what_a_direct_calculation_gives() -> None:
     meter, source = MotionMeter(bench()), Source(3000.0)
     blocks = [source.block() for _ in range(40)]
     motion = [meter.step(block) for block in blocks][-1]
-    rows = np.concatenate([np.frombuffer(b.samples, "<i2").reshape(-1, 8) for b in blocks[-len(meter.window):]])
+    rows = np.concatenate([np.frombuffer(b.samples, "<i2").reshape(-1, 8) for b in blocks[-len(meter.window) :]])
     assert motion.peak_to_peak_um[0] == pytest.approx(np.ptp(rows[:, 0].astype(int)) * 0.01, rel=1e-12)
     assert motion.rms_m_s2[1] == pytest.approx(np.std(rows[:, 3].astype(float)) * 0.01, rel=1e-9)
 
@@ -111,7 +123,9 @@ def judge(alarm: AlarmState, value: float, t_ns: int, complete: bool = True) -> 
     return alarm.judge(value, 100.0, t_ns, delay_ns=DELAY_NS, hysteresis=0.05, complete=complete)
 
 
-@pytest.mark.parametrize("value", [*np.arange(94.0, 106.0, 0.25), float(np.nextafter(100, 0)), float(np.nextafter(100, 200))])
+@pytest.mark.parametrize(
+    "value", [*np.arange(94.0, 106.0, 0.25), float(np.nextafter(100, 0)), float(np.nextafter(100, 200))]
+)
 def test_the_limit_is_exact(value: float) -> None:
     alarm = AlarmState("x", int(Severity.DANGER), True)
     judge(alarm, value, 0)
@@ -213,7 +227,9 @@ def test_reset_is_refused_while_the_cause_is_there() -> None:
     assert protection.reset() == []
 
 
-@pytest.mark.parametrize(("p2p", "letter"), [(61.9, "A"), (62.0, "B"), (116.1, "B"), (116.2, "C"), (170.4, "C"), (170.5, "D")])
+@pytest.mark.parametrize(
+    ("p2p", "letter"), [(61.9, "A"), (62.0, "B"), (116.1, "B"), (116.2, "C"), (170.4, "C"), (170.5, "D")]
+)
 def test_zones_at_6000_rpm(p2p: float, letter: str) -> None:
     assert zone(p2p, 6000.0) == letter
 

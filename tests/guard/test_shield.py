@@ -22,11 +22,22 @@ RPM = pi / 30
 SAFE_M = 50e-6
 
 
-def film(config: Config, eccentricity: float, clearance_m: float, speed_rad_s: float, viscosity: float,
-         length_m: float | None = None) -> Equilibrium:
-    return equilibrium(eccentricity_ratio=eccentricity, radius_m=config.bearing.journal_radius_m,
-                       length_m=length_m or config.bearing.length_m, clearance_m=clearance_m,
-                       viscosity_Pa_s=viscosity, speed_rad_s=speed_rad_s)
+def film(
+    config: Config,
+    eccentricity: float,
+    clearance_m: float,
+    speed_rad_s: float,
+    viscosity: float,
+    length_m: float | None = None,
+) -> Equilibrium:
+    return equilibrium(
+        eccentricity_ratio=eccentricity,
+        radius_m=config.bearing.journal_radius_m,
+        length_m=length_m or config.bearing.length_m,
+        clearance_m=clearance_m,
+        viscosity_Pa_s=viscosity,
+        speed_rad_s=speed_rad_s,
+    )
 
 
 @pytest.mark.parametrize("ratio", [0.25, 0.5, 1.0])
@@ -59,8 +70,14 @@ def test_every_admissible_clearance_keeps_film_and_stability_in_the_film_solver(
     assert found[0] <= SAFE_M <= found[1]
     viscosity = config.oil.viscosity_Pa_s(42.0)
     for clearance_m in (found[0], 0.5 * (found[0] + found[1]), found[1]):
-        state = equilibrium(load_N=load_N, radius_m=config.bearing.journal_radius_m, length_m=config.bearing.length_m,
-                            clearance_m=clearance_m, viscosity_Pa_s=viscosity, speed_rad_s=rpm * RPM)
+        state = equilibrium(
+            load_N=load_N,
+            radius_m=config.bearing.journal_radius_m,
+            length_m=config.bearing.length_m,
+            clearance_m=clearance_m,
+            viscosity_Pa_s=viscosity,
+            speed_rad_s=rpm * RPM,
+        )
         assert (1 - state.eccentricity_ratio) * clearance_m >= config.limits.min_film_um * 1e-6
         mass = config.rotor.effective_mass_at_bearing_kg
         number = rpm * RPM * (clearance_m * mass / load_N) ** 0.5
@@ -91,15 +108,18 @@ def test_reachability_the_actuator_outruns_the_fastest_ramps_from_every_admissib
                 speed = min(o.speed_max_rpm, rpm + o.speed_ramp_max_rpm_s * t) * RPM
                 light = max(o.load_min_N, load_N - o.load_ramp_max_N_s * t)
                 clearance_m = max(SAFE_M, found[1] - a.rate_um_s * 1e-6 * max(0.0, t - reach_s))
-                bound = (WHIRL_NUMBER * SPEED_MARGIN) ** 2 * light / (config.rotor.effective_mass_at_bearing_kg * speed**2)
+                bound = (
+                    (WHIRL_NUMBER * SPEED_MARGIN) ** 2 * light / (config.rotor.effective_mass_at_bearing_kg * speed**2)
+                )
                 assert clearance_m <= bound - CLEARANCE_ERROR_M + 1e-9
 
 
 @pytest.mark.parametrize("slower", [1.0, 0.5, 0.2])
 def test_a_slower_actuator_never_widens_the_interval(slower: float) -> None:
     config = bench()
-    lame = msgspec.structs.replace(config, actuator=msgspec.structs.replace(
-        config.actuator, rate_um_s=config.actuator.rate_um_s * slower))
+    lame = msgspec.structs.replace(
+        config, actuator=msgspec.structs.replace(config.actuator, rate_um_s=config.actuator.rate_um_s * slower)
+    )
     for rpm in (3000, 6000, 9000):
         full = Shield(config).interval(rpm * RPM, 90.0, 110.0, 41.0)
         less = Shield(lame).interval(rpm * RPM, 90.0, 110.0, 41.0)
@@ -161,8 +181,9 @@ def test_the_shipped_safe_value_is_admissible_everywhere_in_the_film_solver() ->
     check_safe(config, source)
     hot = config.oil.viscosity_Pa_s(config.oil.inlet_max_C)
     for rpm in (1500.0, 3000.0, 6000.0, 12000.0):
-        state = equilibrium(load_N=300.0, radius_m=0.02, length_m=0.02, clearance_m=SAFE_M, viscosity_Pa_s=hot,
-                            speed_rad_s=rpm * RPM)
+        state = equilibrium(
+            load_N=300.0, radius_m=0.02, length_m=0.02, clearance_m=SAFE_M, viscosity_Pa_s=hot, speed_rad_s=rpm * RPM
+        )
         assert (1 - state.eccentricity_ratio) * SAFE_M >= 10e-6
 
 
