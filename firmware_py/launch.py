@@ -1,25 +1,36 @@
-"""What every process of the device is started with: configuration, instance, runtime directory."""
+"""What every process of the device is started with: configuration, instance, runtime directory, peers.
+
+Without options, a person who may reach the system service gets the service: its sockets, its configuration.
+"""
 
 from __future__ import annotations
 
 import argparse
 import os
+import pwd
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 import msgspec
 
 from firmware_py.config import SHIPPED, Config, ConfigFile, load
 from firmware_py.wire.rooms import runtime_dir
 
+SERVICE_RUNTIME: Final = Path("/run/orbitd")
+SERVICE_CONFIG: Final = Path("/etc/orbitd/orbitd.toml")
+"""Where `orbitd install` puts the system service."""
+
 
 @dataclass(frozen=True)
 class Launch:
-    """A checked configuration and the folder of this instance's sockets."""
+    """A checked configuration, the folder of this instance's sockets, and the user of each peer (None: our own)."""
 
     config: Config
     source: ConfigFile
     runtime: Path
+    peers: Mapping[str, int | None]
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -27,12 +38,30 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--config",
         type=Path,
-        default=SHIPPED / "bench.toml",
         metavar="FILE",
-        help="TOML configuration (default: the shipped bench.toml)",
+        help="TOML configuration (default: the running service's, else the shipped bench.toml)",
     )
     parser.add_argument("--instance", metavar="NAME", help="name of this device on this machine")
     parser.add_argument("--runtime-dir", type=Path, metavar="DIR", help="folder of this instance's sockets")
+    parser.set_defaults(peers=())
+
+
+def add_peers(parser: argparse.ArgumentParser, *roles: str) -> None:
+    """``--ROLE-user`` for each role that calls at this process's socket; after :func:`add_options`."""
+    parser.set_defaults(peers=roles)
+    for role in roles:
+        parser.add_argument(
+            f"--{role}-user", type=user_id, metavar="USER", help=f"user that the {role} must be (default: this one)"
+        )
+
+
+def user_id(name: str) -> int:
+    """The id of user ``name``; a refusal of argparse when there is none."""
+    try:
+        return pwd.getpwnam(name).pw_uid
+    except KeyError as error:
+        cause = f"no user {name!r} on this machine; `orbitd install` makes the service's users"
+        raise argparse.ArgumentTypeError(cause) from error
 
 
 def from_options(options: argparse.Namespace) -> Launch:
@@ -43,20 +72,30 @@ def from_options(options: argparse.Namespace) -> Launch:
     ConfigError, RoomError
         The configuration is wrong, or the directory is not safe to use.
     """
-    loaded, source = load(options.config)
+    chosen = options.instance or options.runtime_dir or "RUNTIME_DIRECTORY" in os.environ
+    service = not chosen and service_runs(SERVICE_RUNTIME)
+    loaded, source = load(options.config or (SERVICE_CONFIG if service else SHIPPED / "bench.toml"))
     if options.instance:
         device = msgspec.structs.replace(loaded.device, instance=options.instance)
         loaded = msgspec.structs.replace(loaded, device=device)
-    if options.runtime_dir:
-        folder: Path = options.runtime_dir
-        folder.mkdir(mode=0o770, parents=True, exist_ok=True)
-    else:
-        folder = runtime_dir(loaded.device.instance, runtime_base())
-    return Launch(loaded, source, folder)
+    folder = SERVICE_RUNTIME if service else _folder(options.runtime_dir, loaded.device.instance)
+    return Launch(loaded, source, folder, {role: getattr(options, f"{role}_user") for role in options.peers})
+
+
+def _folder(given: Path | None, instance: str) -> Path:
+    if given is None:
+        return runtime_dir(instance, runtime_base())
+    given.mkdir(mode=0o770, parents=True, exist_ok=True)
+    return given
+
+
+def service_runs(folder: Path) -> bool:
+    """Whether the system service has its sockets in ``folder`` and this user may use them."""
+    return any(os.access(folder / name, os.W_OK) for name in ("guard.sock", "gate.sock"))
 
 
 def runtime_base() -> Path:
-    """Where runtime directories lie: systemd's, the system service's, the session's, or a private one."""
+    """Where runtime directories lie: the given one, the session's, or a private one."""
     if given := os.environ.get("RUNTIME_DIRECTORY"):
         return Path(given.partition(":")[0])
     if session := os.environ.get("XDG_RUNTIME_DIR"):

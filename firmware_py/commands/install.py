@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
+import os
 import shutil
 import subprocess
 import sys
@@ -11,27 +13,29 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from firmware_py import config
+from firmware_py.config import Bus
 from firmware_py.errors import OrbitdError
 
 UNITS = "usr/lib/systemd/system"
+DROP_INS = f"{UNITS}/orbitd-.service.d"
 FILES = {
     "systemd/orbitd.target": f"{UNITS}/orbitd.target",
     "systemd/orbitd-guard.service": f"{UNITS}/orbitd-guard.service",
     "systemd/orbitd-brain.service": f"{UNITS}/orbitd-brain.service",
     "systemd/orbitd-gate.service": f"{UNITS}/orbitd-gate.service",
+    "systemd/orbitd-hardening.conf": f"{DROP_INS}/hardening.conf",
     "systemd/orbitd.sysusers.conf": "usr/lib/sysusers.d/orbitd.conf",
     "systemd/orbitd.tmpfiles.conf": "usr/lib/tmpfiles.d/orbitd.conf",
-    "network/80-orbitd-can0.network": "usr/lib/systemd/network/80-orbitd-can0.network",
-    "network/80-orbitd-serial.rules": "usr/lib/udev/rules.d/80-orbitd-serial.rules",
+    "network/80-orbitd-can.network": "usr/lib/systemd/network/80-orbitd-can.network",
 }
 """Source under ``deploy/`` and place under the prefix."""
 
 CONFIG = "etc/orbitd/orbitd.toml"
-HOST_STEPS = (
-    ("systemd-sysusers",),
-    ("systemd-tmpfiles", "--create", "orbitd.conf"),
-    ("systemctl", "daemon-reload"),
-)
+HIDDEN = ("/home/", "/root/", "/run/user/", "/tmp/", "/var/tmp/")
+"""What ``ProtectHome=`` and ``PrivateTmp=`` hide from the services."""
+
+RELOAD = ("systemctl", "daemon-reload")
+HOST_STEPS = (("systemd-sysusers", "orbitd.conf"), ("systemd-tmpfiles", "--create", "orbitd.conf"), RELOAD)
 
 
 class InstallError(OrbitdError):
@@ -43,7 +47,7 @@ class Target:
     """Where to: ``prefix`` is ``/`` on the host itself, another folder for packaging or tests."""
 
     prefix: Path
-    python: str
+    python: Path
 
     @property
     def is_host(self) -> bool:
@@ -54,16 +58,20 @@ class Target:
 def main(argv: list[str]) -> int:
     """Install, or remove with ``--remove``."""
     parser = argparse.ArgumentParser(prog="orbitd install", description=__doc__)
-    parser.add_argument("--config", type=Path, default=config.SHIPPED / "bench.toml", help="configuration to install")
-    parser.add_argument("--prefix", type=Path, default=Path("/"), help="root of the system to install into (/)")
-    parser.add_argument("--python", default=sys.executable, help="interpreter that runs orbitd there")
-    parser.add_argument("--remove", action="store_true", help="remove the units; the configuration stays")
+    parser.add_argument("--config", type=Path, default=config.SHIPPED / "bench.toml", metavar="FILE",
+                        help="configuration to install, unless one is there (default: the shipped bench.toml)")
+    parser.add_argument("--prefix", type=Path, default=Path("/"), metavar="DIR",
+                        help="root of the system to install into (default: /)")
+    parser.add_argument("--python", type=Path, default=Path(sys.executable), metavar="FILE",
+                        help="interpreter that runs orbitd there (default: this one)")
+    parser.add_argument("--remove", action="store_true", help="stop and remove the service; configuration, "
+                        "recordings and users stay")
     options = parser.parse_args(argv)
     target = Target(options.prefix, options.python)
-    if options.remove:
-        return _remove(target)
-    config.load(options.config)
-    return _install(target, options.config)
+    try:
+        return _remove(target) if options.remove else _install(target, options.config)
+    except PermissionError as error:
+        raise InstallError(f"may not write {error.filename}; run as root or give --prefix") from error
 
 
 def source_folder() -> Path:
@@ -82,55 +90,86 @@ def source_folder() -> Path:
     raise InstallError(f"no unit files in {tree} or {shared}; install orbitd again")
 
 
-def _install(target: Target, config_path: Path) -> int:
-    source = source_folder()
-    words = {"@python@": target.python, "@config@": f"/{CONFIG}", "@share@": str(source.parent)}
-    try:
-        for name, place in FILES.items():
-            path = target.prefix / place
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(_render((source / name).read_text(), words))
-        _install_config(target, config_path)
-    except PermissionError as error:
-        raise InstallError(f"may not write {error.filename}; run as root or give --prefix") from error
-    _host_steps(target)
-    print(f"installed under {target.prefix}; configuration {target.prefix / CONFIG}")
-    print("next: orbitd check /etc/orbitd/orbitd.toml && systemctl enable --now orbitd.target")
-    return 0
-
-
-def _install_config(target: Target, config_path: Path) -> None:
-    """Copy the configuration; one that a person has edited is kept."""
+def _install(target: Target, wanted: Path) -> int:
+    _check_python(target.python)
     place = target.prefix / CONFIG
-    if place.exists():
-        print(f"kept {place}")
-        return
-    place.parent.mkdir(parents=True, exist_ok=True)
-    shutil.copyfile(config_path, place)
-
-
-def _remove(target: Target) -> int:
-    if target.is_host:
-        subprocess.run(["systemctl", "disable", "--now", "orbitd.target"], check=False)
-    for place in FILES.values():
-        (target.prefix / place).unlink(missing_ok=True)
-    print(f"removed the units under {target.prefix}; {target.prefix / CONFIG} stays")
+    kept = place.exists()
+    settings, _ = config.load(place if kept else wanted)
+    source = source_folder()
+    words = _words(target, source, settings.bus)
+    for name, path in FILES.items():
+        _write(target.prefix / path, _render((source / name).read_text(encoding="utf-8"), words))
+    if not kept:
+        place.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(wanted, place)
+    _host_steps(target)
+    print(f"installed under {target.prefix}; configuration {place}{' (kept as it was)' if kept else ''}")
+    print(f"next: orbitd check /{CONFIG} && systemctl enable --now orbitd.target")
     return 0
 
 
-def _host_steps(target: Target) -> None:
-    if not target.is_host:
-        return
-    for step in HOST_STEPS:
-        try:
-            done = subprocess.run(step, capture_output=True, text=True, check=False)
-        except FileNotFoundError as error:
-            raise InstallError(f"{step[0]} is missing: this host runs no systemd; use `orbitd run`") from error
-        if done.returncode:
-            raise InstallError(f"{' '.join(step)} failed: {done.stderr.strip()}; the files stay in place")
+def _check_python(python: Path) -> None:
+    """Refuse an interpreter that the services could not see."""
+    for path in (python.absolute(), python.resolve()):
+        if str(path).startswith(HIDDEN):
+            raise InstallError(f"python = {path}: the services do not see {', '.join(HIDDEN)}; make the environment "
+                               "elsewhere (python3 -m venv /opt/orbitd) and install from there")
+
+
+def _words(target: Target, source: Path, bus: Bus) -> dict[str, str]:
+    """What stands for what in the templates.
+
+    The guard has the last processor for itself where there are two; which ones the machine has is known
+    only on the host itself.
+    """
+    cpus = [str(cpu) for cpu in sorted(os.sched_getaffinity(0))] if target.is_host else []
+    apart = len(cpus) > 1
+    return {
+        "@python@": str(target.python.absolute()),
+        "@config@": f"/{CONFIG}",
+        "@share@": str(source),
+        "@can@": bus.channel if bus.interface == "socketcan" else "can0",
+        "@nominal_bitrate@": str(bus.nominal_bitrate),
+        "@data_bitrate@": str(bus.data_bitrate),
+        "@guard_cpus@": cpus[-1] if apart else "",
+        "@other_cpus@": " ".join(cpus[:-1]) if apart else "",
+    }
 
 
 def _render(text: str, words: dict[str, str]) -> str:
     for word, value in words.items():
         text = text.replace(word, value)
     return text
+
+
+def _write(path: Path, text: str) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text, encoding="utf-8")
+
+
+def _host_steps(target: Target) -> None:
+    if target.is_host:
+        for step in HOST_STEPS:
+            _host(*step)
+
+
+def _host(*step: str) -> None:
+    try:
+        done = subprocess.run(step, capture_output=True, text=True, check=False)
+    except FileNotFoundError as error:
+        raise InstallError(f"{step[0]} is missing: this host runs no systemd; use `orbitd run`") from error
+    if done.returncode:
+        raise InstallError(f"{' '.join(step)} failed: {done.stderr.strip()}; the files stay in place")
+
+
+def _remove(target: Target) -> int:
+    if target.is_host and (target.prefix / FILES["systemd/orbitd.target"]).exists():
+        _host("systemctl", "disable", "--now", "orbitd.target")
+    for place in FILES.values():
+        (target.prefix / place).unlink(missing_ok=True)
+    with contextlib.suppress(FileNotFoundError):
+        (target.prefix / DROP_INS).rmdir()
+    if target.is_host:
+        _host(*RELOAD)
+    print(f"removed the service under {target.prefix}; {target.prefix / CONFIG} stays")
+    return 0

@@ -30,7 +30,7 @@ def main(argv: list[str]) -> int:
     options = parser.parse_args(argv)
     started = launch.from_options(options)
     device, folder = started.config.device, started.runtime
-    passed = ["--config", str(options.config), "--instance", device.instance, "--runtime-dir", str(folder)]
+    passed = ["--config", str(started.source.path), "--instance", device.instance, "--runtime-dir", str(folder)]
     print(f"orbitd run: {device.site}/{device.rig}, logs in {folder / 'log'}; Ctrl-C stops", flush=True)
     return _keep_alive(programs(passed, folder / "log"))
 

@@ -8,7 +8,7 @@ import gc
 import os
 import secrets
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final
 
@@ -145,11 +145,11 @@ def run(guard: Guard, clock: Clock, notifier: Notifier, running: Callable[[], bo
     notifier.stopping()
 
 
-def build(config: Config, runtime: Path, state: Path) -> Guard:
-    """The guard of ``config`` on its real link and sockets."""
+def build(config: Config, runtime: Path, state: Path, peers: Mapping[str, int | None]) -> Guard:
+    """The guard of ``config`` on its real link and sockets; ``peers`` tells who may call."""
     trips = TripFile(state)
     core = GuardCore(config, codec_for(config), secrets.randbits(32) | 1, trips.read())
-    server = RoomServer(runtime / "guard.sock", {"brain": None, "gate": None})
+    server = RoomServer(runtime / "guard.sock", peers)
     return Guard(core, open_link(config, "device"), server, trips)
 
 
@@ -157,9 +157,11 @@ def main(argv: list[str]) -> int:
     """``orbitd guard``: protect, and hold the only hand on the actuator."""
     parser = argparse.ArgumentParser(prog="orbitd guard", description="the guard process alone")
     launch.add_options(parser)
+    launch.add_peers(parser, "brain", "gate")
     started = launch.from_options(parser.parse_args(argv))
     check_safe(started.config, started.source)
-    guard = build(started.config, started.runtime, Path(os.environ.get("STATE_DIRECTORY", started.runtime)))
+    state = Path(os.environ.get("STATE_DIRECTORY", started.runtime))
+    guard = build(started.config, started.runtime, state, started.peers)
     stop: list[int] = []
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda received, _frame: stop.append(received))
