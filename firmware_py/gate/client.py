@@ -63,12 +63,13 @@ class Client:
         return self.query(keys.STATE, DeviceState)
 
     def query(self, name: str, answer_type: type[T], payload: bytes = b"") -> T:
-        """The gate's answer on ``name``, decoded as ``answer_type``."""
-        for reply in self._session.get(f"{self._prefix}/{name}", payload=payload, timeout=TIMEOUT_S):
+        """The gate's answer on ``name`` (parameters after ``?``), decoded as ``answer_type``."""
+        selector = f"{self._prefix}/{name}{';' if '?' in name else '?'}as=msgpack"
+        for reply in self._session.get(selector, payload=payload, timeout=TIMEOUT_S):
             if reply.ok is None:
                 continue
             try:
-                return msgspec.json.decode(reply.ok.payload.to_bytes(), type=answer_type)
+                return msgspec.msgpack.decode(reply.ok.payload.to_bytes(), type=answer_type)
             except msgspec.ValidationError as error:
                 raise NoAnswerError(f"the answer on {self._prefix}/{name} cannot be understood ({error}); use the "
                                     "orbitd that the gate runs") from error

@@ -21,6 +21,9 @@ cmd/<verb>         ``CommandReply``               query, payload: the  applicati
 live/<room>        liveliness token               while the room lives
 ================== ============================== ==================== ====================================
 
+Queries answer in JSON, where a number that is not finite is null; with the parameter ``as=msgpack`` in msgpack,
+exact.  ``since`` counts the guard's events from its last start.
+
 The payload structures are those of :mod:`firmware_py.records` and of :mod:`firmware_py.gate.view`; units
 stand in the names.  Verbs: ``mode`` ("monitor", "manual", "auto"), ``arm``, ``disarm``, ``reset``,
 ``set_clearance`` (radial, um), ``set_pressure`` (bar).

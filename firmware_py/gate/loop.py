@@ -98,7 +98,7 @@ def _loop(gate: Gate, page: Page | None, notifier: notify.Notifier, stopped: Cal
 def _open_doors(started: Launch, recordings: Path, models: Any) -> Doors:
     config, folder = started.config, started.runtime
     prefix = keys.prefix(config.device.site, config.device.rig)
-    brain = RoomServer(folder / "gate.sock", {"brain": None})
+    brain = RoomServer(folder / "gate.sock", started.peers)
     telemetry = Telemetry(session.open_device(config.zenoh, folder, prefix), prefix)
     recorder = None
     if config.recorder.enabled:

@@ -23,6 +23,8 @@ RING: Final = 32
 COMMAND_ORDER: Final = ("disarm", *(verb for verb in VERBS if verb != "disarm"))
 """Disarm waits behind nothing: it has its own ring, and that ring is looked at first."""
 
+MSGPACK: Final = zenoh.Encoding("application/msgpack")
+
 _to_json = msgspec.json.Encoder().encode
 _to_msgpack = msgspec.msgpack.Encoder().encode
 
@@ -84,9 +86,12 @@ class Telemetry:
                 yield name, query
 
     def answer(self, name: str, query: zenoh.Query, value: Any) -> None:
-        """Answer ``query`` on ``name`` with ``value`` as JSON, and end it."""
+        """Answer ``query`` on ``name`` with ``value`` as JSON, or as msgpack when asked so, and end it."""
+        encode, encoding = _to_json, zenoh.Encoding.APPLICATION_JSON
+        if query.parameters.get("as") == "msgpack":
+            encode, encoding = _to_msgpack, MSGPACK
         try:
-            query.reply(f"{self._prefix}/{name}", _to_json(value), encoding=zenoh.Encoding.APPLICATION_JSON)
+            query.reply(f"{self._prefix}/{name}", encode(value), encoding=encoding)
         except zenoh.ZError:
             self.counters["zenoh_failed"] += 1
         query.drop()  # type: ignore[no-untyped-call]
@@ -107,7 +112,7 @@ class Telemetry:
         raw = name == keys.PUBLISHED[Block]
         return self._session.declare_publisher(
             f"{self._prefix}/{name}",
-            encoding=zenoh.Encoding("application/msgpack") if raw else zenoh.Encoding.APPLICATION_JSON,
+            encoding=MSGPACK if raw else zenoh.Encoding.APPLICATION_JSON,
             congestion_control=zenoh.CongestionControl.DROP)
 
     def _queryable(self, name: str) -> Any:

@@ -145,6 +145,13 @@ def test_the_bare_script_prints_the_live_diagnosis(stage):
     assert lines[0].split() == ["unbalance", "90.0", "%"]
 
 
+def test_numbers_that_are_not_finite_cross_exactly_to_our_own_client(stage, client):
+    diagnosis = msgspec.structs.replace(DIAGNOSIS, evidence={"novelty_threshold": float("inf")})
+    stage.brain.send(diagnosis)
+    stage.until(lambda: stage.gate.view.diagnosis is not None)
+    assert ask_while_stepping(stage, client.status).diagnosis == diagnosis
+
+
 def ask_while_stepping(stage, ask):
     """Run the blocking ``ask`` while the gate's loop goes on."""
     answers: list[object] = []
