@@ -5,13 +5,14 @@ from __future__ import annotations
 import time
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from models import card, export
+from models import card, export, figures
 from models.ddpg import Actor, DdpgSettings, Scale, train_ddpg
 from models.lookup import lookup_policy
 from models.runs import Run, Settings, progress_bar
@@ -80,16 +81,18 @@ def train(run: Run, settings: ActorSettings) -> dict[str, object]:
     actor = _learn(run, settings)
     module = Clearance(actor, bearing.clearance_min_m, bearing.clearance_max_m)
     trained_s = round(time.monotonic() - started, 1)
+    comparison = compare(of_module(module), settings, run.seed)
     report: dict[str, object] = {
-        "unseen_episodes": compare(of_module(module), settings, run.seed),
+        "unseen_episodes": comparison,
         "training": {"steps": settings.ddpg.steps, "seconds": trained_s},
         "reproduce": run.command,
     }
     _export(module, run, settings, report)
+    figures.actor(run.folder, comparison["policies"])
     return report
 
 
-def compare(agent: Policy, settings: ActorSettings, seed: int) -> dict[str, object]:
+def compare(agent: Policy, settings: ActorSettings, seed: int) -> dict[str, Any]:
     """The agent, the fixed clearances and the lookup table on the same unseen episodes, all behind the shield.
 
     ``agent_without_shield`` is the same agent unguarded.  ``saving`` is the fall of mean power against the

@@ -14,13 +14,14 @@ from numpy.typing import NDArray
 
 from firmware_py.acquire.features import FEATURE_NAMES
 from firmware_py.acquire.windows import WINDOW_LAYOUT
-from models import card, export, ladder, recordings, scores
+from models import card, export, figures, ladder, recordings, scores
 from models.data_cache import recorded
 from models.dataset import Dataset, split_groups
 from models.diagnosis_network import Diagnosis
 from models.ladder import HeadNetwork, Scaler
 from models.recordings import JUDGED_SECONDS, Plan, Views
 from models.runs import Run, Settings, progress_bar
+from models.scores import Decisions
 
 Floats = NDArray[np.float64]
 Verdicts = Callable[[NDArray[np.float32]], tuple[Floats, Floats]]
@@ -98,6 +99,7 @@ def train(run: Run, settings: ClassifierSettings) -> dict[str, object]:
         "reproduce": run.command,
     }  # fmt: skip
     _export(taught, run, views.orders, settings, report)
+    figures.classifier(run.folder, decisions_of(verdicts, judged.orders))
     return report
 
 
@@ -118,6 +120,12 @@ def judge(verdicts: Verdicts, data: Dataset) -> dict[str, object]:
         "right_class_by_severity": scores.severity_grid(ten),
         "false_alarms": scores.false_alarms(ten),
     }
+
+
+def decisions_of(verdicts: Verdicts, data: Dataset) -> Decisions:
+    """Decisions over ten windows."""
+    probability, _ = verdicts(data.features.astype(np.float32))
+    return scores.by_ten_windows(scores.log_odds(probability), data)
 
 
 def judge_unknown(

@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from models import card, export
+from models import card, export, figures
 from models.film_data import FilmSamples, draw_points, solve_points
 from models.film_network import STATE, ReducedFilm, half_film_integrals
 from models.film_rivals import rivals
@@ -108,6 +108,7 @@ def train(run: Run, settings: SurrogateSettings) -> dict[str, object]:
         "reproduce": run.command,
     }
     _export(module, run, samples, settings, report)
+    figures.surrogate(run.folder, judged, answer(of_module(module), judged.ab, settings.length_over_diameter)[0])
     return report
 
 

@@ -1,0 +1,81 @@
+"""Figures of a run; matplotlib is imported here alone."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+from numpy.typing import NDArray
+
+from models.film_data import FilmSamples
+from models.scores import CALIBRATION_BINS, Decisions, severity_grid
+
+matplotlib.use("Agg")
+from matplotlib import pyplot
+
+Floats = NDArray[np.float64]
+
+
+def _figure(path: Path, draw: Callable[[Any], None], *, x: str, y: str) -> None:
+    """One labelled panel as PNG."""
+    figure, axes = pyplot.subplots(figsize=(6.0, 4.0), layout="constrained")
+    draw(axes)
+    axes.set_xlabel(x)
+    axes.set_ylabel(y)
+    axes.grid(alpha=0.3)
+    figure.savefig(path, dpi=120)
+    pyplot.close(figure)
+
+
+def surrogate(folder: Path, judged: FilmSamples, force: Floats) -> None:
+    """Relative force error against eccentricity, over the direction of the squeeze velocity."""
+    eps, gamma = np.hypot(*judged.ab.T), np.degrees(np.arctan2(judged.ab[:, 1], judged.ab[:, 0]))
+    error = 100.0 * np.hypot(*(force - judged.force).T) / np.hypot(*judged.force.T)
+
+    def draw(axes: Any) -> None:
+        points = axes.scatter(eps, error, c=gamma, s=10, cmap="viridis")
+        axes.set_yscale("log")
+        axes.figure.colorbar(points, label="angle from eccentricity to squeeze velocity, deg")
+
+    _figure(folder / "error_over_eccentricity.png", draw, x="eccentricity ratio", y="relative force error, %")
+
+
+def classifier(folder: Path, decisions: Decisions) -> None:
+    """Reliability of the named class, and the share named rightly over the severities."""
+
+    def reliability(axes: Any) -> None:
+        confidence, right = decisions.probability.max(axis=1), decisions.named == decisions.kind
+        bins = np.minimum((confidence * CALIBRATION_BINS).astype(int), CALIBRATION_BINS - 1)
+        means = [(confidence[bins == k].mean(), right[bins == k].mean()) for k in np.unique(bins)]
+        axes.plot([0, 1], [0, 1], "k--", lw=0.8)
+        axes.plot(*np.array(means).T, "o-")
+
+    def severity(axes: Any) -> None:
+        for name, row in severity_grid(decisions).items():
+            axes.plot(list(row), list(row.values()), "o-", label=name.replace("_", " "))
+        axes.legend(fontsize=7)
+
+    _figure(folder / "reliability.png", reliability, x="probability of the named class", y="share right")
+    _figure(folder / "severity.png", severity, x="preload left, %, or balance grade G", y="share named rightly")
+
+
+def actor(folder: Path, policies: dict[str, dict[str, float]]) -> None:
+    """Return over training steps, and power against time in violation."""
+    with (folder / "metrics.csv").open(encoding="utf-8") as stream:
+        rows = [(float(row["step"]), float(row["return"])) for row in csv.DictReader(stream)]
+
+    def curve(axes: Any) -> None:
+        axes.plot(*np.array(rows).T, ".-")
+
+    def pareto(axes: Any) -> None:
+        for name, figures in policies.items():
+            axes.plot(figures["violation_s"], figures["power_W"], "o")
+            axes.annotate(name.replace("_", " "), (figures["violation_s"], figures["power_W"]), fontsize=7)
+
+    if rows:
+        _figure(folder / "learning_curve.png", curve, x="environment steps", y="return of an episode")
+    _figure(folder / "pareto.png", pareto, x="time in violation, s", y="mean shaft power, W")
