@@ -19,7 +19,7 @@ from models.dataset import Dataset, join
 from sim_hil.build import Build
 from sim_hil.duty import Duty
 from sim_hil.rigs import RigData, load_rig
-from sim_hil.simulate import Recording, Schedule, record
+from sim_hil.runs import Recording, Schedule, record
 
 FAULT_OF_CLASS: Final = (
     "",

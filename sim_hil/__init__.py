@@ -1,5 +1,51 @@
 """The rotor rig in software: what stands in for the machine when there is none."""
 
+from typing import TYPE_CHECKING, Any
+
 from .film import Equilibrium, Feed, FilmForce, equilibrium, film_force
 
-__all__ = ["Equilibrium", "Feed", "FilmForce", "equilibrium", "film_force"]
+if TYPE_CHECKING:
+    from .duty import Duty
+    from .response import PowerMap, Trajectory, power_map, simulate
+    from .rigs import RigData, load_rig
+    from .rotor.modes import Modes, Support, modes
+
+__all__ = [
+    "Duty",
+    "Equilibrium",
+    "Feed",
+    "FilmForce",
+    "Modes",
+    "PowerMap",
+    "RigData",
+    "Support",
+    "Trajectory",
+    "equilibrium",
+    "film_force",
+    "load_rig",
+    "modes",
+    "power_map",
+    "simulate",
+]
+
+_HOMES = {
+    "Duty": ".duty",
+    "Modes": ".rotor.modes",
+    "PowerMap": ".response",
+    "RigData": ".rigs",
+    "Support": ".rotor.modes",
+    "Trajectory": ".response",
+    "load_rig": ".rigs",
+    "modes": ".rotor.modes",
+    "power_map": ".response",
+    "simulate": ".response",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import the rotor only when it is asked for."""
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib import import_module
+
+    return getattr(import_module(_HOMES[name], __name__), name)

@@ -29,8 +29,8 @@ from sim_hil.duty import Duty
 from sim_hil.machine import Batch, Machine
 from sim_hil.rigs import RigData, load_rig
 from sim_hil.rotor.parameters import TRUTH_COLUMNS, Floats
+from sim_hil.runs import CLEARANCE_NOISE_M, OIL_ERROR_C, POWER_ERROR_W, run
 from sim_hil.sensors.chain import units
-from sim_hil.simulate import CLEARANCE_NOISE_M, OIL_ERROR_C, POWER_ERROR_W, run
 
 ENVIRONMENT_ID: Final = "orbitd/Rotor-v0"
 CONTROL_S: Final = 0.1

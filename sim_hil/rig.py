@@ -30,8 +30,8 @@ from sim_hil.machine import Batch, Machine, Readings
 from sim_hil.node import Node, NodeLimits
 from sim_hil.rigs import RigData
 from sim_hil.rotor.parameters import TRUTH_COLUMNS
+from sim_hil.runs import CLEARANCE_NOISE_M, OIL_ERROR_C, POWER_ERROR_W
 from sim_hil.sampler import COUNTERS, TICKS, Sampler
-from sim_hil.simulate import CLEARANCE_NOISE_M, OIL_ERROR_C, POWER_ERROR_W
 from sim_hil.truth import RigTruth, TruthKeeper
 
 STATE_US: Final = 50_000

@@ -21,7 +21,7 @@ from sim_hil.duty import Duty
 from sim_hil.machine import Machine
 from sim_hil.rigs import RigData
 from sim_hil.rotor.parameters import TRUTH_COLUMNS, Floats
-from sim_hil.simulate import run
+from sim_hil.runs import run
 
 GRID_STEP_UM: Final = 5.0
 ORBIT_WINDOW_TURNS: Final = 20

@@ -57,10 +57,15 @@ def lookup(coefficients: Floats, eps: float, gamma: float) -> tuple[float, float
 
 
 @njit(cache=True)
-def _contact(depth: float, omega: float) -> tuple[float, float]:
-    """Normal and rubbing force of the asperities pressed in by `depth`, N."""
-    normal = CONTACT_STIFFNESS_N_M * depth
-    return normal, CONTACT_FRICTION * normal if omega != 0.0 else 0.0
+def contact_force(ex: float, ey: float, omega: float, c: float) -> tuple[float, float, float]:
+    """Force of the asperities on a journal past EPS_TABLE (fx, fy), N, and its rubbing part, N."""
+    e = math.hypot(ex, ey)
+    if e <= EPS_TABLE * c:
+        return 0.0, 0.0, 0.0
+    normal = CONTACT_STIFFNESS_N_M * (e - EPS_TABLE * c)
+    rub = CONTACT_FRICTION * normal if omega != 0.0 else 0.0
+    along = -rub if omega < 0 else rub
+    return (-normal * ex + along * ey) / e, (-normal * ey - along * ex) / e, rub
 
 
 @njit(cache=True, fastmath={"contract"})
@@ -119,9 +124,5 @@ def table_force(
     sense = -1.0 if omega < 0 else 1.0
     shear = 2 * math.pi * mu * abs(omega) * R * R * R * L / (c * math.sqrt(1 - eps * eps))
     torque = shear + sense * 0.5 * (film_x * fy - film_y * fx)
-    if e > EPS_TABLE * c:
-        normal, rub = _contact(e - EPS_TABLE * c, omega)
-        fx += (-normal * ex + sense * rub * ey) / e
-        fy += (-normal * ey - sense * rub * ex) / e
-        torque += rub * R
-    return fx, fy, torque, flow
+    contact_x, contact_y, rub = contact_force(ex, ey, omega, c)
+    return fx + contact_x, fy + contact_y, torque + rub * R, flow

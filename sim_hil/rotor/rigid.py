@@ -5,7 +5,8 @@ is ROS2 (Verwer, Spee, Blom and Hundsdorfer 1999), second order and L-stable wit
 
     (I - gamma dt J) k1 = dt f(w),   (I - gamma dt J) k2 = dt f(w + k1) - 2 k1,   w += 3/2 k1 + 1/2 k2
 
-J holds the film alone (the rest is not stiff) and is renewed every few steps: ROS2 keeps its order with any J.
+J holds the film alone (the rest is not stiff) and is renewed every few steps, and when the journal has moved by a
+share of its gap since: ROS2 keeps its order with any J, its stability needs one that is near.
 """
 
 from __future__ import annotations
@@ -17,9 +18,11 @@ from numba import njit, prange
 
 from sim_hil.rotor.film_law import Law, film_law
 from sim_hil.rotor.kernel import GRAVITY, heat_oil, move_actuator, viscosity_now
-from sim_hil.rotor.parameters import CLEARANCE, FLOW, OIL, POWER, Act, Film, Floats, Shaft
+from sim_hil.rotor.parameters import ANGLE, CLEARANCE, FLOW, OIL, POWER, Act, Film, Floats, Shaft
 
 GAMMA = 1 - math.sqrt(0.5)
+RENEW_STEPS = 4
+_RENEW_SHARE = 0.1
 COLUMNS = ("x_m", "y_m", "vx_m_s", "vy_m_s", "min_film_m", "clearance_m", "power_W", "oil_C", "angle_rad")
 """Columns of the output: journal at the bearing, smallest film and mean power since the row before."""
 
@@ -139,38 +142,38 @@ def advance_rotor(
     """
     dt = period / substeps
     work = np.zeros((4, 8))
-    b = shaft.to_bearing
-    angle = scalar[0]
-    age = renew
     slopes = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    age, old_x, old_y = renew, 0.0, 0.0
+    b = shaft.to_bearing
     for n in range(out.shape[0]):
         alpha = (drive[n + 1, 0] - drive[n, 0]) / period
         load_rate = (drive[n + 1, 1] - drive[n, 1]) / period
-        c_start = scalar[CLEARANCE] + film.wear
+        c = scalar[CLEARANCE] + film.wear
         c_rate = move_actuator(act, scalar, target[n, 0], target[n, 1], period)
         mu = viscosity_now(film, scalar)
-        power = 0.0
-        smallest = 1e9
+        power, smallest = 0.0, 1e9
         for i in range(substeps):
-            omega, load, c = drive[n, 0] + alpha * dt * i, drive[n, 1] + load_rate * dt * i, c_start + c_rate * dt * i
-            if age >= renew:
-                ex, ey, vx, vy = w[0] + b * w[2], w[1] + b * w[3], w[4] + b * w[6], w[5] + b * w[7]
+            omega, load = drive[n, 0] + alpha * dt * i, drive[n, 1] + load_rate * dt * i
+            ex, ey = w[0] + b * w[2], w[1] + b * w[3]
+            moved = math.hypot(ex - old_x, ey - old_y)
+            if age >= renew or moved > _RENEW_SHARE * max(c - math.hypot(ex, ey), 0.01 * c):
+                vx, vy = w[4] + b * w[6], w[5] + b * w[7]
                 slopes = film_slopes(law, film, ex, ey, vx, vy, omega, c, mu, c_rate)
-                age = 0
+                age, old_x, old_y = 0, ex, ey
             age += 1
             lost, scalar[FLOW] = step(
-                shaft, film, law, slopes, w, work, angle, omega, alpha, load, c, c_rate, mu, dt
+                shaft, film, law, slopes, w, work, scalar[ANGLE], omega, alpha, load, c, c_rate, mu, dt
             )
             power += lost
-            angle += (omega + 0.5 * alpha * dt) * dt
-            smallest = min(smallest, c + c_rate * dt - math.hypot(w[0] + b * w[2], w[1] + b * w[3]))
+            scalar[ANGLE] += (omega + 0.5 * alpha * dt) * dt
+            c += c_rate * dt
+            smallest = min(smallest, c - math.hypot(w[0] + b * w[2], w[1] + b * w[3]))
         scalar[POWER] = power / substeps
         heat_oil(film, scalar, period)
         out[n, 0], out[n, 1] = w[0] + b * w[2], w[1] + b * w[3]
         out[n, 2], out[n, 3] = w[4] + b * w[6], w[5] + b * w[7]
-        out[n, 4], out[n, 5], out[n, 6], out[n, 7] = smallest, scalar[CLEARANCE] + film.wear, scalar[POWER], scalar[OIL]
-        out[n, 8] = angle
-    scalar[0] = angle
+        out[n, 4], out[n, 5], out[n, 6], out[n, 7] = smallest, c, scalar[POWER], scalar[OIL]
+        out[n, 8] = scalar[ANGLE]
 
 
 @njit(parallel=True, cache=True)

@@ -8,7 +8,7 @@ import pytest
 from sim_hil.build import Build
 from sim_hil.duty import Duty
 from sim_hil.rigs import RigData, load_rig
-from sim_hil.simulate import Simulation, power_map, simulate
+from sim_hil.runs import Simulation, power_map, simulate
 
 
 @pytest.fixture(scope="module")

@@ -14,8 +14,8 @@ from sim_hil.machine import Machine
 from sim_hil.rigs import load_rig
 from sim_hil.rotor.assembly import assemble
 from sim_hil.rotor.parameters import Floats
+from sim_hil.runs import Recording, record, run
 from sim_hil.sensors.chain import units
-from sim_hil.simulate import Recording, record, run
 
 RIG = load_rig("bench")
 BUILD = Build.draw(RIG, np.random.default_rng(7))

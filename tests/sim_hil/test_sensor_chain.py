@@ -11,10 +11,10 @@ from sim_hil.duty import Duty
 from sim_hil.machine import Machine
 from sim_hil.rigs import load_rig
 from sim_hil.rotor.parameters import TRUTH_COLUMNS, Floats
+from sim_hil.runs import record, run
 from sim_hil.sensors.antialias import antialias_taps
 from sim_hil.sensors.chain import SCALES, SensorChain, units
 from sim_hil.sensors.kernel import contact_voltage
-from sim_hil.simulate import record, run
 
 RIG = load_rig("bench")
 NOMINAL = Build.nominal(RIG)
