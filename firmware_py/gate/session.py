@@ -17,6 +17,7 @@ from firmware_py.config import Zenoh
 from firmware_py.errors import OrbitdError
 
 SOCKET: Final = "zenoh.sock"
+SOCKET_MODE: Final = 0o660
 OPERATOR: Final = "orbitd-operator"
 """Common name of the client certificates that may command over the network."""
 
@@ -65,7 +66,13 @@ def open_device(settings: Zenoh, runtime: Path, prefix: str) -> zenoh.Session:
     if settings.listen or settings.connect:
         values["access_control"] = access_rules(prefix)
     (runtime / SOCKET).unlink(missing_ok=True)
-    return _open(values)
+    try:
+        opened = _open(values)
+    except zenoh.ZError as error:
+        where = ", ".join([endpoint(runtime), *settings.listen])
+        raise SessionError(f"zenoh: cannot listen on {where}: {error}; check [zenoh] in the configuration") from error
+    (runtime / SOCKET).chmod(SOCKET_MODE)
+    return opened
 
 
 def open_client(runtime: Path) -> zenoh.Session:
@@ -76,22 +83,17 @@ def open_client(runtime: Path) -> zenoh.Session:
     SessionError
         No gate serves this runtime directory.
     """
-    if not (runtime / SOCKET).exists():
-        raise SessionError(f"no gate at {runtime / SOCKET}; start it with 'orbitd gate' or 'orbitd run'")
-    return _open({"mode": "client", "connect/endpoints": [endpoint(runtime)], "connect/timeout_ms": 1000})
+    try:
+        return _open({"mode": "client", "connect/endpoints": [endpoint(runtime)], "connect/timeout_ms": 1000})
+    except zenoh.ZError as error:
+        raise SessionError(f"no gate at {runtime / SOCKET}; start it with 'orbitd gate' or 'orbitd run'") from error
 
 
 def _open(values: dict[str, Any]) -> zenoh.Session:
     config = zenoh.Config()
-    values = {**values, "scouting/multicast/enabled": False, "scouting/gossip/enabled": False}
-    try:
-        for key, value in values.items():
-            config.insert_json5(key, json.dumps(value))
-        return zenoh.open(config)
-    except zenoh.ZError as error:
-        where = ", ".join(values.get("listen/endpoints", []) + values["connect/endpoints"])
-        raise SessionError(f"zenoh: cannot open {where}: {error}; check [zenoh] in the configuration, and "
-                           "that no other gate serves this instance") from error
+    for key, value in {**values, "scouting/multicast/enabled": False, "scouting/gossip/enabled": False}.items():
+        config.insert_json5(key, json.dumps(value))
+    return zenoh.open(config)
 
 
 def access_rules(prefix: str) -> dict[str, Any]:

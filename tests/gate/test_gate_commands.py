@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import socket
+import stat
 import threading
 
 import pytest
@@ -98,9 +100,17 @@ def test_a_command_that_the_guard_ignores_times_out_at_the_gate(stage, client):
     assert [r.value for r in stage.heard if isinstance(r, CommandRequest)] == [60.0]
 
 
-def test_no_gate_is_a_named_error(tmp_path):
+@pytest.mark.parametrize("leftover", [False, True])
+def test_no_gate_is_a_named_error(tmp_path, leftover):
+    if leftover:
+        with socket.socket(socket.AF_UNIX) as dead:
+            dead.bind(str(tmp_path / session.SOCKET))
     with pytest.raises(SessionError, match="no gate at"):
         Client(tmp_path, "orbitd/lab/bench")
+
+
+def test_only_owner_and_group_may_command(stage):
+    assert stat.S_IMODE((stage.folder / session.SOCKET).stat().st_mode) == 0o660
 
 
 def test_another_device_at_the_same_socket_does_not_answer(stage, monkeypatch):
