@@ -138,8 +138,10 @@ class Diagnoser:
         if verdict != self._held[0]:
             self._held = (verdict, window.end_ns)
         held_ns = window.end_ns - self._held[1]
-        evidence = {"windows": float(len(self._votes)), "novelty": score, "novelty_threshold": self._threshold,
-                    "held_s": held_ns * 1e-9, "confirmed": float(held_ns >= CONFIRM_NS)}
+        evidence = {"windows": float(len(self._votes)), "held_s": held_ns * 1e-9,
+                    "confirmed": float(held_ns >= CONFIRM_NS)}
+        if self._votes:
+            evidence |= {"novelty": score, "novelty_threshold": self._threshold}
         return evidence | (amplitudes(orders) if orders is not None else {})
 
 

@@ -4,8 +4,8 @@ Weighted least squares on mean shaft position and shaft power, with priors from 
 the oil's temperature.  The unbalance comes from its own filter (:mod:`firmware_py.brain.unbalance`).
 
 What cannot be told apart: in an isothermal plain film the position fixes only viscosity / (load x
-clearance^2).  The shaft power (error 5 W) separates the two where friction is large; at low speed the
-oil-temperature prior does.  A zero error of the probes reads as load (its declared size is counted), a wrong
+clearance^2).  The shaft power separates the two where friction is large against the channel's error; at low
+speed the oil-temperature prior does.  A zero error of the probes reads as load (its declared size is counted), a wrong
 clearance as viscosity.
 """
 
@@ -46,6 +46,7 @@ class Measured:
     peak_to_peak_m: float
     shaft_power_W: float
     oil_outlet_C: float
+    shaft_power_sd_W: float = POWER_ERROR_W
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +127,7 @@ def _observed(measured: Measured) -> tuple[Floats, Floats]:
     """Mean x, mean y, power, and their standard deviations."""
     values = np.array([measured.mean_x_m, measured.mean_y_m, measured.shaft_power_W])
     position = np.hypot(ZERO_ERROR_M, PROBE_GAIN_ERROR * np.hypot(measured.mean_x_m, measured.mean_y_m))
-    power = np.hypot(POWER_ERROR_W, POWER_MODEL_ERROR * measured.shaft_power_W)
+    power = np.hypot(measured.shaft_power_sd_W, POWER_MODEL_ERROR * measured.shaft_power_W)
     return values, np.array([position, position, power])
 
 

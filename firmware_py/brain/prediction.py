@@ -2,12 +2,14 @@
 
 The synchronised film model answers for every candidate at once: equilibrium, friction power, 1X response,
 stability.  Intervals come from the parameters' covariance (sigma points) and from declared model errors.
-Power is scaled so that the model agrees with the measurement at the present clearance.  Speed, load and oil
-are held at their present values; the oil's answer to another friction is not followed.
+Two filters learn from window to window: unbalance apart from runout, and the offset of the power channel.
+Power is drawn towards the measurement at the present clearance as far as that is the more certain.  Speed,
+load and oil are held at their present values; the oil's answer to another friction is not followed.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 from typing import Final
@@ -17,6 +19,7 @@ from numpy.typing import NDArray
 
 from firmware_py.brain.estimate import SIGMA_90, Estimate, Measured, Synchroniser, points_at
 from firmware_py.brain.film import Film, Points, Steady
+from firmware_py.brain.power import PowerFilter
 from firmware_py.brain.store import Model
 from firmware_py.brain.unbalance import ImbalanceFilter
 from firmware_py.config import Config
@@ -29,6 +32,7 @@ POWER_ERROR: Final = 0.04
 PEAK_TO_PEAK_ERROR: Final = 0.15
 FILM_ERROR_M: Final = 1e-6
 MARGIN_ERROR: Final = 0.02
+POWER_IGNORED_W: Final = 1e6
 POWER_SCALE: Final = (0.8, 1.25)
 
 
@@ -69,20 +73,33 @@ class Predictor:
         self._probes = np.column_stack([np.cos(angles), np.sin(angles)])
         self._load_range_N = (config.operating.load_min_N, config.operating.load_max_N)
         bearing = config.bearing
+        self._power = PowerFilter()
         self._imbalance = ImbalanceFilter(config.rotor.unbalance_normal_kg_m)
         self.candidates_m: Floats = 1e-6 * np.linspace(bearing.radial_clearance_min_um,
                                                        bearing.radial_clearance_max_um, CANDIDATES)
         self.label = model.label
 
+    def corrected(self, measured: Measured) -> Measured:
+        """``measured`` without the known part of the power channel's offset."""
+        power_W = max(0.0, measured.shaft_power_W - self._power.offset_W)
+        return dataclasses.replace(measured, shaft_power_W=power_W, shaft_power_sd_W=self._power.offset_sd_W)
+
     def estimate(self, measured: Measured) -> Estimate:
         """Synchronise the model with the machine."""
-        return self._synchroniser.step(measured)
+        return self._synchroniser.step(self.corrected(measured))
 
     def learn(self, t_ns: int, measured: Measured, forward_m: complex) -> None:
-        """Let the forward first order of a window (m, phase from the mark) speak about unbalance and runout."""
-        estimate = self._synchroniser.step(measured)
-        point = points_at(measured, np.array([[estimate.load_N, estimate.viscosity_Pa_s]]))
-        x, y = self._film.steady(point).response_m_per_kg_m[0].tolist()
+        """Let a window speak about the power channel, and its forward first order about unbalance and runout.
+
+        Parameters
+        ----------
+        forward_m
+            Complex amplitude, phase from the mark.
+        """
+        blind = self._synchroniser.step(dataclasses.replace(measured, shaft_power_sd_W=POWER_IGNORED_W))
+        steady = self._film.steady(points_at(measured, np.array([[blind.load_N, blind.viscosity_Pa_s]])))
+        self._power.step(t_ns, measured.shaft_power_W, float(steady.power_W[0]))
+        x, y = steady.response_m_per_kg_m[0].tolist()
         self._imbalance.step(t_ns, forward_m, 0.5 * (x + 1j * y))
 
     @property
@@ -107,7 +124,7 @@ class Predictor:
         unbalance = np.full(len(points.load_N), imbalance.size_kg_m)
         motion = 2.0 * np.abs(steady.response_m_per_kg_m @ self._probes.T).max(axis=1) * unbalance
         power = _spread(steady.power_W.reshape(shape), POWER_ERROR, 0.0)
-        power *= min(max(measured.shaft_power_W / power[-1, 1], POWER_SCALE[0]), POWER_SCALE[1])
+        power *= self._power_scale(measured, float(power[-1, 1]))
         uncertain = math.hypot(PEAK_TO_PEAK_ERROR, imbalance.size_sd_kg_m / imbalance.size_kg_m)
         swing = _spread(motion.reshape(shape), uncertain, 0.0)
         film = _spread(steady.min_film_m(points.clearance_m, unbalance).reshape(shape), 0.05, FILM_ERROR_M)
@@ -116,6 +133,13 @@ class Predictor:
         residual_m = max(0.0, measured.peak_to_peak_m - float(swing[-1, 1]))
         return Outlook(every[:-1], np.maximum(swing[:-1], 0.0), power[:-1], film[:-1], margin[:-1], possible[:-1],
                        residual_m)
+
+    def _power_scale(self, measured: Measured, modelled_W: float) -> float:
+        """Factor that draws the modelled power at the present clearance towards the measured one."""
+        measured = self.corrected(measured)
+        trust = 1.0 / (1.0 + (measured.shaft_power_sd_W / (POWER_ERROR * modelled_W)) ** 2)
+        ratio = 1.0 + trust * (measured.shaft_power_W / modelled_W - 1.0)
+        return min(max(ratio, POWER_SCALE[0]), POWER_SCALE[1])
 
 
 def _sigma_points(estimate: Estimate) -> Floats:

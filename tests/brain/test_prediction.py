@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 
 from firmware_py.brain.estimate import POWER_ERROR_W, ZERO_ERROR_M, Measured, Synchroniser
 from firmware_py.brain.film import Points
+from firmware_py.brain.power import PowerFilter
 from firmware_py.brain.prediction import CANDIDATES, Predictor
 from firmware_py.brain.unbalance import ImbalanceFilter
 
@@ -114,6 +116,31 @@ def test_a_growing_unbalance_is_not_taken_for_runout() -> None:
         state = f.step(i * 250_000_000, 3e-6 + gain * 8e-5, gain)
     assert state.runout_m == pytest.approx(before.runout_m, abs=1.5e-6)
     assert state.size_kg_m == pytest.approx(8e-5, rel=0.05)
+
+
+def test_the_power_channels_offset_is_learned_over_operating_points() -> None:
+    f = PowerFilter()
+    for i in range(20):
+        f.step(i * 250_000_000, 84.0 * 1.08 + 3.5, 84.0)
+    assert f.offset_sd_W > 2.0  # one operating point cannot tell offset from factor, and it says so
+    for j, expected_W in enumerate((8.0, 260.0)):
+        for i in range(20):
+            f.step((20 * (j + 1) + i) * 250_000_000, expected_W * 1.08 + 3.5, expected_W)
+    assert f.offset_W == pytest.approx(3.5, abs=0.5)
+    assert abs(f.offset_W - 3.5) < 3 * f.offset_sd_W
+
+
+def test_after_learning_the_forecast_of_a_slow_shaft_is_close() -> None:
+    predictor = Predictor(model(short_film()), CONFIG)
+    slow = measure(1500.0, 300.0, 45.0, 60e-6)
+    for j, case in enumerate(((6000.0, 100.0, 45.0, 60e-6), (1500.0, 300.0, 45.0, 60e-6))):
+        m = measure(*case)
+        for i in range(20):
+            biased = dataclasses.replace(m, shaft_power_W=m.shaft_power_W + 4.0)
+            predictor.learn((20 * j + i) * 250_000_000, biased, 0j)
+    reported = dataclasses.replace(slow, shaft_power_W=slow.shaft_power_W + 4.0)
+    outlook = predictor.forecast(reported, predictor.estimate(reported), np.array([60e-6]))
+    assert outlook.power_W[0, 1] == pytest.approx(slow.shaft_power_W, rel=0.08)  # reported: 60 % off
 
 
 @pytest.mark.slow
