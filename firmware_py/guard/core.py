@@ -61,6 +61,7 @@ class MemoryState(msgspec.Struct):
     event_seq: int = 0
     cycle_gaps: int = 0
     node_reasons: list[str] = []
+    vibration_high: bool = False
 
 
 class CoreState(msgspec.Struct):
@@ -219,6 +220,7 @@ class GuardCore:
         motion, speed = self._protection.motion, self._acquire.speed
         temperature_C = status.oil_outlet_C if status else self._config.oil.film_max_C
         p2p_m = max(motion.peak_to_peak_um) * 1e-6
+        m.vibration_high = p2p_m * 1e6 > self._protection.set_points_um(self._smaller_clearance_um())[1]
         if status is None or not motion.complete or speed.lost or not self._protection.displacement_ok:
             m.load = self._load.declared()
         else:
@@ -239,6 +241,7 @@ class GuardCore:
             foreign_command=now_ns - m.foreign_command_ns < FOREIGN_HOLD_NS,
             foreign_heartbeat=now_ns - m.foreign_heartbeat_ns < FOREIGN_HOLD_NS,
             cycle_gap=gap, mark_lost=speed.lost, displacement_ok=self._protection.displacement_ok,
+            vibration_high=m.vibration_high,
             speed_declared=self._speeds[0] * 0.98 <= speed.speed_rad_s <= self._speeds[1] * 1.02,
             interval_m=m.interval_m, tripped=self._protection.tripped, brain_connected=cycle.brain_connected,
         )

@@ -40,6 +40,7 @@ class Situation(msgspec.Struct):
     cycle_gap: bool
     mark_lost: bool
     displacement_ok: bool
+    vibration_high: bool
     speed_declared: bool
     interval_m: tuple[float, float] | None
     tripped: list[str]
@@ -81,10 +82,12 @@ FAILSAFES: Final = (
              "the once-per-turn mark is lost; the speed is unknown"),
     Failsafe("displacement_not_ok", lambda s: not s.displacement_ok, Action.TAKE_AUTHORITY, False,
              "a shaft displacement channel is not OK; check sensor and cable"),
+    Failsafe("vibration_high", lambda s: s.vibration_high, Action.TAKE_AUTHORITY, False,
+             "the shaft vibration is above the danger set point of this clearance"),
     Failsafe("speed_undeclared", lambda s: not s.speed_declared, Action.TAKE_AUTHORITY, False,
              "the speed is outside operating.speed_min_rpm .. speed_max_rpm"),
     Failsafe("no_admissible_clearance", lambda s: s.interval_m is None, Action.TAKE_AUTHORITY, False,
-             "no clearance but the safe one can be defended at this speed, load and vibration"),
+             "no clearance but the safe one can be defended at this speed and load"),
 )
 
 

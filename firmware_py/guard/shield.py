@@ -102,12 +102,13 @@ class Shield:
         temperature_C
             Oil outlet temperature.
         peak_to_peak_m
-            Measured vibration, larger axis; it may fill at most ``limits.clearance_share`` of the clearance.
+            Measured vibration, larger axis; it may fill at most ``limits.clearance_share`` of a clearance
+            narrower than the safe one (the safe one itself stays: protection watches it).
         """
         if not speed_rad_s > 0.0:
             return None
         now = self._bounds(speed_rad_s, speed_rad_s, load_low_N, load_high_N, temperature_C, speed_rad_s)
-        low_m = max(now[0], self._min_m, peak_to_peak_m / self._share)
+        low_m = max(now[0], self._min_m, min(peak_to_peak_m / self._share, self._safe_m))
         high_m = min(now[1], self._max_m)
         if not low_m <= self._safe_m <= high_m:
             return None

@@ -289,3 +289,14 @@ def test_a_speed_beyond_the_declared_range_takes_authority(rpm: float, kept: boo
     b.node.mean_um = (-5.0, -5.0)
     b.run(0.3)
     assert state(b).authority == kept
+
+
+@pytest.mark.parametrize(("amplitude_um", "kept"), [(17.0, True), (26.0, False)])
+def test_vibration_beyond_the_set_point_takes_authority_before_the_danger_delay(amplitude_um: float, kept: bool) -> None:
+    b = working()
+    b.node.clearance_um = 70.0
+    b.node.amplitude_um = amplitude_um
+    b.run(0.4)
+    found = state(b)
+    assert found.authority == kept
+    assert not found.trip_request
