@@ -5,7 +5,7 @@ BIN    := $(VENV)/bin
 PIP    := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 DEMO   ?=
 
-.PHONY: help demo test lint types layers test-train test-slow test-systemd install-sim install-dev install-train lock dialect clean
+.PHONY: help demo test lint types layers test-train test-slow test-systemd test-socketcan lock dialect clean
 
 help:            ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 16
@@ -33,6 +33,9 @@ test-slow: $(VENV)/.dev   ## the heavier suites (about 10 minutes)
 
 test-systemd: $(VENV)/.dev   ## boots a real systemd, installs, starts and kills the service (root, about 2 minutes)
 	@deploy/systemd_test/run.sh
+
+test-socketcan: $(VENV)/.dev   ## the link on real SocketCAN in user-mode Linux (root, half a minute)
+	@deploy/socketcan_test/run.sh
 
 $(BIN)/python:
 	@$(PYTHON) -c 'import sys; sys.exit("orbitd needs Python 3.11 or newer, this is " + sys.version.split()[0] + "; set PYTHON=python3.11") if sys.version_info < (3, 11) else None'

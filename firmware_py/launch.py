@@ -76,10 +76,18 @@ def from_options(options: argparse.Namespace) -> Launch:
     service = not chosen and service_runs(SERVICE_RUNTIME)
     loaded, source = load(options.config or (SERVICE_CONFIG if service else SHIPPED / "bench.toml"))
     if options.instance:
-        device = msgspec.structs.replace(loaded.device, instance=options.instance)
-        loaded = msgspec.structs.replace(loaded, device=device)
+        loaded = as_instance(loaded, options.instance)
     folder = SERVICE_RUNTIME if service else _folder(options.runtime_dir, loaded.device.instance)
     return Launch(loaded, source, folder, {role: getattr(options, f"{role}_user") for role in options.peers})
+
+
+def as_instance(loaded: Config, instance: str) -> Config:
+    """``loaded`` under another instance name, on a hub of its own, so that two devices do not share a bus."""
+    device = msgspec.structs.replace(loaded.device, instance=instance)
+    bus = loaded.bus
+    if bus.interface == "orbitd_hub":
+        bus = msgspec.structs.replace(bus, channel=f"{bus.channel}-{instance}")
+    return msgspec.structs.replace(loaded, device=device, bus=bus)
 
 
 def _folder(given: Path | None, instance: str) -> Path:

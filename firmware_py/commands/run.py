@@ -7,7 +7,6 @@ import signal
 import sys
 import time
 from pathlib import Path
-from types import FrameType
 
 from firmware_py import launch
 from firmware_py.supervise import Program, Supervisor
@@ -37,7 +36,7 @@ def main(argv: list[str]) -> int:
 
 def _keep_alive(rooms: list[Program]) -> int:
     supervisor = Supervisor()
-    signal.signal(signal.SIGTERM, _interrupt)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         for room in rooms:
             supervisor.start(room)
@@ -47,7 +46,3 @@ def _keep_alive(rooms: list[Program]) -> int:
             time.sleep(0.05)
     finally:
         supervisor.stop()
-
-
-def _interrupt(signum: int, frame: FrameType | None) -> None:
-    raise KeyboardInterrupt

@@ -17,6 +17,7 @@ from sim_hil.demo.counterfactual import rerun_fixed
 from sim_hil.demo.host import HostProbe, HostTiming
 from sim_hil.demo.live import Quiet, Screen
 from sim_hil.demo.observer import Observer
+from sim_hil.demo.recording import recorded
 from sim_hil.demo.report import BusCount, LoopTiming, Outcome, as_dict, summary
 from sim_hil.demo.scores import KillScore, score_faults, score_film, score_forecasts, score_kill
 from sim_hil.demo.setting import Setting, prepare
@@ -81,7 +82,8 @@ def _port(link: str) -> dict[str, Any]:
 
 def _play_simulated(setting: Setting, story: Story, observer: Observer, screen: Quiet, options: argparse.Namespace,
                     began_s: float) -> Outcome:
-    run = simulated.Player(setting, story, screen, observer).play()
+    with recorded(options.record, setting.config) as listeners:
+        run = simulated.Player(setting, story, screen, observer, listeners).play()
     counters = run.counters
     bus = BusCount("simulated", run.frames_expected, counters["frames_in"], counters["frames_lost"],
                    counters["blocks_lost"])

@@ -16,6 +16,8 @@ import time
 from dataclasses import dataclass
 from types import FrameType
 
+from firmware_py.supervise import die_with_parent
+
 PERIOD_NS = 1_000_000
 PRIORITY = 20
 """The guard's own SCHED_FIFO priority."""
@@ -35,7 +37,9 @@ class HostProbe:
     """Starts the empty loop; :meth:`stop` tells what it saw."""
 
     def __init__(self) -> None:
-        self._process = subprocess.Popen([sys.executable, "-m", __spec__.name], stdout=subprocess.PIPE, text=True)
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", __spec__.name], stdout=subprocess.PIPE, text=True, preexec_fn=die_with_parent
+        )
 
     def stop(self) -> HostTiming:
         """End the loop and return its account."""

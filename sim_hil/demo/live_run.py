@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import signal
 import sys
 import tempfile
 import time
@@ -126,6 +127,7 @@ class Stage:
 @contextlib.contextmanager
 def open_stage(setting: Setting, seed: int) -> Iterator[Stage]:
     """Processes on a bus (or cable) of their own, ended and removed afterwards."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # a demo that is told to stop cleans up too
     with tempfile.TemporaryDirectory(prefix="orbitd-demo-") as name:
         folder = Path(name)
         if setting.config.bus.link == "serial":
