@@ -52,7 +52,7 @@ class BrainStage(Protocol):
         """Take in records, give out diagnoses, forecasts, advice."""
 
 
-Listener = Callable[[RoomRecord, int], None]
+Listener = Callable[[RoomRecord, int], object]
 
 
 @dataclass
