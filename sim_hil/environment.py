@@ -11,7 +11,7 @@ nominal clearance and present speed, and the :class:`Limits` below.  A film unde
 episode.
 
 Randomised per episode (declared here): the build (``classes.json``), the duty (:meth:`Duty.random`), the oil
-inlet temperature (35 to 45 degC), the starting clearance.
+inlet temperature (35 to 45 degC), the starting clearance (smallest to nominal, where a machine starts).
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ class RotorEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         rng, rig = self.np_random, self.rig
         build = self._fixed_build or Build.draw(rig, rng)
         self._duty = self._fixed_duty or Duty.random(rig, rng, self._steps * CONTROL_S)
-        clearance = float(rng.uniform(rig.bearing.clearance_min_m, rig.bearing.clearance_max_m))
+        clearance = float(rng.uniform(rig.bearing.clearance_min_m, rig.bearing.clearance_nominal_m))
         self._machine = Machine(
             rig, build, int(rng.integers(2**31)), clearance_m=clearance, inlet_C=float(rng.uniform(*INLET_C))
         )

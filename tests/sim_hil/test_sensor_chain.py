@@ -107,7 +107,8 @@ def test_runout_is_seen_by_the_probe_only() -> None:
     runout = np.zeros((2, 3))
     runout[0, 1] = 5e-6
     build = dataclasses.replace(NOMINAL, runout_m=runout)
-    with_runout, without = (record(RIG, b, Duty.hold(6000, 100), 0.4, clearance=60e-6, seed=2) for b in (build, NOMINAL))
+    duty = Duty.hold(6000, 100)
+    with_runout, without = (record(RIG, b, duty, 0.4, clearance=60e-6, seed=2) for b in (build, NOMINAL))
     np.testing.assert_array_equal(with_runout.truth, without.truth)
     difference = units(with_runout.counts)[:, 0] - units(without.counts)[:, 0]
     assert np.ptp(difference) == pytest.approx(10e-6, rel=0.02)
