@@ -32,7 +32,6 @@ class AssemblerState(msgspec.Struct):
     started: bool = False
     tick_us: int = 0
     arrival_ns: int = 0
-    flags: int = 0
     block_tick_us: int = 0
     block_quality: int = 0
     parts: list[bytes] = []
@@ -71,7 +70,7 @@ class Assembler:
         blocks = []
         if not s.started or lost or abs(tick_us - s.tick_us - self._frame_us) > TICK_TOLERANCE_US:
             blocks = self._gap(lost, tick_us)
-        s.started, s.tick_us, s.arrival_ns, s.flags = True, tick_us, arrival_ns, frame.flags
+        s.started, s.tick_us, s.arrival_ns = True, tick_us, arrival_ns
         self._clock.observe(tick_us + (INSTANTS_PER_FRAME - 1) * self._period_us, arrival_ns)
         self._mark(frame, tick_us)
         if not s.parts:

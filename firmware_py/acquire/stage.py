@@ -55,6 +55,7 @@ class AcquireState(msgspec.Struct):
     node_heard_ns: int = -NEVER_NS
     node_info: NodeInfo | None = None
     status: RigStatus | None = None
+    status_heard_ns: int = -NEVER_NS
     reading_seq: int = 0
 
 
@@ -166,11 +167,6 @@ class Acquire:
         """Whether node ticks map reliably to host time."""
         return self._clock.settled
 
-    @property
-    def sample_flags(self) -> int:
-        """Flags of the newest sample frame."""
-        return self._assembler.state.flags
-
     def sample_age_ns(self, now_ns: int) -> int:
         """The larger of the newest sample's arrival age and mapped age."""
         s = self._assembler.state
@@ -179,8 +175,8 @@ class Acquire:
         return max(now_ns - s.arrival_ns, now_ns - self._clock.host_ns(s.tick_us))
 
     def node_age_ns(self, now_ns: int) -> int:
-        """Time since the node last gave an account of itself."""
-        return now_ns - self._rest.node_heard_ns
+        """Time since the node last gave an account of itself: of state and of status, the older one."""
+        return now_ns - min(self._rest.node_heard_ns, self._rest.status_heard_ns)
 
     # ------------------------------------------------------------------ one kind of message each
 
@@ -199,7 +195,7 @@ class Acquire:
         if not self._is_new(message):
             return
         s = self._rest
-        s.status = message
+        s.status, s.status_heard_ns = message, arrival_ns
         tick_us = unwrap(message.tick_us, self._assembler.state.tick_us)
         t_acq_ns = self._clock.host_ns(tick_us) if self._clock.state.known else arrival_ns
         quality = 0 if self._clock.settled else Quality.CLOCK_UNSETTLED
@@ -221,11 +217,12 @@ class Acquire:
         output.foreign.append(message)
 
     def _on_rejected(self, message: Rejected, arrival_ns: int, output: AcquireOutput) -> None:
-        self.counters[f"reject_{message.reason}"] += 1
+        name = f"reject_{message.reason}"
+        self.counters[name] = self.counters.get(name, 0) + 1
 
     def _forget_node(self, output: AcquireOutput) -> None:
         """The node has started again: what it said of itself before no longer counts."""
         self._rest.tracks.clear()
         self._rest.node, self._rest.node_info, self._rest.status = None, None, None
-        self._rest.node_heard_ns = -NEVER_NS
+        self._rest.node_heard_ns = self._rest.status_heard_ns = -NEVER_NS
         output.restarted = True

@@ -7,7 +7,7 @@ and commanded radial clearance: a vibration that was harmless in a wide bearing 
 
 from __future__ import annotations
 
-from math import pi, sqrt
+from math import sqrt
 from typing import Final
 
 import msgspec
@@ -155,8 +155,3 @@ class Protection:
                     unit = "um peak-to-peak" if i in DISPLACEMENTS else "m/s2 rms"
                     notices.append(Notice(Severity(alarm.severity), alarm.name, (
                         f"{CHANNELS[i]} {value:.4g} {unit} above {limit:.4g} for {delay_ns * 1e-9:g} s"), value, limit))
-
-
-def rpm(speed_rad_s: float) -> float:
-    """Revolutions per minute."""
-    return speed_rad_s * 30 / pi

@@ -292,7 +292,9 @@ def test_a_speed_beyond_the_declared_range_takes_authority(rpm: float, kept: boo
 
 
 @pytest.mark.parametrize(("amplitude_um", "kept"), [(17.0, True), (26.0, False)])
-def test_vibration_beyond_the_set_point_takes_authority_before_the_danger_delay(amplitude_um: float, kept: bool) -> None:
+def test_vibration_beyond_the_set_point_takes_authority_before_the_danger_delay(
+    amplitude_um: float, kept: bool
+) -> None:
     b = working()
     b.node.clearance_um = 70.0
     b.node.amplitude_um = amplitude_um
@@ -300,3 +302,12 @@ def test_vibration_beyond_the_set_point_takes_authority_before_the_danger_delay(
     found = state(b)
     assert found.authority == kept
     assert not found.trip_request
+
+
+@pytest.mark.parametrize("frame_id", [0x0A0, 0x0B0])
+def test_a_node_that_stops_reporting_is_not_commanded_on_old_reports(frame_id: int) -> None:
+    b = working()
+    b.tamper = lambda frames: [f for f in frames if f.frame_id != frame_id]
+    b.run(0.7)
+    assert state(b).arm_state == ArmState.RECOVERY
+    assert state(b).target_clearance_um == 50.0

@@ -1,0 +1,41 @@
+"""The shield against the rotor rig in software: the worst advice there is, over the whole published duty."""
+
+import pytest
+
+from firmware_py.guard.core import GuardCore
+from firmware_py.records import Advice, ArmState, CommandRequest, Cycle, GuardState, RawFrame
+from firmware_py.wire.codec import CanCodec
+from sim_hil.duty import Duty
+from sim_hil.rig import Rig, node_limits
+from sim_hil.rigs import load_rig
+
+from .scripted_node import MS, bench
+
+ARM_S, START_S, END_S = 3, 8, 74
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("advised_um", [160.0, 40.0])
+def test_the_widest_and_the_narrowest_advice_violate_nothing(advised_um: float) -> None:
+    config, codec, drawing = bench(), CanCodec(), load_rig("bench")
+    rig = Rig(drawing, codec, node_limits(drawing, config), 1, duty=Duty.hold(12000.0, 30.0))
+    core = GuardCore(config, codec, 77)
+    now_ns, out, states = 10**12, list[RawFrame](), list[GuardState]()
+    for k in range(END_S * 1000):
+        now_ns += MS
+        frames = rig.step(now_ns, out)
+        commands = [CommandRequest(1, "mode", mode=2), CommandRequest(2, "arm")] if k == ARM_S * 1000 else []
+        if k == START_S * 1000:
+            rig.follow(Duty.published())
+        advice = Advice(k, now_ns, now_ns, 300 * MS, advised_um, None, True, [], None) if k % 100 == 0 else None
+        decision = core.step(Cycle(k, now_ns, frames, advice, commands, True, True, True))
+        out = decision.frames_out
+        states += [decision.state] if decision.state else []
+    truth = [t for t in rig.truth if t.t_ns > 10**12 + START_S * 10**9]
+    assert min(t.min_film_um for t in truth) >= config.limits.min_film_um
+    assert max(t.peak_to_peak_um / t.clearance_um for t in truth) <= config.limits.clearance_share
+    assert states[-1].arm_state == ArmState.ARMED
+    assert states[-1].counters["frames_lost"] == 0
+    held = [s for s in states if s.t_ns > 10**12 + START_S * 10**9 and s.authority]
+    assert len(held) > 0.9 * (END_S - START_S) * 10
+    assert (max(s.target_clearance_um for s in held) > 85.0) == (advised_um == 160.0)
