@@ -89,9 +89,13 @@ def open_client(runtime: Path) -> zenoh.Session:
         raise SessionError(f"no gate at {runtime / SOCKET}; start it with 'orbitd gate' or 'orbitd run'") from error
 
 
+_OFF: Final = ("scouting/multicast/enabled", "scouting/gossip/enabled", "transport/shared_memory/enabled")
+"""Shared memory: segments in /dev/shm that the service's sandbox forbids, for messages of a few hundred bytes."""
+
+
 def _open(values: dict[str, Any]) -> zenoh.Session:
     config = zenoh.Config()
-    for key, value in {**values, "scouting/multicast/enabled": False, "scouting/gossip/enabled": False}.items():
+    for key, value in {**values, **dict.fromkeys(_OFF, False)}.items():
         config.insert_json5(key, json.dumps(value))
     return zenoh.open(config)
 
