@@ -7,8 +7,8 @@ from firmware_py.acquire.features import FEATURE_NAMES
 from models.recordings import Plan, record_builds, training_cases
 
 
-def two_builds():
-    return record_builds(Plan("bench", 5, 5000, 1.1, training_cases), range(2), 1, lambda _: None)
+def two_builds(workers=1):
+    return record_builds(Plan("bench", 5, 5000, 1.1, training_cases), range(2), workers, lambda _: None)
 
 
 def test_recordings_follow_from_the_seed_and_are_whole():
@@ -18,6 +18,21 @@ def test_recordings_follow_from_the_seed_and_are_whole():
     assert first.orders.features.shape[1] == len(FEATURE_NAMES)
     assert len(np.unique(first.raw.recording)) == len(first.raw) == 10
     assert first.raw.features.shape[1] == 800 * 8
+
+
+@pytest.mark.slow
+def test_recordings_do_not_depend_on_the_number_of_workers():
+    np.testing.assert_array_equal(two_builds(2).orders.features, two_builds(1).orders.features)
+
+
+def test_recordings_are_kept_and_read_back(tmp_path):
+    from models.data_cache import recorded
+
+    plan = Plan("bench", 6, 5000, 1.1, training_cases)
+    made, read = recorded(tmp_path, plan, 1, 1), recorded(tmp_path, plan, 1, 1)
+    assert len(list(tmp_path.iterdir())) == 1
+    np.testing.assert_array_equal(made.orders.features, read.orders.features)
+    np.testing.assert_array_equal(made.raw.kind, read.raw.kind)
 
 
 @pytest.mark.slow
