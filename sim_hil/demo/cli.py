@@ -12,7 +12,7 @@ from typing import Any
 from rich.console import Console
 
 from firmware_py.errors import OrbitdError
-from sim_hil.demo import live_run, simulated
+from sim_hil.demo import latency, live_run, simulated
 from sim_hil.demo.counterfactual import rerun_fixed
 from sim_hil.demo.host import HostProbe, HostTiming
 from sim_hil.demo.live import Quiet, Screen
@@ -26,6 +26,10 @@ from sim_hil.rigs import RIGS
 
 SETTLED_S = 1.0
 """Film is judged from here on: before it the rig runs up."""
+
+LATENCY_FROM_S = 60.0
+LATENCY_TRIALS = 20
+"""Reaction trials after a story of at least this length."""
 
 
 class DemoError(OrbitdError):
@@ -88,8 +92,8 @@ def _play_simulated(setting: Setting, story: Story, observer: Observer, screen: 
     bus = BusCount("simulated", run.frames_expected, counters["frames_in"], counters["frames_lost"],
                    counters["blocks_lost"])
     loop = LoopTiming(1000.0, 0.0, {"p50": 0.0, "p99": 0.0})
-    latency: dict[str, Any] = {"exceedance_to_safe": None, "echo": None}
-    return _outcome(setting, story, observer, bus, HostTiming(0, 0.0), 0.0, loop, latency, run.brain_back_s)
+    no_latency: dict[str, Any] = {"exceedance_to_safe": None, "echo": None}
+    return _outcome(setting, story, observer, bus, HostTiming(0, 0.0), 0.0, loop, no_latency, run.brain_back_s)
 
 
 def _play_live(setting: Setting, story: Story, observer: Observer, screen: Quiet, options: argparse.Namespace,
@@ -103,6 +107,11 @@ def _play_live(setting: Setting, story: Story, observer: Observer, screen: Quiet
         stage.stop()
         if options.record:
             shutil.copyfile(run.recording, options.record)
+    if story.seconds >= LATENCY_FROM_S:
+        screen.say(f"measuring the guard's reaction to danger: {LATENCY_TRIALS} trials")
+        reaction = latency.measure(setting, LATENCY_TRIALS)
+    else:
+        reaction = {"exceedance_to_safe": None, "echo": None}
     counters = run.counters
     bus = BusCount(
         f"{setting.config.bus.link} {setting.config.bus.interface}" if options.link == "can" else "serial pty",
@@ -113,11 +122,11 @@ def _play_live(setting: Setting, story: Story, observer: Observer, screen: Quiet
     loop = LoopTiming(1000.0, round(counters["cycles_late"] / cycles, 5), {
         "p50": counters["lateness_p50_us"] * 1e-3, "p99": counters["lateness_p99_us"] * 1e-3,
     })  # fmt: skip
-    return _outcome(setting, story, observer, bus, timing, run.lag_ms_max, loop, {}, run.brain_back_s)
+    return _outcome(setting, story, observer, bus, timing, run.lag_ms_max, loop, reaction, run.brain_back_s)
 
 
 def _outcome(setting: Setting, story: Story, observer: Observer, bus: BusCount, host: HostTiming, lag_ms: float,
-             loop: LoopTiming, latency: dict[str, Any], brain_back_s: float | None) -> Outcome:
+             loop: LoopTiming, reaction: dict[str, Any], brain_back_s: float | None) -> Outcome:
     """Score what was observed."""
     duty_act = next(act for act in story.acts if act.name == "duty")
     duty_truth = [truth for truth in observer.truth if duty_act.start_s <= truth.t_s < duty_act.end_s]
@@ -125,7 +134,7 @@ def _outcome(setting: Setting, story: Story, observer: Observer, bus: BusCount, 
     safe_um = setting.config.actuator.safe_radial_clearance_um
     kills: list[KillScore] = [score_kill(observer, safe_um, brain_back_s)] if killed else []
     return Outcome(
-        story, observer, duty_truth, bus, host, lag_ms, loop, latency, score_faults(observer),
+        story, observer, duty_truth, bus, host, lag_ms, loop, reaction, score_faults(observer),
         score_forecasts(observer), score_film(observer, setting.config.limits.min_film_um, SETTLED_S), kills,
         rerun_fixed(duty_truth, setting, story.seed),
     )  # fmt: skip

@@ -107,6 +107,11 @@ class Generator:
         self._requests += 1
         self._gate.send(CommandRequest(self._requests, verb, value, mode, "reaction"))
 
+    @property
+    def connected(self) -> bool:
+        """Whether the guard's room is open to us."""
+        return self._gate.connected
+
     def close(self) -> None:
         """Leave bus and room."""
         self._link.close()
@@ -180,6 +185,7 @@ def _safe_since_jump(generator: Generator, safe_um: float) -> bool:
 
 def _arm(generator: Generator, safe_um: float) -> None:
     """Reset, arm by hand and go wide; asked again until the guard has seen enough to agree."""
+    _until(generator, lambda: generator.connected, "the guard's socket")
     give_up = time.monotonic() + GIVE_UP_S
     while True:
         generator.replies.clear()
