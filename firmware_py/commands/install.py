@@ -70,8 +70,8 @@ def main(argv: list[str]) -> int:
     target = Target(options.prefix, options.python)
     try:
         return _remove(target) if options.remove else _install(target, options.config)
-    except PermissionError as error:
-        raise InstallError(f"may not write {error.filename}; run as root or give --prefix") from error
+    except OSError as error:
+        raise InstallError(f"cannot write {error.filename}: {error.strerror}; run as root or give --prefix") from error
 
 
 def source_folder() -> Path:
