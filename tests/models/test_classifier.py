@@ -50,7 +50,7 @@ def test_one_file_answers_like_the_module(tmp_path):
     )
     metadata = export.Metadata("classifier", "0", FEATURE_NAMES, ("heads", "score"), {}, (), "", {}, ())
     path, x = tmp_path / "classifier.onnx", rng.normal(0.0, 5.0, (10_000, n)).astype(np.float32)
-    x[:2] = 0.0, 1e6
+    x[0], x[1] = 0.0, 1e6
     export.export(
         module, torch.from_numpy(x[:2]), path, input_name="features", output_names=("heads", "score"), metadata=metadata
     )
