@@ -2,7 +2,11 @@
 
 from typing import TYPE_CHECKING, Any
 
-from .film import Equilibrium, Feed, FilmForce, equilibrium, film_force
+from .compiled import keep_compiled
+
+keep_compiled()  # before anything imports numba
+
+from .film import Equilibrium, Feed, FilmForce, equilibrium, film_force  # noqa: E402
 
 if TYPE_CHECKING:
     from .duty import Duty

@@ -1,0 +1,29 @@
+"""Where compiled kernels are kept between runs: one folder per state of the simulator's sources.
+
+Numba notices a change of the file in which a kernel stands, but not of the constants and functions that it
+imports; a folder named after all sources can hold nothing stale.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from pathlib import Path
+
+
+def keep_compiled() -> None:
+    """Point Numba at the folder that belongs to these sources, unless the environment names another."""
+    if "NUMBA_CACHE_DIR" in os.environ:
+        return
+    base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    if os.access(base if base.exists() else base.parent, os.W_OK):
+        os.environ["NUMBA_CACHE_DIR"] = str(base / "orbitd" / f"compiled-{_state()}")
+
+
+def _state() -> str:
+    """Sizes and modification times of every source file of the simulator, as one short name."""
+    digest = hashlib.sha256()
+    for path in sorted(Path(__file__).parent.rglob("*.py")):
+        found = path.stat()
+        digest.update(f"{path.name} {found.st_size} {found.st_mtime_ns}\n".encode())
+    return digest.hexdigest()[:16]
