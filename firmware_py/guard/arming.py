@@ -20,6 +20,9 @@ from firmware_py.records import VERBS, Advice, ArmState, CommandReply, CommandRe
 RECOVERY_MAX_NS: Final = 60_000_000_000
 """A recovery that takes longer ends disarmed: nobody expects a machine to move by itself by then."""
 
+CHECK_PATIENCE_NS: Final = 3_000_000_000
+"""While checking, what is not there *yet* is no event before this time has passed."""
+
 
 class Target(msgspec.Struct, frozen=True):
     """Radial clearance and supply pressure that the guard wants."""
@@ -38,6 +41,7 @@ class ArmingState(msgspec.Struct):
     commanding: bool = False
     recovery_ns: int = 0
     trouble_ns: int = 0
+    check_ns: int = 0
     active: list[str] = []
 
 
@@ -48,19 +52,16 @@ class Arming:
     ----------
     config
         Device mode, actuator, bearing and feed ranges, authority.
-    tripped
-        Whether a trip of an earlier run is still latched.
     """
 
-    def __init__(self, config: Config, tripped: bool) -> None:
+    def __init__(self, config: Config) -> None:
         a, b, f = config.actuator, config.bearing, config.feed
         self.safe = Target(a.safe_radial_clearance_um, a.safe_pressure_bar)
         self._clearances = (b.radial_clearance_min_um, b.radial_clearance_max_um)
         self._pressures = (f.pressure_min_bar, f.pressure_max_bar)
         self._recover_ns = round(config.authority.regain_after_s * 1e9)
         self._authority = Authority(config.authority)
-        self._state = ArmingState(config.device.start_mode, ArmState.TRIPPED if tripped else ArmState.BOOT,
-                                  self.safe, self._authority.state)
+        self._state = ArmingState(config.device.start_mode, ArmState.BOOT, self.safe, self._authority.state)
 
     @property
     def state(self) -> ArmingState:
@@ -91,12 +92,13 @@ class Arming:
     def _transition(self, failsafes: list[Failsafe], situation: Situation) -> list[Notice]:
         """Move to the state that the worst failsafe asks for."""
         s, now_ns = self._state, situation.now_ns
-        notices = self._tell(failsafes, situation)
+        if s.arm_state == ArmState.BOOT:
+            s.arm_state, s.check_ns = ArmState.CHECK, now_ns
+        patient = s.arm_state == ArmState.CHECK and now_ns - s.check_ns < CHECK_PATIENCE_NS
+        notices = [] if patient else self._tell(failsafes, situation)
         action = max((failsafe.action for failsafe in failsafes), default=Action.NOTHING)
         if action >= Action.RECOVER:
             s.trouble_ns = now_ns
-        if s.arm_state == ArmState.BOOT:
-            s.arm_state = ArmState.CHECK
         if action == Action.TRIP:
             if s.arm_state != ArmState.TRIPPED:
                 s.arm_state = ArmState.TRIPPED
@@ -124,14 +126,14 @@ class Arming:
         return []
 
     def _tell(self, failsafes: list[Failsafe], situation: Situation) -> list[Notice]:
-        """One notice for each failsafe that has just begun to hold."""
+        """One notice for each failsafe that has just begun to hold (a trip is told with its names)."""
         names = [failsafe.name for failsafe in failsafes]
         before, self._state.active = self._state.active, names
         if names == before:
             return []
         return [Notice(Severity.FAULT if f.action >= Action.RECOVER else Severity.ALERT, f.name,
                        "; ".join([f.text, *situation.node_reasons]) if f.name == "node_mismatch" else f.text)
-                for f in failsafes if f.name not in before]
+                for f in failsafes if f.name not in before and f.action != Action.TRIP]
 
     def _target(self, situation: Situation, advice: Advice | None, sound: bool) -> Target:
         """Set point or advice narrowed to the admissible interval; otherwise the safe values.
@@ -175,7 +177,7 @@ class Arming:
         """A person asks to start anew; ``left`` are the trips that cannot be cleared yet."""
         self._authority.reset()
         if self._state.arm_state == ArmState.TRIPPED and not left:
-            self._state.arm_state, self._state.commanding = ArmState.CHECK, False
+            self._state.arm_state, self._state.commanding, self._state.check_ns = ArmState.CHECK, False, 0
 
     def _set_mode(self, request: CommandRequest, situation: Situation) -> list[str]:
         s = self._state

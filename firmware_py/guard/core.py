@@ -97,7 +97,7 @@ class GuardCore:
         self._speeds = (config.operating.speed_min_rpm * pi / 30, config.operating.speed_max_rpm * pi / 30)
         self._acquire = Acquire(config, codec)
         self._protection = Protection(config, latched or [])
-        self._arming = Arming(config, bool(latched))
+        self._arming = Arming(config)
         self._speaker = Speaker(config, codec, session)
         self._shield = Shield(config)
         self._load = LoadEstimator(config)

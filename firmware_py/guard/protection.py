@@ -63,7 +63,9 @@ class Protection:
         for i in WATCHED:
             for severity in (Severity.ALERT, Severity.DANGER):
                 name = f"{CHANNELS[i]}_{severity.name.lower()}"
-                alarms[name] = AlarmState(name, int(severity), severity is Severity.DANGER, standing=name in latched)
+                alarms[name] = AlarmState(name, int(severity), severity is Severity.DANGER)
+        for name in latched:  # even one that this version does not judge stands until somebody resets it
+            alarms.setdefault(name, AlarmState(name, int(Severity.DANGER), latching=True)).standing = True
         not_ok = {name: AlarmState(f"{name}_not_ok", int(Severity.FAULT), False) for name in CHANNELS}
         self._state = ProtectionState(alarms, not_ok, self._meter.window)
         self.tripped = self._latched()

@@ -34,7 +34,6 @@ def sent(decisions: list[Decision], kind: type) -> list[RawFrame]:
 
 def test_a_new_installation_monitors_checks_and_stays_disarmed() -> None:
     b = Bench()
-    b.cycle()
     assert state(b).arm_state == ArmState.CHECK
     b.run(1.5)
     found = state(b)
@@ -254,3 +253,26 @@ def test_a_snapshot_of_a_restored_guard_is_the_same_snapshot() -> None:
     other = GuardCore(b.config, CanCodec(), SESSION)
     other.restore(taken)
     assert other.snapshot(1, 2) == taken
+
+
+# ------------------------------------------------------------------ events
+
+
+def test_a_good_start_raises_no_alarm_and_a_bad_one_does() -> None:
+    good, bad = Bench(), Bench()
+    bad.link_up = False
+    good.run(3.5)
+    bad.run(3.5)
+    assert set(good.names()) == {"gate_back", "brain_back"}
+    assert {"link_lost", "link_down", "samples_stale"} <= set(bad.names())
+
+
+def test_a_trip_is_told_once_and_so_is_one_from_an_earlier_run() -> None:
+    fresh, old = Bench().armed(), Bench(latched=["of_an_older_version_danger"])
+    fresh.node.amplitude_um = 40.0
+    fresh.run(1.5)
+    old.run(1.5)
+    assert fresh.names().count("tripped") == old.names().count("tripped") == 1
+    assert old.core.tripped == ["of_an_older_version_danger"]
+    assert old.ask("reset")[0]
+    assert old.core.tripped == []
