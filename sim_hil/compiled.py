@@ -10,6 +10,9 @@ import hashlib
 import os
 from pathlib import Path
 
+KERNEL_FOLDERS = ("film", "rotor", "sensors")
+"""Where compiled functions, and the constants that they use, are written."""
+
 
 def keep_compiled() -> None:
     """Point Numba at the folder that belongs to these sources, unless the environment names another."""
@@ -21,9 +24,10 @@ def keep_compiled() -> None:
 
 
 def _state() -> str:
-    """Sizes and modification times of every source file of the simulator, as one short name."""
+    """Sizes and modification times of every source from which kernels are made, as one short name."""
     digest = hashlib.sha256()
-    for path in sorted(Path(__file__).parent.rglob("*.py")):
-        found = path.stat()
-        digest.update(f"{path.name} {found.st_size} {found.st_mtime_ns}\n".encode())
+    for folder in KERNEL_FOLDERS:
+        for path in sorted((Path(__file__).parent / folder).rglob("*.py")):
+            found = path.stat()
+            digest.update(f"{path.name} {found.st_size} {found.st_mtime_ns}\n".encode())
     return digest.hexdigest()[:16]
