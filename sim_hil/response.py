@@ -123,7 +123,9 @@ def simulate(
         A clearance outside the rig's range, a step too long, or a run that left the finite numbers.
     """
     if not (0 < dt_s <= LONGEST_STEP_S and rate_hz > 0):
-        raise SimulationError(f"dt_s = {dt_s}, rate_hz = {rate_hz}: a step must be above 0 and at most {LONGEST_STEP_S} s")
+        raise SimulationError(
+            f"dt_s = {dt_s}, rate_hz = {rate_hz}: both above zero, and the step at most {LONGEST_STEP_S} s"
+        )
     period = 1 / rate_hz
     total = round((duty.seconds if seconds is None else seconds) / period)
     if total < 1:
@@ -220,8 +222,7 @@ def _law(rig: RigData, plant: Plant, force: Force, start: Start) -> Law:
     if force == "linear":
         if start.load_N and not start.damping_N_s_m.any():
             raise SimulationError("force = linear: a film at rest has no stiffness; start with the machine turning")
-        k, c = start.stiffness_N_m.ravel(), start.damping_N_s_m.ravel()
-        return LinearLaw(*start.position_m, 0.0, start.load_N, *k, *c)
+        return LinearLaw.of((start.position_m, np.array([0.0, start.load_N])), start.stiffness_N_m, start.damping_N_s_m)
     try:
         table = FilmTable.load(shape).coefficients
     except FilmError as error:

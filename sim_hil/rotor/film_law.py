@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
+import numpy as np
 from numba import njit, types
 from numba.extending import overload
 
@@ -52,6 +53,12 @@ class LinearLaw(NamedTuple):
     cxy: float
     cyx: float
     cyy: float
+
+    @classmethod
+    def of(cls, rest: tuple[Floats, Floats], stiffness_N_m: Floats, damping_N_s_m: Floats) -> LinearLaw:
+        """The law around `rest`: position, m, and force there, N; K and C along x and y, shape (2, 2)."""
+        numbers = np.concatenate([*rest, np.ravel(stiffness_N_m), np.ravel(damping_N_s_m)])
+        return cls._make(numbers.tolist())
 
 
 Law = Floats | DirectLaw | LinearLaw
@@ -117,7 +124,7 @@ def _of_type(kind: type) -> Callable[..., Forces]:
 
 
 @overload(film_law)
-def _film_law(law, ex, ey, vx, vy, omega, c, mu, R, L, c_rate):  # type: ignore[no-untyped-def]  # noqa: ANN
+def _film_law(law, ex, ey, vx, vy, omega, c, mu, R, L, c_rate):  # type: ignore[no-untyped-def]
     chosen = _of_type(law.instance_class if isinstance(law, types.BaseNamedTuple) else type(law))
 
     def forces(law, ex, ey, vx, vy, omega, c, mu, R, L, c_rate):  # type: ignore[no-untyped-def]

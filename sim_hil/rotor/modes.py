@@ -30,7 +30,7 @@ class Support(NamedTuple):
 
 @dataclass(frozen=True)
 class Modes:
-    """Damped modes, one for each pair of eigenvalues, by rising frequency.
+    """Damped modes by rising frequency: one for each pair of eigenvalues, and each real eigenvalue.
 
     Parameters
     ----------
@@ -54,11 +54,14 @@ class Modes:
 
     @property
     def damping_ratio(self) -> Floats:
-        """Share of critical damping; negative is unstable."""
-        return np.asarray(-self.eigenvalue_1_s.real / np.abs(self.eigenvalue_1_s))
+        """Share of critical damping; negative is unstable, zero for a motion that nothing restores."""
+        size = np.abs(self.eigenvalue_1_s)
+        return np.asarray(-self.eigenvalue_1_s.real / np.where(size > 0, size, 1.0))
 
 
-def modes(m: float, J_d: float, J_p: float, supports: Sequence[Support | tuple[float, ...]], speed_rad_s: float) -> Modes:
+def modes(
+    m: float, J_d: float, J_p: float, supports: Sequence[Support | tuple[float, ...]], speed_rad_s: float
+) -> Modes:
     """Modes of `M q'' + (C + omega G) q' + K q = 0`, `q = (x, y, A, B)`, `A = dx/dz`, `B = dy/dz`.
 
     Parameters
@@ -75,6 +78,18 @@ def modes(m: float, J_d: float, J_p: float, supports: Sequence[Support | tuple[f
     ModesError
         Mass or inertia not above zero, or nothing that holds the rotor.
     """
+    values, vectors = np.linalg.eig(state_matrix(m, J_d, J_p, supports, speed_rad_s))
+    kept = np.flatnonzero(values.imag >= -1e-9 * np.abs(values).max())
+    kept = kept[np.argsort(values[kept].imag, kind="stable")]
+    shapes = vectors[:4, kept].T
+    reach = max(abs(Support(*s).z_m) for s in supports)
+    return Modes(values[kept].astype(np.complex128), shapes, _senses(shapes, reach))
+
+
+def state_matrix(
+    m: float, J_d: float, J_p: float, supports: Sequence[Support | tuple[float, ...]], speed_rad_s: float
+) -> Floats:
+    """The matrix of `d(q, q')/dt`, shape (8, 8); arguments and errors as `modes`."""
     for name, value in (("m", m), ("J_d", J_d)):
         if not (np.isfinite(value) and value > 0):
             raise ModesError(f"{name} = {value}: must be finite and above zero")
@@ -83,20 +98,15 @@ def modes(m: float, J_d: float, J_p: float, supports: Sequence[Support | tuple[f
     if not supports:
         raise ModesError("supports: none given; a rotor without supports has no modes")
     held = [Support(*s) for s in supports]
-    system = np.zeros((8, 8))
     inverse = np.diag(1 / np.array([m, m, J_d, J_d]))
-    gyroscopic = np.zeros((4, 4))
-    gyroscopic[2, 3], gyroscopic[3, 2] = J_p * speed_rad_s, -J_p * speed_rad_s
-    stiffness = sum(_lifted(s.z_m, s.stiffness_N_m) for s in held)
-    damping = sum(_lifted(s.z_m, s.damping_N_s_m) for s in held)
+    damping = np.sum([_lifted(s.z_m, s.damping_N_s_m) for s in held], axis=0)
+    damping[2, 3] += J_p * speed_rad_s
+    damping[3, 2] -= J_p * speed_rad_s
+    system = np.zeros((8, 8))
     system[:4, 4:] = np.eye(4)
-    system[4:, :4] = -inverse @ stiffness
-    system[4:, 4:] = -inverse @ (damping + gyroscopic)
-    values, vectors = np.linalg.eig(system)
-    kept = np.flatnonzero(values.imag >= -1e-9 * np.abs(values).max())
-    kept = kept[np.argsort(values[kept].imag, kind="stable")]
-    shapes = vectors[:4, kept].T
-    return Modes(values[kept].astype(np.complex128), shapes, _senses(shapes, max(abs(s.z_m) for s in held)))
+    system[4:, :4] = -inverse @ np.sum([_lifted(s.z_m, s.stiffness_N_m) for s in held], axis=0)
+    system[4:, 4:] = -inverse @ damping
+    return system
 
 
 def _lifted(z: float, matrix: float | Floats) -> Floats:

@@ -1,0 +1,95 @@
+"""`orbitd verify`: this project beside closed forms, published tables and the properties a film must have."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+from collections.abc import Callable, Iterator
+
+from rich.console import Console
+from rich.table import Table
+
+from sim_hil.verify.row import Row
+
+Group = Callable[[], Iterator[Row]]
+
+
+def groups(quick: bool) -> dict[str, Group]:
+    """The groups of rows by title; `quick` leaves out the integrated rotor and the larger tables."""
+    from sim_hil.verify import closed_forms, properties, published, rotor
+
+    short = {
+        "Short bearing": closed_forms.short_bearing,
+        "Short bearing forces": closed_forms.short_bearing_forces,
+        "Squeeze film and Petroff": closed_forms.squeeze_film,
+        "Long bearing": closed_forms.long_bearing,
+        "Lightly loaded bearing of any length": closed_forms.light_load,
+        "Raimondi and Boyd, stored excerpt": published.raimondi_boyd_excerpt,
+        "Scaling and symmetry": properties.scaling,
+        "Whirl and dissipation": properties.whirl_and_dissipation,
+        "Complementarity": properties.complementarity,
+        "Table and direct film": properties.fast_films,
+        "Flow balance": properties.flow_balance,
+        "Rigid-rotor modes": rotor.rigid_modes,
+        "Facts of the rig bench": rotor.bench_facts,
+    }
+    if quick:
+        return short
+    return short | {
+        "Raimondi and Boyd": published.raimondi_boyd,
+        "Grid convergence": properties.grid_convergence,
+        "Rotor on springs": rotor.linear_rotor,
+        "Step halving": rotor.step_halving,
+        "Whirl": rotor.whirl_onset,
+    }
+
+
+def main(argv: list[str]) -> int:
+    """Print the table; 1 when a row is outside its tolerance."""
+    parser = argparse.ArgumentParser(prog="orbitd verify", description=__doc__)
+    parser.add_argument("--quick", action="store_true", help="without the integrated rotor and the larger tables")
+    parser.add_argument("--json", action="store_true", help="for programs")
+    options = parser.parse_args(argv)
+    results = {title: list(group()) for title, group in groups(options.quick).items()}
+    rows = [row for group in results.values() for row in group]
+    failed = sum(row.passed is False for row in rows)
+    if options.json:
+        print(json.dumps({"rows": [_record(t, r) for t, g in results.items() for r in g], "failed": failed}))
+    else:
+        _print(results)
+        judged = sum(row.passed is not None for row in rows)
+        print(f"{judged - failed} of {judged} within tolerance, {len(rows) - judged} shown only")
+    return 1 if failed else 0
+
+
+def _record(title: str, row: Row) -> dict[str, object]:
+    numbers = {"value": row.value, "reference": row.reference, "difference": row.difference}
+    finite = {name: x if math.isfinite(x) else None for name, x in numbers.items()}
+    kind = "absolute" if row.absolute else "relative"
+    return {"group": title, "quantity": row.quantity, **finite, "source": row.source, "tolerance": row.tolerance,
+            "kind": kind, "pass": row.passed}  # fmt: skip
+
+
+def _print(results: dict[str, list[Row]]) -> None:
+    console = Console(width=None if Console().is_terminal else 200)
+    for title, rows in results.items():
+        table = Table(title=title, title_justify="left", show_edge=False)
+        table.add_column("quantity", overflow="fold", ratio=5)
+        for name in ("this project", "reference"):
+            table.add_column(name, justify="right")
+        table.add_column("source", overflow="fold", ratio=3)
+        for name in ("difference", "tolerance", "pass"):
+            table.add_column(name, justify="right")
+        for row in rows:
+            table.add_row(row.quantity, f"{row.value:.6g}", f"{row.reference:.6g}", row.source, *_judgement(row))
+        console.print(table, "")
+
+
+def _judgement(row: Row) -> tuple[str, str, str]:
+    def amount(x: float) -> str:
+        return f"{x:.3g}" if row.absolute else f"{100 * x:.3g} %"
+
+    if row.tolerance is None:
+        return amount(row.difference), "-", "-"
+    return amount(row.difference), amount(row.tolerance), "yes" if row.passed else "NO"

@@ -1,0 +1,59 @@
+"""`orbitd verify`: judges rows rightly, and everything quick is within tolerance."""
+
+import contextlib
+import io
+import json
+import math
+
+import pytest
+
+from sim_hil import verify
+from sim_hil.verify.row import Row, reference, residual
+
+
+@pytest.mark.parametrize(
+    ("value", "expected", "absolute", "passed"),
+    [(1.01, 1.0, False, True), (1.03, 1.0, False, False), (-103.0, -100.0, False, False), (10.015, 10.0, True, True)],
+)
+def test_a_row_is_judged_by_its_tolerance(value, expected, absolute, passed):
+    assert Row("q", value, expected, "s", 0.02, absolute).passed is passed
+
+
+def test_nan_never_passes_and_a_row_without_tolerance_is_not_judged():
+    assert residual("q", math.nan, "s", 1.0).passed is False
+    assert Row("q", 1.0, 2.0, "s", None).passed is None
+
+
+@pytest.fixture(scope="module")
+def quick():
+    output = io.StringIO()
+    with contextlib.redirect_stdout(output):
+        code = verify.main(["--quick", "--json"])
+    return code, json.loads(output.getvalue())
+
+
+def test_everything_quick_is_within_tolerance(quick):
+    code, report = quick
+    assert (code, report["failed"]) == (0, 0)
+    assert len(report["rows"]) > 120
+    assert {"quantity", "value", "reference", "source", "difference", "tolerance", "pass"} <= set(report["rows"][0])
+
+
+def test_a_row_outside_its_tolerance_ends_with_one(monkeypatch, capsys):
+    monkeypatch.setattr(verify, "groups", lambda quick: {"g": lambda: iter([Row("q", 2.0, 1.0, "s", 0.1)])})
+    assert verify.main([]) == 1
+    assert "0 of 1 within tolerance" in capsys.readouterr().out
+
+
+def test_every_reference_row_is_in_the_quick_table(quick):
+    quantities = " ".join(row["quantity"] for row in quick[1]["rows"])
+    for name, label in (("short_bearing_closed_form", "L/D=1/16 eps={}"), ("long_bearing_closed_form", "full eps={}"),
+                        ("raimondi_boyd_LD1", "eps={} (excerpt)")):  # fmt: skip
+        for row in reference(f"{name}.json")["rows"]:
+            assert label.format(row["eps"]) in quantities
+
+
+@pytest.mark.slow
+def test_everything_is_within_tolerance(capsys):
+    assert verify.main(["--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["failed"] == 0
