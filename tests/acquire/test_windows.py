@@ -122,6 +122,15 @@ def test_bad_channel_stays_in_the_windows_that_saw_it_only() -> None:
     assert not all(saw)
 
 
+def test_flags_of_a_block_reach_its_windows() -> None:
+    counts, marks = recording(RATE, seconds=1.0)
+    every = blocks(counts, marks)
+    values = {f: getattr(every[50], f) for f in Block.__struct_fields__}
+    every[50] = Block(**values | {"quality": int(Quality.CLOCK_UNSETTLED)})
+    windows, _ = run(every)
+    assert windows[0].quality == Quality.CLOCK_UNSETTLED
+
+
 def test_readings_are_averaged_inside_the_window() -> None:
     counts, marks = recording(RATE)
     windower = Windower(ChannelMap.wire(), RATE)
