@@ -9,9 +9,17 @@ from firmware_py.acquire.windows import WIRE_SCALES
 
 
 def recording(
-    rate_hz: int = 5000, *, seconds: float = 4.0, start_hz: float = 50.0, ramp_hz_s: float = 0.0,
-    forward_m: tuple[float, ...] = (10e-6,), backward_m: tuple[float, ...] = (), half_m: float = 0.0,
-    acceleration_m_s2: float = 5.0, noise: float = 0.05, phase_rad: float = 0.5,
+    rate_hz: int = 5000,
+    *,
+    seconds: float = 4.0,
+    start_hz: float = 50.0,
+    ramp_hz_s: float = 0.0,
+    forward_m: tuple[float, ...] = (10e-6,),
+    backward_m: tuple[float, ...] = (),
+    half_m: float = 0.0,
+    acceleration_m_s2: float = 5.0,
+    noise: float = 0.05,
+    phase_rad: float = 0.5,
 ) -> tuple[NDArray[np.int16], NDArray[np.int64]]:
     """Counts (n, 8) and mark ticks (us); the shaft turns at ``start_hz + ramp_hz_s t``."""
     rng = np.random.default_rng(3)
@@ -24,11 +32,16 @@ def recording(
         orbit = orbit + amplitude * np.exp(-1j * k * angle)
     orbit = orbit + half_m * np.exp(0.48j * angle)
     probes = orbit * np.exp(-0.25j * np.pi)
-    si = np.column_stack([
-        probes.real, probes.imag,
-        *(acceleration_m_s2 * np.cos(angle - i) + rng.normal(0, noise, len(t)) for i in range(3)),
-        rng.normal(0, 0.05, len(t)), np.full(len(t), 1.0), np.full(len(t), 1.2),
-    ])
+    si = np.column_stack(
+        [
+            probes.real,
+            probes.imag,
+            *(acceleration_m_s2 * np.cos(angle - i) + rng.normal(0, noise, len(t)) for i in range(3)),
+            rng.normal(0, 0.05, len(t)),
+            np.full(len(t), 1.0),
+            np.full(len(t), 1.2),
+        ]
+    )
     turns = np.arange(int(angle[-1] / (2 * np.pi)) + 1)
     fine = np.linspace(0, seconds, 200 * len(t) // 10 + 1)
     fine_turns = start_hz * fine + 0.5 * ramp_hz_s * fine * fine
