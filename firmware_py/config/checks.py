@@ -77,7 +77,6 @@ def _limits(config: Config) -> Iterator[Fault]:
             "acceleration_danger_m_s2",
             limits.acceleration_danger_m_s2,
         ),
-        ("trip_film_um", limits.trip_film_um, "min_film_um", limits.min_film_um),
     ):
         if low >= high:
             yield f"limits.{low_key}", low, f"not below {high_key} ({high:g}); lower it"

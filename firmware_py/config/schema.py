@@ -146,7 +146,6 @@ class Limits(Section, frozen=True):
     """API 670 set points; peak-to-peak over at least one full turn."""
 
     min_film_um: Positive
-    trip_film_um: Positive
     displacement_alert_um: Positive
     displacement_danger_um: Positive
     clearance_share: Annotated[float, Meta(gt=0, le=1)]

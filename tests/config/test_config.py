@@ -29,7 +29,6 @@ def test_shipped_configurations_load(path: Path) -> None:
         ("safe_pressure_bar = 1.0", "safe_pressure_bar = 9.0", "0.5 .. 3 bar"),
         ("command_period_ms = 20", "command_period_ms = 50", "two lost frames would expire the command"),
         ("displacement_alert_um = 45.0", "displacement_alert_um = 70.0", "not below displacement_danger_um (70)"),
-        ("trip_film_um = 5.0", "trip_film_um = 10.0", "not below min_film_um (10)"),
         ("data_bitrate = 5_000_000", "data_bitrate = 1_000_000", "115 % of a bus at 1000000/1000000 bit/s"),
         ('link = "can"', 'link = "serial"', "name the port"),
         ('name = "disp_y"', 'name = "disp_z"', "must be exactly disp_x, disp_y"),
