@@ -54,7 +54,7 @@ def settings(config: Config) -> dict[str, float]:
         "CLR_MAX_UM": b.radial_clearance_max_um, "CLR_NOMINAL_UM": b.radial_clearance_nominal_um,
         "CLR_SAFE_UM": a.safe_radial_clearance_um, "CLR_RATE_UM_S": a.rate_um_s,
         "PRS_SAFE_BAR": a.safe_pressure_bar, "NODE_TTL_MS": a.time_to_live_ms, "FILM_MIN_UM": lim.min_film_um,
-        "FILM_TRIP_UM": lim.trip_film_um, "DISP_ALERT_UM": lim.displacement_alert_um,
+        "DISP_ALERT_UM": lim.displacement_alert_um,
         "DISP_DANGER_UM": lim.displacement_danger_um, "ACC_ALERT_MS2": lim.acceleration_alert_m_s2,
         "ACC_DANGER_MS2": lim.acceleration_danger_m_s2, "ALERT_DELAY_S": lim.alert_delay_s,
         "DANGER_DELAY_S": lim.danger_delay_s, "SPEED_MIN_RPM": o.speed_min_rpm, "SPEED_MAX_RPM": o.speed_max_rpm,
