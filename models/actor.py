@@ -45,10 +45,10 @@ class ActorSettings(Settings, frozen=True):
     rig: str = "bench"
     episode_s: float = 15.0
     ddpg: DdpgSettings = DdpgSettings()
-    judged_episodes: int = 20
-    judged_seconds: float = 30.0
+    judged_episodes: int = 12
+    judged_seconds: float = 20.0
     lookup_points: tuple[int, int, int] = (7, 6, 13)
-    fixed_um: tuple[float, ...] = (50.0, 60.0, 70.0, 80.0, 100.0, 130.0, 160.0)
+    fixed_um: tuple[float, ...] = (50.0, 60.0, 70.0, 90.0)
 
     def smoked(self) -> ActorSettings:
         """The same training in some seconds."""
@@ -149,10 +149,12 @@ def _learn(run: Run, settings: ActorSettings) -> Actor:
     low, high = np.array([RANGES[name] for name in OBSERVATIONS], np.float32).T
     torch.set_num_threads(1)
     with progress_bar("DDPG", settings.ddpg.steps) as bar:
-        return train_ddpg(
+        actor = train_ddpg(
             environment, Scale(low, high), settings.ddpg, run.seed, on_step=bar,
             on_episode=lambda step, total: run.log({"step": step, "return": round(total, 3)}),
         )  # fmt: skip
+    torch.save(actor.state_dict(), run.folder / "actor.pt")
+    return actor
 
 
 def _fixed(clearance_um: float) -> Policy:

@@ -60,7 +60,7 @@ def _surrogate(path: Path, args: argparse.Namespace) -> dict[str, object]:
 def _classifier(path: Path, args: argparse.Namespace) -> dict[str, object]:
     from models import classifier
 
-    settings = classifier.ClassifierSettings(judged_builds=args.size or 150, rate_hz=args.rate_hz)
+    settings = classifier.ClassifierSettings(judged_builds=args.size or 80, rate_hz=args.rate_hz)
     verdicts = classifier.of_file(path)
     views = classifier.judged_views(settings, args.seed, args.out)
     threshold = classifier.novelty_threshold(path)
@@ -73,7 +73,7 @@ def _classifier(path: Path, args: argparse.Namespace) -> dict[str, object]:
 def _actor(path: Path, args: argparse.Namespace) -> dict[str, object]:
     from models import actor
 
-    settings = actor.ActorSettings(judged_episodes=args.size or 20)
+    settings = actor.ActorSettings(judged_episodes=args.size or 12)
     return {"unseen_episodes": actor.compare(actor.of_file(path), settings, args.seed)}
 
 
