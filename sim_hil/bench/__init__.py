@@ -1,0 +1,113 @@
+"""`orbitd bench sim`: speed of the simulator, as ratios to a reference kernel timed in the same run."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from typing import Final
+
+REFERENCE_CALLS: Final = 2000
+SPEEDS_RPM: Final = (3000, 10000)
+ORBIT_ERROR: Final = 5e-3
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One measured figure; `limit` is the least (`at_least`) or the largest that is wanted, None to show only."""
+
+    name: str
+    value: float
+    unit: str
+    limit: float | None = None
+    at_least: bool = False
+
+    @property
+    def passed(self) -> bool | None:
+        """None when not judged."""
+        if self.limit is None:
+            return None
+        return self.value >= self.limit if self.at_least else self.value <= self.limit
+
+
+def main(argv: list[str]) -> int:
+    """Measure and print; 1 when a figure misses its target."""
+    parser = argparse.ArgumentParser(prog="orbitd bench", description=__doc__)
+    parser.add_argument("what", choices=["sim"], help="what to measure: the simulator")
+    parser.add_argument("--quick", action="store_true", help="without many rotors and start times")
+    parser.add_argument("--json", action="store_true", help="for programs")
+    options = parser.parse_args(argv)
+    figures = [*film_figures(), *rotor_figures()]
+    if not options.quick:
+        figures += [*many_figures(), *start_figures()]
+    missed = [figure.name for figure in figures if figure.passed is False]
+    if options.json:
+        print(json.dumps({"figures": [asdict(f) | {"pass": f.passed} for f in figures], "missed": missed}))
+    else:
+        _print(figures)
+    return 1 if missed else 0
+
+
+def film_figures() -> Iterator[Figure]:
+    """Reference kernel, direct film and table film, each call on its own."""
+    from sim_hil.bench.film import film_timings
+
+    timings = film_timings(REFERENCE_CALLS)
+    yield Figure("reference: cyclic tridiagonal, 64 nodes x 4", timings["reference"].seconds * 1e6, "us")
+    for name, limit in (("direct", 10.0), ("table", None)):
+        yield Figure(f"{name} film force", timings[name].seconds * 1e6, "us")
+        yield Figure(f"{name} film force over reference", timings[name].ratio, "", limit)
+
+
+def rotor_figures() -> Iterator[Figure]:
+    """One rotor on the direct and on the table film: real-time factor on the processor's clock, and orbit error."""
+    from sim_hil.bench.film import repeat_of_reference
+    from sim_hil.bench.rotors import orbit
+    from sim_hil.bench.timing import beside
+
+    reference = repeat_of_reference(REFERENCE_CALLS)
+    for force, seconds, wanted in (("direct", 0.05, 5.0), ("table", 0.5, 60.0)):
+        for rpm in SPEEDS_RPM:
+            one = orbit(force, rpm)
+            timing = beside(reference, one.run(seconds), (REFERENCE_CALLS, 1))
+            case = f"one rotor, {force}, {rpm} rpm:"
+            yield Figure(f"{case} real-time factor", seconds / timing.seconds, "x", wanted, True)
+            yield Figure(f"{case} simulated second over reference", timing.ratio / seconds, "")
+            yield Figure(f"{case} orbit error", one.error(), "of the orbit", ORBIT_ERROR)
+
+
+def many_figures() -> Iterator[Figure]:
+    """Many table rotors at once, wall time of each, beside one rotor alone."""
+    from sim_hil.bench.rotors import many
+
+    single = many(1, 1, 0.5)
+    for threads in sorted({1, os.cpu_count() or 1}):
+        cost = many(32, threads, 0.1)
+        case = f"32 rotors, {threads} thread{'s' * (threads > 1)}:"
+        yield Figure(f"{case} real-time factor of all together", 1 / cost, "x")
+        # by the wall clock, which other programs share: several threads are shown, one is judged
+        limit = 1.25 if threads == 1 else None
+        yield Figure(f"{case} cost of one over the single rotor's, times threads", cost * threads / single, "", limit)
+
+
+def start_figures() -> Iterator[Figure]:
+    """Cold and warm start."""
+    from sim_hil.bench.start import start_times
+
+    for name, value in start_times().items():
+        yield Figure(name.removesuffix("_s").replace("_", " "), value, "s")
+
+
+def _print(figures: list[Figure]) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title="Speed of the simulator (medians; processor time of one thread)", show_edge=False)
+    for name in ("figure", "value", "unit", "wanted", "met"):
+        table.add_column(name, justify="left" if name in ("figure", "unit") else "right", overflow="fold")
+    for f in figures:
+        wanted = "-" if f.limit is None else f"{'>=' if f.at_least else '<='} {f.limit:g}"
+        table.add_row(f.name, f"{f.value:.4g}", f.unit, wanted, {None: "-", True: "yes", False: "NO"}[f.passed])
+    Console(width=None if Console().is_terminal else 130).print(table)

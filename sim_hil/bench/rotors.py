@@ -1,0 +1,108 @@
+"""One rotor and many: how much faster than real time, and how far from the step-converged orbit."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from statistics import median
+from typing import Final
+
+import numba
+import numpy as np
+
+from sim_hil.build import Build
+from sim_hil.duty import RAD_S_PER_RPM
+from sim_hil.film.table import FilmTable
+from sim_hil.response import equilibrium_at
+from sim_hil.rigs import RigData, load_rig
+from sim_hil.rotor.assembly import assemble
+from sim_hil.rotor.film_law import DirectLaw, Law
+from sim_hil.rotor.parameters import Floats, Plant, new_state
+from sim_hil.rotor.rigid import COLUMNS, advance_rotor, advance_rotors
+
+LOAD_N: Final = 100.0
+CLEARANCE_M: Final = 60e-6
+STEP_S: Final = 100e-6
+RENEW: Final = 8
+"""A turn at 10000 rpm is cut into 60 steps; the film's slopes are renewed every eighth."""
+
+_SETTLE_S = 0.4
+_COMPARED_S = 0.1
+_CONVERGED = 8
+
+
+@dataclass(frozen=True)
+class Orbit:
+    """A machine at one speed, ready to run: everything `advance_rotor` takes but the state."""
+
+    plant: Plant
+    law: Law
+    start_m: Floats
+    speed_rad_s: float
+
+    def state(self) -> tuple[Floats, Floats]:
+        """Rotor at its equilibrium, and its scalars."""
+        s = self.plant.shaft
+        w = np.zeros(8)
+        w[2:4] = self.start_m / (s.to_bearing + s.to_coupling)
+        w[0:2] = s.to_coupling * w[2:4]
+        return w, new_state(1, CLEARANCE_M, 1e5, self.plant.film.inlet_C, 0.0).scalar
+
+    def run(self, seconds: float, refine: int = 1) -> Callable[[], Floats]:
+        """A call that runs `seconds` from the start; the steps are cut into `refine`."""
+        n = round(seconds / STEP_S)
+        drive = np.tile([self.speed_rad_s, LOAD_N], (n + 1, 1))
+        target = np.tile([CLEARANCE_M, 1e5], (n, 1))
+        out = np.empty((n, len(COLUMNS)))
+
+        def call() -> Floats:
+            w, scalar = self.state()
+            p = self.plant
+            renew = RENEW if refine == 1 else 1
+            advance_rotor(p.shaft, p.film, p.act, self.law, w, scalar, drive, target, STEP_S, refine, renew, out)
+            return out
+
+        return call
+
+    def error(self) -> float:
+        """Largest distance from the orbit at an eighth of the step, over the radius of that orbit."""
+        last = round(_COMPARED_S / STEP_S)
+        coarse = self.run(_SETTLE_S + _COMPARED_S)()[-last:, :2].copy()
+        fine = self.run(_SETTLE_S + _COMPARED_S, _CONVERGED)()[-last:, :2]
+        return float(np.hypot(*(coarse - fine).T).max() / (np.ptp(fine, axis=0).max() / 2))
+
+
+@cache
+def _bench() -> RigData:
+    return load_rig("bench")
+
+
+def orbit(force: str, rpm: float) -> Orbit:
+    """The rig `bench` at `rpm`, 100 N, 60 um, oil at its inlet temperature."""
+    rig = _bench()
+    plant = assemble(rig, Build.nominal(rig), STEP_S, thermal=False)
+    table = FilmTable.load(rig.bearing.length_m / (2 * rig.bearing.radius_m)).coefficients
+    law = DirectLaw.make(table) if force == "direct" else table
+    start = equilibrium_at(rig, plant, rpm * RAD_S_PER_RPM, LOAD_N, CLEARANCE_M)
+    return Orbit(plant, law, start.position_m, rpm * RAD_S_PER_RPM)
+
+
+def many(count: int, threads: int, seconds: float, rounds: int = 5) -> float:
+    """Wall time of a simulated second of one of `count` table rotors on `threads` threads, s; median."""
+    one = orbit("table", 10000)
+    states = [one.state() for _ in range(count)]
+    w, scalar = (np.stack(each) for each in zip(*states, strict=True))
+    n = round(seconds / STEP_S)
+    drive = np.tile([one.speed_rad_s, LOAD_N], (count, n + 1, 1))
+    target = np.tile([CLEARANCE_M, 1e5], (count, n, 1))
+    out = np.empty((count, n, len(COLUMNS)))
+    numba.set_num_threads(threads)
+    p, law = one.plant, np.asarray(one.law)
+    times = []
+    for _ in range(rounds + 1):
+        start = time.perf_counter()
+        advance_rotors(p.shaft, p.film, p.act, law, w, scalar, drive, target, STEP_S, 1, RENEW, out)
+        times.append(time.perf_counter() - start)
+    return median(times[1:]) / (count * seconds)
