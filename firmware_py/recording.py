@@ -25,6 +25,7 @@ from firmware_py.errors import OrbitdError
 from firmware_py.records import (
     Advice,
     Block,
+    BrainState,
     CommandReply,
     CommandRequest,
     CycleRecord,
@@ -74,6 +75,7 @@ TOPICS: Final[dict[type[Record], Topic]] = {
     WindowRecord: Topic("ha/window", "json"),
     Forecast: Topic("pa/forecast", "json"),
     Advice: Topic("ag/advice", "json"),
+    BrainState: Topic("ha/state", "json"),
     WallClock: Topic("clock", "json"),
 }
 

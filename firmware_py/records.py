@@ -322,6 +322,14 @@ class Advice(Record, frozen=True, tag=True):
     forecast: Forecast | None
 
 
+class BrainState(Record, frozen=True, tag=True):
+    """What the brain counts: windows cut and dropped, answers refused, proposals overruled (once a second)."""
+
+    seq: int
+    t_ns: int
+    counters: dict[str, int]
+
+
 # --------------------------------------------------------------------------- gate: commands
 
 
@@ -421,6 +429,7 @@ RoomRecord = (
     | Diagnosis
     | Forecast
     | Advice
+    | BrainState
     | CommandRequest
     | CommandReply
     | EventAck

@@ -17,6 +17,7 @@ from firmware_py.config import Config
 from firmware_py.records import (
     Advice,
     Block,
+    BrainState,
     Diagnosis,
     Forecast,
     GuardState,
@@ -28,6 +29,8 @@ from firmware_py.records import (
 ADVICE_PERIOD_NS: Final = 100_000_000
 LIFETIME_NS: Final = 300_000_000
 """Three periods: two lost advices are survived, a third is not."""
+STATE_EVERY: Final = 10
+"""Advices between two accounts of what was counted."""
 WINDOWS_PER_STEP: Final = 2
 """More windows than this in one step mean that the brain is behind: the oldest are dropped, counted."""
 
@@ -114,7 +117,10 @@ class BrainCore:
             clearance_um=proposal.clearance_m * 1e6 if proposal.clearance_m is not None else None,
             pressure_bar=self._pressure_bar if proposes else None,
             qualified=self._policy.qualified, reasons=proposal.reasons, forecast=forecast)
-        return [forecast, advice] if forecast else [advice]
+        said: list[RoomRecord] = [forecast, advice] if forecast else [advice]
+        if self._advice_seq % STATE_EVERY == 0:
+            said.append(BrainState(self._advice_seq, now_ns, self.counters))
+        return said
 
     def _forecast(self, proposal: Proposal) -> Forecast | None:
         """The record of the forecast for where the clearance will be; None without one."""

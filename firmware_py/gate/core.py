@@ -99,7 +99,7 @@ class Gate:
             site=device.site, rig=device.rig, instance=device.instance, version=__version__,
             now_ns=now_ns, unix_ns=self._unix_ns(), rooms={**view.rooms(now_ns), "gate": True},
             guard=view.guard, reading=view.reading, diagnosis=view.diagnosis, forecast=view.forecast,
-            advice=view.advice, alarms=view.alarms(now_ns, self._trouble),
+            advice=view.advice, brain=view.brain, alarms=view.alarms(now_ns, self._trouble),
             recording=str(recorder.path or "") if recorder else "", counters=self.all_counters())
 
     def all_counters(self) -> dict[str, int]:

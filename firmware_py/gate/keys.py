@@ -11,6 +11,7 @@ sd/alarms          list of ``Alarm``, all active  1 Hz, and on query   applicati
 ha/diagnosis       ``Diagnosis``                  each decision        application/json
 pa/forecast        ``Forecast``                   each forecast        application/json
 ag/advice          ``Advice``                     10 Hz                application/json
+ha/state           ``BrainState``                 1 Hz                 application/json
 event/<severity>   ``Event``                      once                 application/json
 event              list of ``Event``              query, ``?since=N``  application/json
 state              ``DeviceState``                query                application/json
@@ -36,6 +37,7 @@ from typing import Final
 from firmware_py.records import (
     Advice,
     Block,
+    BrainState,
     Diagnosis,
     Forecast,
     GuardState,
@@ -51,6 +53,7 @@ PUBLISHED: Final[dict[type[Record], str]] = {
     Diagnosis: "ha/diagnosis",
     Forecast: "pa/forecast",
     Advice: "ag/advice",
+    BrainState: "ha/state",
 }
 """Records that go out as they come in."""
 

@@ -80,7 +80,11 @@ def _channels(features: Features | None) -> list[Metric]:
 
 def _counts(state: DeviceState) -> list[Metric]:
     counts = UnknownMetricFamily("orbitd_count", "Everything the device counts, by room", labels=["room", "name"])
-    by_room = {"gate": state.counters, "guard": state.guard.counters if state.guard else {}}
+    by_room = {
+        "gate": state.counters,
+        "guard": state.guard.counters if state.guard else {},
+        "brain": state.brain.counters if state.brain else {},
+    }
     for room, counters in by_room.items():
         for name, value in sorted(counters.items()):
             counts.add_metric([room, name], value)

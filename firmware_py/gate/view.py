@@ -16,6 +16,7 @@ from firmware_py.records import (
     Advice,
     Alarm,
     Block,
+    BrainState,
     Diagnosis,
     Event,
     Forecast,
@@ -45,6 +46,7 @@ class DeviceState(msgspec.Struct, frozen=True, kw_only=True):
     diagnosis: Diagnosis | None
     forecast: Forecast | None
     advice: Advice | None
+    brain: BrainState | None
     alarms: list[Alarm]
     recording: str
     counters: dict[str, int]
@@ -65,6 +67,7 @@ class View:
         self.diagnosis: Diagnosis | None = None
         self.forecast: Forecast | None = None
         self.advice: Advice | None = None
+        self.brain: BrainState | None = None
         self.features: Features | None = None
         self.decimator = Decimator(config)
         self.counters: Counter[str] = Counter()
@@ -82,6 +85,8 @@ class View:
                 self.guard, self._heard_ns["guard"] = record, now_ns
             case Advice():
                 self.advice, self._heard_ns["brain"] = record, now_ns
+            case BrainState():
+                self.brain = record
             case RigReading():
                 self.reading = record
             case Diagnosis():
