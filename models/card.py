@@ -53,7 +53,8 @@ ACTOR = Prose(
     (
         "Trained by DDPG on one simulated rig, one seed; not compared over ten seeds yet.",
         "It chooses the clearance alone; supply pressure stays as it is.",
-        "A figure of saving means nothing without its baseline: the table names each, and a lookup table beside.",
+        "A figure of saving means nothing without its baseline: the table names each, and beside it a lookup table "
+        "and `widest`, a constant wish for the largest clearance, which the shield alone makes safe.",
     ),
 )
 
