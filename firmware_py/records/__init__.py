@@ -1,0 +1,114 @@
+"""The records that move through the device, in the order in which a sample meets them.
+
+Every record is a frozen ``msgspec.Struct``.  Those that cross a process border are tagged, so one byte
+string tells its own type; :func:`encode` and :func:`decode` are the only two ways across.
+
+Times are monotonic nanoseconds of the host (``*_ns``) or microsecond ticks of the node (``*_tick_us``,
+32 bit, wrapping).  Units stand in the names; values inside the stages are SI floats.
+"""
+
+from __future__ import annotations
+
+import msgspec
+
+from firmware_py.records.acquired import Block, Quality, RigReading
+from firmware_py.records.base import CHANNELS, INSTANTS_PER_FRAME, N_CHANNELS, Record
+from firmware_py.records.brain import Advice, BrainState, Diagnosis, Forecast
+from firmware_py.records.command import VERBS, CommandReply, CommandRequest, EventAck, Hello
+from firmware_py.records.guard import Alarm, Event, GuardState, Severity
+from firmware_py.records.replay import Cycle, CycleRecord, Decision, Snapshot, WindowRecord
+from firmware_py.records.wire import (
+    ArmState,
+    Command,
+    DeviceHeartbeat,
+    Mode,
+    NodeInfo,
+    NodeMode,
+    NodeState,
+    RawFrame,
+    Rejected,
+    RigStatus,
+    SampleFrame,
+    WireMessage,
+)
+
+__all__ = [
+    "CHANNELS",
+    "INSTANTS_PER_FRAME",
+    "N_CHANNELS",
+    "VERBS",
+    "Advice",
+    "Alarm",
+    "ArmState",
+    "Block",
+    "BrainState",
+    "Command",
+    "CommandReply",
+    "CommandRequest",
+    "Cycle",
+    "CycleRecord",
+    "Decision",
+    "DeviceHeartbeat",
+    "Diagnosis",
+    "Event",
+    "EventAck",
+    "Forecast",
+    "GuardState",
+    "Hello",
+    "Mode",
+    "NodeInfo",
+    "NodeMode",
+    "NodeState",
+    "Quality",
+    "RawFrame",
+    "Record",
+    "Rejected",
+    "RigReading",
+    "RigStatus",
+    "RoomRecord",
+    "SampleFrame",
+    "Severity",
+    "Snapshot",
+    "WindowRecord",
+    "WireMessage",
+    "decode",
+    "encode",
+]
+
+RoomRecord = (
+    Block
+    | RigReading
+    | Event
+    | GuardState
+    | Diagnosis
+    | Forecast
+    | Advice
+    | BrainState
+    | CommandRequest
+    | CommandReply
+    | EventAck
+    | Hello
+    | CycleRecord
+    | Snapshot
+    | WindowRecord
+)
+
+_encoder = msgspec.msgpack.Encoder()
+_decoder = msgspec.msgpack.Decoder(RoomRecord)
+
+
+def encode(record: RoomRecord) -> bytes:
+    """Byte string (msgpack) of one record."""
+    return _encoder.encode(record)
+
+
+def decode(data: bytes) -> RoomRecord:
+    """The record in ``data``.
+
+    Raises
+    ------
+    msgspec.ValidationError, msgspec.DecodeError
+        When ``data`` is not one whole record of a known type.
+    """
+    record: RoomRecord = _decoder.decode(data)
+    return record

@@ -1,0 +1,50 @@
+"""Blocks and readings: what acquisition makes of frames (ISO 13374 DA)."""
+
+from __future__ import annotations
+
+import enum
+
+from firmware_py.records.base import Record
+from firmware_py.records.wire import NodeState, RigStatus
+
+
+class Quality(enum.IntFlag):
+    """What is known to be wrong with a record; 0 is good."""
+
+    GOOD = 0
+    GAP_BEFORE = 1
+    CLOCK_UNSETTLED = 2
+    NO_MARK = 4
+    STALE = 8
+
+
+class Block(Record, frozen=True, tag=True):
+    """A gap-free run of samples, time-stamped on the host's clock (ISO 13374 DA).
+
+    ``samples`` holds ``n x 8`` little-endian ``int16``, row = instant.  ``t_acq_ns`` is the mapped host
+    time of the first row, ``period_ns`` the sample period on the host's clock.  ``mark_ticks_us`` are the
+    (unwrapped) node ticks of the once-per-turn marks that fell inside the block; ``tick_us`` is the
+    unwrapped node tick of the first row.  Bit ``i`` of ``channel_ok`` is channel ``i``.
+    """
+
+    seq: int
+    t_acq_ns: int
+    period_ns: int
+    tick_us: int
+    sample_period_us: int
+    quality: int
+    channel_ok: int
+    speed_rad_s: float
+    turn_count: int
+    mark_ticks_us: list[int]
+    samples: bytes
+
+
+class RigReading(Record, frozen=True, tag=True):
+    """A :class:`RigStatus` and the latest :class:`NodeState` with their host time."""
+
+    seq: int
+    t_acq_ns: int
+    quality: int
+    status: RigStatus
+    node: NodeState | None

@@ -1,0 +1,41 @@
+"""Commands of people and programs, and how rooms greet each other."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from firmware_py.records.base import Record
+
+
+class CommandRequest(Record, frozen=True, tag=True):
+    """A person's or program's wish: ``verb`` is one of :data:`VERBS`."""
+
+    seq: int
+    verb: str
+    value: float | None = None
+    mode: int | None = None
+    origin: str = "local"
+
+
+VERBS: Final = ("mode", "arm", "disarm", "reset", "set_clearance", "set_pressure")
+
+
+class CommandReply(Record, frozen=True, tag=True):
+    """Answer to :class:`CommandRequest` ``seq``: accepted, or *all* reasons why not."""
+
+    seq: int
+    accepted: bool
+    reasons: list[str]
+
+
+class EventAck(Record, frozen=True, tag=True):
+    """The gate has stored every event up to and including ``seq``."""
+
+    seq: int
+
+
+class Hello(Record, frozen=True, tag=True):
+    """First record of a peer on a room's socket: which room it is (``brain``, ``gate``)."""
+
+    role: str
+    pid: int

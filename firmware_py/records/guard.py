@@ -1,0 +1,64 @@
+"""Events, alarms and the state of the guard (ISO 13374 SD)."""
+
+from __future__ import annotations
+
+import enum
+
+from firmware_py.records.base import Record
+
+
+class Severity(enum.IntEnum):
+    """How much an event asks of a person."""
+
+    INFO = 0
+    ALERT = 1
+    DANGER = 2
+    FAULT = 3
+
+
+class Event(Record, frozen=True, tag=True):
+    """Something that happened once: it stays with the guard until the gate acknowledges ``seq``."""
+
+    seq: int
+    t_ns: int
+    severity: int
+    name: str
+    text: str
+    value: float = 0.0
+    limit: float = 0.0
+
+
+class Alarm(Record, frozen=True, tag=True):
+    """An alarm that stands now (published as a full cyclic list)."""
+
+    name: str
+    severity: int
+    since_ns: int
+    value: float
+    limit: float
+    latched: bool
+
+
+class GuardState(Record, frozen=True, tag=True):
+    """Everything the guard says about itself ten times a second."""
+
+    seq: int
+    t_ns: int
+    mode: int
+    arm_state: int
+    authority: bool
+    authority_reasons: list[str]
+    speed_rad_s: float
+    load_estimate_N: float
+    clearance_low_um: float
+    clearance_high_um: float
+    target_clearance_um: float
+    target_pressure_bar: float
+    clearance_actual_um: float
+    peak_to_peak_um: tuple[float, float]
+    run_permit: bool
+    trip_request: bool
+    node_following: bool
+    alarms: list[Alarm]
+    counters: dict[str, int]
+    zone: str = ""

@@ -1,0 +1,61 @@
+"""What a replay needs: cycles, decisions, snapshots, windows."""
+
+from __future__ import annotations
+
+from firmware_py.records.acquired import Block, RigReading
+from firmware_py.records.base import Record
+from firmware_py.records.brain import Advice
+from firmware_py.records.command import CommandReply, CommandRequest
+from firmware_py.records.guard import Event, GuardState
+from firmware_py.records.wire import RawFrame
+
+
+class Cycle(Record, frozen=True, tag=True):
+    """All that one guard cycle read: with the snapshot before it, it determines the decision."""
+
+    seq: int
+    now_ns: int
+    frames: list[RawFrame]
+    advice: Advice | None
+    commands: list[CommandRequest]
+    brain_connected: bool
+    gate_connected: bool
+    link_up: bool
+
+
+class Decision(Record, frozen=True, tag=True):
+    """All that one guard cycle put out."""
+
+    seq: int
+    frames_out: list[RawFrame]
+    blocks: list[Block]
+    readings: list[RigReading]
+    events: list[Event]
+    replies: list[CommandReply]
+    state: GuardState | None
+
+
+class CycleRecord(Record, frozen=True, tag=True):
+    """One cycle for the flight recorder: what came in, and the frames and events that went out."""
+
+    cycle: Cycle
+    frames_out: list[RawFrame]
+    events: list[Event]
+
+
+class Snapshot(Record, frozen=True, tag=True):
+    """The guard's whole state before cycle ``seq``: a replay segment starts here."""
+
+    seq: int
+    now_ns: int
+    state: bytes
+
+
+class WindowRecord(Record, frozen=True, tag=True):
+    """What the brain decided on: ``last_t_acq_ns`` closes the window, for replay."""
+
+    seq: int
+    last_t_acq_ns: int
+    last_block_seq: int
+    diagnosis_seq: int
+    cpu_features: str
