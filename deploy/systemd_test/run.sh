@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Boots a real systemd in a container, installs orbitd there from its wheel as deploy/SERVICE.md says, runs it
 # against the rig in software, kills and hangs its processes, and prints one line per check. Root only; about
-# three minutes. The root and the wheels of other packages are kept in ~/.cache/orbitd.
+# four minutes. The root and the wheels of other packages are kept in ~/.cache/orbitd.
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 repo=$(cd "$here/../.." && pwd)
@@ -24,7 +24,12 @@ if [ ! -e "$root.complete" ]; then
 fi
 
 share=$(mktemp -d)
-trap 'rm -rf "$share"' EXIT
+boot=
+finish() {
+    [ -z "$boot" ] || { kill "$boot" 2>/dev/null && wait "$boot"; } || true
+    rm -rf "$share"
+}
+trap finish EXIT
 echo "test-systemd: building the wheel"
 rm -rf "$repo/build"
 "$python" -m pip wheel --quiet --no-deps -w "$share" "$repo"
