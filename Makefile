@@ -14,7 +14,7 @@ demo: $(VENV)/.sim   ## the whole device against the rotor rig in software; opti
 	@$(BIN)/orbitd demo $(DEMO)
 
 test: $(VENV)/.dev   ## the default tests (about 3 minutes)
-	@$(BIN)/python -m pytest
+	@$(BIN)/python -m pytest --ignore=tests/models
 
 lint: $(VENV)/.dev   ## ruff
 	@$(BIN)/ruff check firmware_py sim_hil models tests deploy
@@ -31,7 +31,7 @@ test-train: $(VENV)/.dev $(VENV)/.train   ## trainers, exports and a smoke train
 test-slow: $(VENV)/.dev   ## the heavier suites (about 10 minutes)
 	@$(BIN)/python -m pytest -m slow --ignore=tests/models
 
-test-systemd: $(VENV)/.dev   ## boots a real systemd, installs, starts and kills the service (root, about 2 minutes)
+test-systemd: $(VENV)/.dev   ## boots a real systemd, installs, starts and kills the service (root, about 4 minutes)
 	@deploy/systemd_test/run.sh
 
 test-socketcan: $(VENV)/.dev   ## the link on real SocketCAN in user-mode Linux (root, half a minute)

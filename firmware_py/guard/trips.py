@@ -14,6 +14,8 @@ FILE_NAME = "trips.json"
 class TripFileError(OrbitdError):
     """The file of latched trips cannot be read: nothing may be assumed about them."""
 
+    exit_code = 2
+
 
 class TripFile:
     """``trips.json`` in the guard's state directory: names of latched danger alarms."""
