@@ -1,0 +1,80 @@
+"""The limits of a duty, checked on a run in time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
+
+from sim_hil.duty import Duty
+from sim_hil.response import Trajectory
+from sim_hil.rotor.parameters import Floats
+
+SAMPLES_PER_TURN = 50
+WINDOW_TURNS = 20
+ORBIT_SHARE = 0.5
+"""Largest peak-to-peak over the present radial clearance."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Smallest film that must be kept, smallest film that trips, m, and the largest rate of the clearance, m/s."""
+
+    min_film_m: float
+    trip_film_m: float
+    rate_m_s: float
+
+    @classmethod
+    def of(cls, table: dict[str, Any]) -> Limits:
+        """From a duty file."""
+        c = table["constraints"]
+        return cls(c["h_min_um"] * 1e-6, c["hard_trip_h_min_um"] * 1e-6, c["clearance_rate_um_s"] * 1e-6)
+
+
+def duty_of(table: dict[str, Any]) -> Duty:
+    """Speed and load of a duty file."""
+    start = table["start"]
+    corners = [(0.0, float(start["rpm"]), float(start["load_N"]))]
+    for segment in table["segments"]:
+        end_s = corners[-1][0] + segment["seconds"]
+        corners.append((end_s, float(segment["to_rpm"]), float(segment["to_load_N"])))
+    time_s, speed, load = zip(*corners, strict=True)
+    return Duty(time_s, speed, load)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """How near a run came to its limits; `orbit_share` is over the present clearance."""
+
+    mean_power_W: float
+    min_film_m: float
+    orbit_share: float
+    feasible: bool
+
+
+def judge(run: Trajectory, limits: Limits) -> Verdict:
+    """Check smallest film and orbit of the whole run."""
+    film, share = float(run.min_film_m.min()), float(orbit_share(run).max())
+    return Verdict(float(run.power_W.mean()), film, share, film >= limits.min_film_m and share <= ORBIT_SHARE)
+
+
+def orbit_share(run: Trajectory) -> Floats:
+    """Peak-to-peak over present clearance at each instant, in the window of `WINDOW_TURNS` turns that ends there.
+
+    The larger of the two axes; before the first whole window, that of the turns so far. As the limit says, a window
+    takes the path as it is: what load and speed move the journal counts too.
+    """
+    turn = np.floor(np.abs(run.column("angle_rad") - run.column("angle_rad")[0]) / (2 * np.pi)).astype(np.int64)
+    starts = np.flatnonzero(np.diff(turn, prepend=-1))
+    window = {"size": WINDOW_TURNS, "origin": (WINDOW_TURNS - 1) // 2, "mode": "nearest"}
+    swing = np.zeros(starts.size)
+    for axis in range(2):
+        path = run.position_m[:, axis]
+        high = maximum_filter1d(np.maximum.reduceat(path, starts), **window)
+        low = minimum_filter1d(np.minimum.reduceat(path, starts), **window)
+        swing = np.maximum(swing, high - low)
+    clearance = minimum_filter1d(np.minimum.reduceat(run.column("clearance_m"), starts), **window)
+    per_turn = swing / clearance
+    return np.asarray(per_turn[np.searchsorted(starts, np.arange(turn.size), side="right") - 1])

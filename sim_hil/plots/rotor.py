@@ -1,0 +1,167 @@
+"""Figures of the moving rotor: orbit, run-up, modes, duty."""
+
+from __future__ import annotations
+
+import argparse
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from scipy.signal import spectrogram
+
+from sim_hil.bound.limits import ORBIT_SHARE, orbit_share
+from sim_hil.build import Build
+from sim_hil.duty import RAD_S_PER_RPM, Duty
+from sim_hil.plots.style import BLUE, GREEN, GREY, ORANGE, RED, new_figure, plain, point
+from sim_hil.response import Trajectory, equilibrium_at, simulate
+from sim_hil.rigs import RigData, load_rig
+from sim_hil.rotor.assembly import assemble
+from sim_hil.rotor.modes import Support, modes
+from sim_hil.rotor.parameters import Floats
+
+UM = 1e6
+_RATE_HZ = 10000.0
+
+
+def orbit(options: argparse.Namespace) -> Figure:
+    """The last turns of a run in the clearance circle, enlarged beside, with the amplitude spectrum."""
+    rig = load_rig(options.rig)
+    clearance = options.clearance * 1e-6
+    turns_s = 20 * 60 / abs(options.rpm)
+    run = simulate(
+        rig, Duty.hold(options.rpm, options.load, 1.5 + turns_s), clearance=clearance, rate_hz=_RATE_HZ,
+        force=options.film, thermal=False,
+    )  # fmt: skip
+    tail = run.last(turns_s)
+    figure = new_figure((12, 4.4), "Orbit of the journal", f"{point(options)}; last 20 turns of {run.time_s[-1]:.1f} s")
+    whole, near, spectrum = figure.subplots(1, 3, width_ratios=[1, 1, 1.25])
+    x, y = (tail.position_m * UM).T
+    angle = np.linspace(0, 2 * np.pi, 200)
+    whole.plot(clearance * UM * np.cos(angle), clearance * UM * np.sin(angle), color=GREY, label="clearance circle")
+    for axes in (whole, near):
+        axes.plot(x, y, color=BLUE, linewidth=1, label="journal centre")
+        marks = np.flatnonzero(np.diff(np.floor(tail.column("angle_rad") / (2 * np.pi))))
+        axes.plot(x[marks], y[marks], "o", color=ORANGE, markersize=4, label="once-per-turn mark")
+        axes.set_aspect("equal", adjustable="datalim")
+    plain(whole, "x, µm", "y, µm", "in the clearance")
+    whole.legend(fontsize=7, loc="upper right")
+    swing = tail.peak_to_peak_m()
+    plain(near, "x, µm", "y, µm", f"peak to peak {swing * UM:.2f} µm, {100 * swing / clearance:.1f} % of c")
+    _spectrum(spectrum, run.last(1.0), abs(options.rpm) / 60)
+    return figure
+
+
+def _spectrum(axes: Axes, run: Trajectory, turn_hz: float) -> None:
+    n = run.time_s.size
+    window = np.hanning(n)
+    order = np.fft.rfftfreq(n, 1 / _RATE_HZ) / turn_hz
+    for name, path, color in zip("xy", run.position_m.T, (BLUE, GREEN), strict=True):
+        amplitude = 2 * np.abs(np.fft.rfft((path - path.mean()) * window)) / window.sum()
+        axes.semilogy(order, amplitude * UM, color=color, linewidth=0.9, label=name)
+    axes.set_xlim(0, 4)
+    axes.set_ylim(1e-4, None)
+    axes.legend(fontsize=8)
+    plain(axes, "order (frequency over speed)", "amplitude, µm", "spectrum of the last second")
+
+
+def waterfall(options: argparse.Namespace) -> Figure:
+    """Short spectra of x during a run-up through the whole speed range."""
+    rig = load_rig(options.rig)
+    seconds = 12.0
+    low, high = rig.speed_min_rpm, rig.speed_max_rpm
+    ramp = Duty((0.0, seconds), (low, high), (options.load, options.load))
+    run = simulate(
+        rig, ramp, clearance=options.clearance * 1e-6, rate_hz=5000.0, force=options.film, thermal=False
+    )  # fmt: skip
+    frequency, time_s, power = spectrogram(
+        run.position_m[:, 0], 5000.0, "hann", 2048, 1792, detrend="constant", scaling="spectrum", mode="psd"
+    )
+    rpm = np.interp(time_s, [0, seconds], [low, high])
+    level = 10 * np.log10(np.maximum(2 * power, 1e-20) / 1e-12)
+    caption = f"rig {options.rig}, {options.load:g} N, radial clearance {options.clearance:g} µm, {options.film} film; "
+    figure = new_figure((9, 5.6), "Run-up: spectrum of the journal over speed", caption + f"{seconds:g} s ramp")
+    axes = figure.subplots()
+    shown = frequency <= 2.5 * high / 60
+    mesh = axes.pcolormesh(frequency[shown], rpm, level[shown].T, cmap="viridis", vmin=-60, vmax=30, shading="gouraud")
+    for order in (0.5, 1.0, 2.0):
+        axes.plot(order * rpm / 60, rpm, "--", color="white", linewidth=0.7, alpha=0.6)
+        axes.annotate(f"{order:g}X", (order * rpm[-1] / 60, rpm[-1]), color=GREY, fontsize=9, ha="center", va="bottom")
+    axes.set_xlim(0, 2.5 * high / 60)
+    figure.colorbar(mesh, label="amplitude of x, dB re 1 µm rms")
+    plain(axes, "frequency, Hz", "speed, rpm")
+    return figure
+
+
+def campbell(options: argparse.Namespace) -> Figure:
+    """Damped frequencies and damping of the rotor on film and coupling, the film linear at each speed."""
+    rig = load_rig(options.rig)
+    speeds = np.linspace(rig.speed_min_rpm, rig.speed_max_rpm, 40)
+    found = [_film_modes(rig, rpm, options.load, options.clearance * 1e-6) for rpm in speeds]
+    caption = f"rig {options.rig}, {options.load:g} N, radial clearance {options.clearance:g} µm; "
+    caption += "K and C of the film at each static equilibrium, gyroscopic moment included"
+    figure = new_figure((9, 6.4), "Campbell diagram", caption)
+    above, below = figure.subplots(2, 1, sharex=True, height_ratios=[2, 1])
+    colors = {1: BLUE, -1: ORANGE, 0: GREY}
+    names = {1: "forward", -1: "backward", 0: "straight"}
+    for rpm, (frequency, damping, senses) in zip(speeds, found, strict=True):
+        for f, d, s in zip(frequency, damping, senses, strict=True):
+            above.plot(rpm, f, "o", markersize=3.5, color=colors[int(s)])
+            below.plot(rpm, d, "o", markersize=3.5, color=colors[int(s)])
+    for order in (0.5, 1.0):
+        above.plot(speeds, order * speeds / 60, "--", color=RED, linewidth=0.9)
+        above.annotate(f" {order:g}X", (speeds[-1], order * speeds[-1] / 60), color=RED, fontsize=9, va="center")
+    for sense, name in names.items():
+        above.plot([], [], "o", color=colors[sense], label=name)
+    above.legend(fontsize=8, loc="center left")
+    below.axhline(0, color=RED, linewidth=0.9)
+    plain(above, "", "damped frequency, Hz")
+    plain(below, "speed, rpm", "damping ratio", "")
+    below.set_ylim(min(-0.12, below.get_ylim()[0]), None)
+    below.annotate("unstable", (speeds[0], -0.02), color=RED, fontsize=8, va="top")
+    return figure
+
+
+def _film_modes(rig: RigData, rpm: float, load_N: float, clearance_m: float) -> tuple[Floats, Floats, Floats]:
+    """Oscillating modes: frequency, Hz, damping ratio, sense of whirl."""
+    plant = assemble(rig, Build.nominal(rig), 5e-5, thermal=False)
+    s = plant.shaft
+    film = equilibrium_at(rig, plant, rpm * RAD_S_PER_RPM, load_N, clearance_m)
+    supports = [
+        Support(s.to_bearing, film.stiffness_N_m, film.damping_N_s_m),
+        Support(-s.to_coupling, s.coupling_stiffness, s.coupling_damping),
+    ]
+    found = modes(s.mass, s.diametral, s.polar, supports, rpm * RAD_S_PER_RPM)
+    swings = found.frequency_rad_s > 1.0
+    return (
+        found.frequency_rad_s[swings] / (2 * np.pi), found.damping_ratio[swings],
+        found.forward[swings].astype(np.float64),
+    )  # fmt: skip
+
+
+def duty(options: argparse.Namespace) -> Figure:
+    """The published duty at a fixed clearance, film warmed by its friction."""
+    rig = load_rig(options.rig)
+    published = Duty.published()
+    clearance = options.clearance * 1e-6
+    run = simulate(rig, published, clearance=clearance, rate_hz=_RATE_HZ, dt_s=1e-4, force=options.film)
+    caption = f"rig {options.rig}, fixed radial clearance {options.clearance:g} µm, {options.film} film, thermal; "
+    figure = new_figure((10, 8), "The published duty", caption + f"mean power {run.power_W.mean():.1f} W")
+    speed, load, power, film, share = figure.subplots(5, 1, sharex=True)
+    each = 100
+    time_s = run.time_s[::each]
+    at = published.at(time_s)
+    speed.plot(time_s, at[:, 0] / RAD_S_PER_RPM, color=BLUE)
+    load.plot(time_s, at[:, 1], color=GREEN)
+    starts = np.arange(0, run.time_s.size, each)
+    power.plot(time_s, np.add.reduceat(run.power_W, starts) / each, color=ORANGE)
+    film.plot(time_s, np.minimum.reduceat(run.min_film_m, starts) * UM, color=BLUE)
+    film.axhline(10, color=RED, linewidth=0.9, linestyle="--")
+    share.plot(time_s, 100 * np.maximum.reduceat(orbit_share(run), starts), color=BLUE)
+    share.axhline(100 * ORBIT_SHARE, color=RED, linewidth=0.9, linestyle="--")
+    for axes, label in ((speed, "speed, rpm"), (load, "load, N"), (power, "power, W"), (film, "smallest film, µm"),
+                        (share, "peak to peak\nover clearance, %")):  # fmt: skip
+        plain(axes, "", label)
+        axes.set_ylim(0, None)
+    share.set_xlabel("time, s")
+    figure.align_ylabels()
+    return figure
