@@ -20,17 +20,16 @@ ORBIT_SHARE = 0.5
 
 @dataclass(frozen=True)
 class Limits:
-    """Smallest film that must be kept, smallest film that trips, m, and the largest rate of the clearance, m/s."""
+    """Smallest film to keep, m (above the film that trips), and the largest rate of the clearance, m/s."""
 
     min_film_m: float
-    trip_film_m: float
     rate_m_s: float
 
     @classmethod
     def of(cls, table: dict[str, Any]) -> Limits:
         """From a duty file."""
         c = table["constraints"]
-        return cls(c["h_min_um"] * 1e-6, c["hard_trip_h_min_um"] * 1e-6, c["clearance_rate_um_s"] * 1e-6)
+        return cls(c["h_min_um"] * 1e-6, c["clearance_rate_um_s"] * 1e-6)
 
 
 def duty_of(table: dict[str, Any]) -> Duty:
