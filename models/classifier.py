@@ -20,7 +20,7 @@ from models.dataset import Dataset, split_groups
 from models.diagnosis_network import Diagnosis
 from models.ladder import HeadNetwork, Scaler
 from models.recordings import JUDGED_SECONDS, Plan, Views
-from models.runs import Run, Settings, progress_bar
+from models.runs import Run, Settings, SettingsError, progress_bar
 from models.scores import Decisions
 
 Floats = NDArray[np.float64]
@@ -41,7 +41,7 @@ class ClassifierSettings(Settings, frozen=True):
     judged_builds: int = 80
     inner_share: float = 0.2
     hidden: tuple[tuple[int, ...], ...] = ((), (24,), (48,))
-    l2: tuple[float, ...] = (1e-4, 1e-3)
+    l2: tuple[float, ...] = (1e-5, 1e-4)
     iterations: int = 600
     paper_hidden: int = 20
     paper_recordings: int = 2000
@@ -190,8 +190,7 @@ def _climb(
 ) -> tuple[HeadNetwork, list[dict[str, object]]]:
     """Every rung on the inner builds; a later one is chosen only if it beats the one chosen so far."""
     train_on, inner_on = (scaler(outer), outer.heads), (scaler(inner), inner.heads)
-    chosen: HeadNetwork | None = None
-    chosen_right = np.zeros(0, dtype=bool)
+    chosen: tuple[HeadNetwork, Decisions] | None = None
     rungs: list[dict[str, object]] = []
     for hidden in settings.hidden:
         name = "-".join(["logistic regression"] if not hidden else ["network", *map(str, hidden)])
@@ -201,14 +200,14 @@ def _climb(
                 tried.append(ladder.fit_heads(name, hidden, train_on, inner_on, l2, settings.iterations, rng, bar))
         best = min(tried, key=lambda n: scores.nll(n.logits(inner_on[0]), inner_on[1]))
         decisions = scores.required(scores.by_ten_windows(best.logits(inner_on[0]), inner))
-        right = decisions.named == decisions.kind
         row = {"rung": name, "l2": best.l2, **scores.summary(decisions)}
         run.log(row)
         rungs.append(row)
-        if chosen is None or scores.beats(right, chosen_right, decisions.group):
-            chosen, chosen_right = best, right
-    assert chosen is not None
-    return chosen, rungs
+        if chosen is None or scores.beats(decisions, chosen[1]):
+            chosen = best, decisions
+    if chosen is None:
+        raise SettingsError("hidden: names no network; list at least one, [] for logistic regression")
+    return chosen[0], rungs
 
 
 def _finish(

@@ -130,15 +130,18 @@ def bootstrap(decisions: Decisions, draws: int = 500, seed: int = 0) -> tuple[fl
     return float(np.quantile(scores, 0.025)), float(np.quantile(scores, 0.975))
 
 
-def beats(better: NDArray[np.bool_], simpler: NDArray[np.bool_], group: NDArray[np.intp], draws: int = 1000) -> bool:
-    """True when ``better`` is right more often: lower 95 % limit of the paired difference over builds above zero."""
-    difference = better.astype(np.float64) - simpler.astype(np.float64)
-    builds, index = np.unique(group, return_inverse=True)
-    total, count = np.bincount(index, difference), np.bincount(index)
-    rng = np.random.default_rng(0)
-    rows = rng.integers(0, len(builds), (draws, len(builds)))
-    means = total[rows].sum(axis=1) / count[rows].sum(axis=1)
-    return bool(np.quantile(means, 0.025) > 0.0)
+def beats(better: Decisions, simpler: Decisions, draws: int = 1000) -> bool:
+    """True when ``better`` has the higher balanced accuracy on the same decisions, beyond luck.
+
+    The lower 95 % limit of the paired difference, builds drawn with replacement, must lie above zero.
+    """
+    share = 1.0 / np.bincount(better.kind)[better.kind]
+    right = (better.named == better.kind).astype(np.float64) - (simpler.named == simpler.kind)
+    builds, index = np.unique(better.group, return_inverse=True)
+    total, weight = np.bincount(index, share * right), np.bincount(index, share)
+    rows = np.random.default_rng(0).integers(0, len(builds), (draws, len(builds)))
+    difference = total[rows].sum(axis=1) / weight[rows].sum(axis=1)
+    return bool(np.quantile(difference, 0.025) > 0.0)
 
 
 def severity_grid(decisions: Decisions) -> dict[str, dict[str, float]]:

@@ -59,13 +59,21 @@ def test_temperature_finds_the_overconfidence():
 
 def test_beats_needs_more_than_luck():
     rng = np.random.default_rng(1)
-    group, simpler = np.arange(200), rng.random(200) < 0.8
-    better = simpler | (rng.random(200) < 0.5)
-    assert scores.beats(better, simpler, group)
-    assert not scores.beats(simpler, simpler, group)
-    one_more = simpler.copy()
-    one_more[np.argmin(simpler)] = True
-    assert not scores.beats(one_more, simpler, group)
+    kind = np.repeat([0, 1, 2, 3], 50)
+    simple = np.where(rng.random(200) < 0.7, kind, 5)
+    simpler, better = decisions(kind, simple), decisions(kind, np.where(rng.random(200) < 0.5, kind, simple))
+    assert scores.beats(better, simpler)
+    assert not scores.beats(simpler, simpler)
+    one_more = simple.copy()
+    one_more[np.argmax(simple == 5)] = kind[np.argmax(simple == 5)]
+    assert not scores.beats(decisions(kind, one_more), simpler)
+
+
+def test_beats_weighs_classes_not_rows():
+    kind = np.repeat([0, 1], [180, 20])
+    simpler = decisions(kind, np.where(kind == 0, 0, 5))
+    better = decisions(kind, np.where(np.arange(200) < 10, 5, kind))
+    assert scores.beats(better, simpler)
 
 
 def test_false_alarms_are_counted_by_decision_and_by_build():
