@@ -52,7 +52,7 @@ class ClassifierSettings(Settings, frozen=True):
     def smoked(self) -> ClassifierSettings:
         """The same training in some seconds."""
         return ClassifierSettings(
-            workers=1, builds=16, judged_builds=4, hidden=((), (8,)), l2=(1e-3,), iterations=60, paper_hidden=4,
+            workers=1, builds=10, judged_builds=2, hidden=((), (8,)), l2=(1e-3,), iterations=60, paper_hidden=4,
             paper_recordings=60, paper_iterations=5,
         )  # fmt: skip
 

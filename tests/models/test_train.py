@@ -41,6 +41,7 @@ def test_evaluating_a_missing_file_is_refused(capsys, tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(400)
 @pytest.mark.parametrize("kind", ["surrogate", "classifier", "actor"])
 def test_smoke_training_makes_a_whole_run_and_repeats_itself(kind, tmp_path, capsys):
     from models.train import main
