@@ -1,8 +1,8 @@
 """`orbitd bound`: how much power any control of the clearance could save on a duty.
 
 Four ways, each checked in the time domain against every limit: the nominal fixed clearance, the best feasible fixed
-one (1 um grid), the best schedule with full preview, and the best schedule without preview of one family (follow what
-is cheapest now, never above a cap).
+one (1 um grid), the best schedule with full preview, and the best of one causal family (knows the set points of the
+ramp it is on, not when the next one begins; follows the cheapest clearance that weathers it, never above a cap).
 """
 
 from __future__ import annotations

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
+from itertools import pairwise
 from multiprocessing import get_context
 from typing import TypeVar
 
@@ -74,9 +75,13 @@ def profile(case: Case, clearance_m: float) -> Profile:
 
 @dataclass(frozen=True)
 class Map:
-    """Profiles over clearances on a 1 um grid: shape (clearances, bins); margins are above zero where admissible."""
+    """Profiles over clearances on a 1 um grid: shape (clearances, bins); margins are above zero where admissible.
+
+    `stage` numbers the stages of the duty, a ramp and the hold at its end, that the bins lie on; shape (bins,).
+    """
 
     clearance_m: Floats
+    stage: np.ndarray
     power_W: Floats
     film_margin_m: Floats
     orbit_margin: Floats
@@ -99,12 +104,24 @@ def build_map(case: Case, spacing_um: int) -> Map:
         columns = np.stack(rows, axis=1)
         return np.stack([np.interp(grid, known, column) for column in columns], axis=1)
 
+    bins = profiles[0].power_W.size
     return Map(
         grid * 1e-6,
+        stages(case.duty, bins),
         spread([p.power_W for p in profiles]),
         spread([p.min_film_m for p in profiles]) - case.limits.min_film_m,
         ORBIT_SHARE - spread([p.orbit_share for p in profiles]),
     )
+
+
+def stages(duty: Duty, bins: int) -> np.ndarray:
+    """Stage of each bin: a new one starts with every ramp."""
+    ramps = [
+        before != after
+        for before, after in pairwise(zip(duty.speed_rpm, duty.load_N, strict=True))
+    ]  # fmt: skip
+    piece = np.searchsorted(duty.time_s, (np.arange(bins) + 0.5) * BIN_S) - 1
+    return np.asarray(np.cumsum(ramps)[np.clip(piece, 0, len(ramps) - 1)])
 
 
 def in_parallel(work: Callable[[float], T], items: Iterable[float]) -> list[T]:

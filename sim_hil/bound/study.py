@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
 from sim_hil.bound.fixed import Case, Map, build_map, in_parallel
 from sim_hil.bound.limits import Verdict
 from sim_hil.bound.schedules import NoSchedule, Plan, best_causal, preview
-from sim_hil.response import Schedule
 
 MARGINS_UM = (0, 1, 2, 3, 4, 6, 8)
-_TRIED = 3
+MARGIN_BINS = (1, 2, 4, 6)
+_TRIED = 1
 
 
 @dataclass(frozen=True)
@@ -35,7 +36,7 @@ def study(case: Case, spacing_um: int = 4) -> list[Entry]:
     entries += _best_fixed(case, found, spacing_um)
     rate, lag = min(case.limits.rate_m_s, case.rig.actuator.rate_m_per_s), case.rig.actuator.time_constant_s
     entries += _first_feasible(case, "preview schedule", _previews(found, rate, lag))
-    plans = ((m, plan) for m in MARGINS_UM for plan in best_causal(found, m, rate)[:_TRIED])
+    plans = [plan for m, b in product(MARGINS_UM, MARGIN_BINS) for plan in best_causal(found, m, b, rate)[:_TRIED]]
     entries += _first_feasible(case, "causal schedule", plans)
     return entries
 
@@ -60,21 +61,20 @@ def _best_fixed(case: Case, found: Map, spacing_um: int) -> list[Entry]:
     return [Entry("best feasible fixed", _at(clearance), verdict, clearance, clearance)]
 
 
-def _previews(found: Map, rate_m_s: float, lead_s: float) -> Iterable[tuple[int, Plan]]:
-    for margin in MARGINS_UM:
-        try:
-            yield margin, preview(found, margin, rate_m_s, lead_s)
-        except NoSchedule:
-            return
+def _previews(found: Map, rate_m_s: float, lead_s: float) -> list[Plan]:
+    """Cheapest paths at several distances from what is not admissible."""
+    plans = []
+    for margin, bins in product(MARGINS_UM, MARGIN_BINS):
+        with suppress(NoSchedule):
+            plans.append(preview(found, margin, bins, rate_m_s, lead_s))
+    return plans
 
 
-def _first_feasible(case: Case, name: str, plans: Iterable[tuple[int, Plan]]) -> list[Entry]:
-    """The plan of the smallest margin that keeps the limits in time."""
-    for margin, plan in plans:
-        schedule: Schedule = plan
-        verdict = case.judged(schedule)
+def _first_feasible(case: Case, name: str, plans: list[Plan]) -> list[Entry]:
+    """The cheapest plan that keeps the limits in time: a map of fixed clearances does not know what moving does."""
+    for plan in sorted(plans, key=lambda each: each.power_W):
+        verdict = case.judged(plan)
         if verdict.feasible:
             low, high = float(plan.clearance_m.min()), float(plan.clearance_m.max())
-            how = f"{low * 1e6:.0f} to {high * 1e6:.0f} um, margin {margin} um"
-            return [Entry(name, how, verdict, low, high)]
+            return [Entry(name, f"{low * 1e6:.0f} to {high * 1e6:.0f} um", verdict, low, high)]
     return []

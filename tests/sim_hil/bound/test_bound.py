@@ -1,5 +1,6 @@
 """The bound: limits are judged as written, the dynamic program finds the cheapest path, causality holds."""
 
+import dataclasses
 import itertools
 import json
 
@@ -7,9 +8,9 @@ import numpy as np
 import pytest
 
 from sim_hil import bound
-from sim_hil.bound.fixed import Case, Map, profile
+from sim_hil.bound.fixed import Case, Map, profile, stages
 from sim_hil.bound.limits import Limits, duty_of, judge, orbit_share
-from sim_hil.bound.schedules import NoSchedule, best_causal, causal, narrowed, preview
+from sim_hil.bound.schedules import NoSchedule, best_causal, causal, narrowed, preview, viable
 from sim_hil.bound.study import study
 from sim_hil.duty import Duty
 from sim_hil.response import Trajectory
@@ -24,7 +25,8 @@ def made_map(cells=6, bins=6, seed=3, blocked=0.2):
     rng = np.random.default_rng(seed)
     open_ = np.where(rng.random((cells, bins)) < blocked, -1.0, 1.0)
     open_[0] = 1.0
-    return Map((40 + np.arange(cells)) * 1e-6, rng.uniform(50, 100, (cells, bins)), open_, np.ones((cells, bins)))
+    power = rng.uniform(50, 100, (cells, bins))
+    return Map((40 + np.arange(cells)) * 1e-6, np.arange(bins) // 4, power, open_, np.ones((cells, bins)))
 
 
 def circling(radius_m, turns=60.0, centre_m=0.0, rate_hz=10000.0, speed_hz=100.0):
@@ -78,7 +80,7 @@ def test_the_published_duty_file_is_the_published_duty():
 def test_preview_is_the_cheapest_of_all_paths(seed):
     found = made_map(5, 5, seed)
     cells, bins = found.power_W.shape
-    allowed = narrowed(found, 0)
+    allowed = narrowed(found.admissible, 0, 1)
     paths = [
         np.mean([found.power_W[c, k] for k, c in enumerate(path)])
         for path in itertools.product(range(cells), repeat=bins)
@@ -86,40 +88,53 @@ def test_preview_is_the_cheapest_of_all_paths(seed):
     ]
     if not paths:
         with pytest.raises(NoSchedule):
-            preview(found, 0, RATE, 0.0)
+            preview(found, 0, 1, RATE, 0.0)
         return
-    plan = preview(found, 0, RATE, 0.0)
+    plan = preview(found, 0, 1, RATE, 0.0)
     assert plan.power_W == pytest.approx(min(paths))
     assert np.abs(np.diff(plan.clearance_m)).max() <= 2.01e-6
 
 
 def test_causal_uses_nothing_of_the_future():
     found = made_map(8, 12, blocked=0.0)
-    later = Map(found.clearance_m, found.power_W.copy(), found.film_margin_m, found.orbit_margin)
-    later.power_W[:, 7:] = np.random.default_rng(9).uniform(50, 100, (8, 5))
-    paths = [causal(m, 0, 7, RATE).clearance_m for m in (found, later)]
+    later = dataclasses.replace(found, power_W=found.power_W.copy(), film_margin_m=found.film_margin_m.copy())
+    later.power_W[:, 8:] = np.random.default_rng(9).uniform(50, 100, (8, 4))
+    later.film_margin_m[4:, 9:] = -1  # the stage of bins 4 to 7 ends before
+    paths = [causal(m, 0, 2, 3, RATE).clearance_m for m in (found, later)]
     np.testing.assert_array_equal(paths[0][:8], paths[1][:8])
+
+
+def test_a_ramp_is_seen_to_its_end():
+    allowed = np.ones((9, 6), dtype=bool)
+    allowed[3:, 5] = False
+    kept = viable(allowed, 2)
+    assert [column.sum() for column in kept.T] == [9, 9, 9, 7, 5, 3]
+
+
+def test_a_stage_is_a_ramp_and_the_hold_after_it():
+    duty = Duty((0.0, 0.4, 0.6, 1.0, 1.2), (3000, 3000, 6000, 6000, 3000), (100, 100, 100, 100, 100))
+    assert stages(duty, 12).tolist() == [0] * 4 + [1] * 6 + [2] * 2
 
 
 def test_no_preview_is_never_cheaper_than_preview():
     found = made_map(8, 40, blocked=0.02)
-    plans = best_causal(found, 0, RATE)
+    plans = best_causal(found, 0, 1, RATE)
     assert plans
-    assert plans[0].power_W >= preview(made_map(8, 40, blocked=0.02), 0, RATE, 0.0).power_W - 1e-9
+    assert plans[0].power_W >= preview(found, 0, 1, RATE, 0.0).power_W - 1e-9
 
 
 def test_margins_keep_away_from_what_is_not_admissible():
     margin = np.ones((9, 9))
     margin[8, 4] = -1
-    found = Map(np.arange(9) * 1e-6, np.ones((9, 9)), margin, np.ones((9, 9)))
-    kept = narrowed(found, 2)
+    found = Map(np.arange(9) * 1e-6, np.zeros(9), np.ones((9, 9)), margin, np.ones((9, 9)))
+    kept = narrowed(found.admissible, 2, 1)
     assert not kept[6:, 3:6].any()
     assert kept[:6].all()
     assert kept[:, :3].all()
 
 
 def test_a_plan_is_read_ahead_by_the_lag():
-    plan = preview(made_map(6, 6, blocked=0.0), 0, RATE, 0.05)
+    plan = preview(made_map(6, 6, blocked=0.0), 0, 1, RATE, 0.05)
     assert plan(0.05) == pytest.approx(plan.clearance_m[1])
 
 
