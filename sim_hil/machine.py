@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from firmware_py.errors import OrbitdError
 from sim_hil.build import Build
 from sim_hil.faults import FaultSet, apply_machine_faults, check_fault, sensor_fault
 from sim_hil.film.table import FilmTable
@@ -31,6 +32,11 @@ MAX_STEP_S = 40e-6
 """Longest integration step; a sampling period is cut into equal steps no longer than this."""
 
 _N_AMBIENT = 4
+_ROUNDING_M = 1e-9
+
+
+class MachineError(OrbitdError, ValueError):
+    """What the machine is asked to do is outside what it is built for, or has no finite answer."""
 
 
 @dataclass(frozen=True)
@@ -159,7 +165,13 @@ class Machine:
             Speed, rad/s, and static bearing load, N, at the borders of the periods, shape (n + 1, 2).
         clearance_m, pressure_Pa
             Targets of the actuator.
+
+        Raises
+        ------
+        MachineError
+            A target outside the actuator's range, a speed or load that is not finite, or no finite answer.
         """
+        self._check(drive, clearance_m, pressure_Pa)
         n = len(drive) - 1
         normal = self._rng.standard_normal((n, N_SENSORS + _N_AMBIENT))
         signals, truth, marks = np.empty((n, N_SENSORS)), np.empty((n, N_TRUTH)), np.empty(n)
@@ -168,6 +180,12 @@ class Machine:
             self._plant, self._state, self._table, self._taps, drive, np.array([clearance_m, pressure_Pa]),
             ambient, self.period_s, self._substeps, signals, truth, marks,
         )  # fmt: skip
+        if not (np.isfinite(truth).all() and np.isfinite(signals).all()):
+            raise MachineError(
+                f"machine {self.rig.name}: no finite answer at {self.time_s:.3f} s with speed {drive[0, 0]:g} rad/s, "
+                f"load {drive[0, 1]:g} N, clearance {clearance_m * 1e6:g} um, faults {self.faults}; use a shorter "
+                f"max_step_s or smaller loads"
+            )
         time_s = (self._instants + np.arange(n, dtype=np.float64)) * self.period_s
         counts = self._chain.counts(signals, normal[:, :N_SENSORS], self._uniform(n), time_s, self._faults)
         self._instants += n
@@ -180,6 +198,19 @@ class Machine:
             self._table, ex_m, ey_m, 0.0, 0.0, speed_rad_s, clearance_m, mu, b.radius_m, b.length_m, 0.0
         )
         return math.hypot(fx, fy)
+
+    def _check(self, drive: Floats, clearance_m: float, pressure_Pa: float) -> None:
+        """Refuse what no machine could follow."""
+        bearing = self.rig.bearing
+        if not bearing.clearance_min_m - _ROUNDING_M <= clearance_m <= bearing.clearance_max_m + _ROUNDING_M:
+            raise MachineError(
+                f"clearance = {clearance_m * 1e6:g} um: outside the radial range {bearing.clearance_min_m * 1e6:g} to "
+                f"{bearing.clearance_max_m * 1e6:g} um of rig {self.rig.name}"
+            )
+        if not 0.0 <= pressure_Pa < math.inf:
+            raise MachineError(f"pressure = {pressure_Pa:g} Pa: a supply pressure is finite and not negative")
+        if not np.isfinite(drive).all():
+            raise MachineError(f"speed or load at {self.time_s:.3f} s is not finite: {drive[0]} to {drive[-1]}")
 
     def _uniform(self, n: int) -> Floats:
         """Random numbers for sensor faults: a stream of their own, so that a fault changes no other noise."""

@@ -1,10 +1,9 @@
 """Equation of motion of the whole machine, advanced in place by compiled code.
 
-Positions stand at whole steps, velocities at half steps (leap-frog, second order).  The film's damping is
-far stiffer than any affordable step, so its force is taken linearly implicit in the velocity: with the
-Jacobian ``J = dF/dw`` of the film force on the relative velocity ``w`` and the mobility ``A`` of journal and
-housing, ``(I - theta dt A J) dw = dt A F(q, w) + ...`` is solved for the two components that the film joins.
-The gyroscopic coupling is a Cayley rotation.
+Positions stand at whole steps, velocities at half steps (leap-frog, second order).  The film is far stiffer
+than any affordable step, so its force is taken linearly implicit: with the reaction ``G, r`` of film and contact
+(:mod:`sim_hil.rotor.film_step`) and the mobility ``A`` of journal and housing, ``(I - dt A G) a = A (F + r) + ...``
+is solved for the two components that the film joins.  The gyroscopic coupling is a Cayley rotation.
 
 Rotor (equation (2) of the paper with its omissions mended: the skew coupling carries the speed, gravity acts,
 moments are cross products), tilts ``A = dx/dz``, ``B = dy/dz``::
@@ -39,12 +38,11 @@ from sim_hil.rotor.parameters import (
     Film,
     Floats,
     Plant,
+    Six,
     State,
 )
 
 GRAVITY = 9.81
-THETA = 0.55
-"""Share of the new velocity in the film force: 1/2 is centred, a little more damps the stiffest modes."""
 _MEAN_RATE = 10.0
 
 
@@ -53,20 +51,6 @@ def relative(plant: Plant, z: Floats) -> tuple[float, float]:
     """Journal minus housing at the bearing, for positions or velocities ``z``."""
     b, height = plant.shaft.to_bearing, plant.pedestal.axis_height
     return z[0] + b * z[2] - (z[4] - height * z[6]), z[1] + b * z[3] - z[5]
-
-
-@njit(cache=True)
-def film_jacobian(
-    film: Film, table: Floats, ex: float, ey: float, vx: float, vy: float, omega: float, c: float, mu: float,
-    c_rate: float,
-) -> tuple[float, float, float, float]:
-    """dF/dv of the film force by forward differences: xx, xy, yx, yy."""
-    dv = 1e-4 * (c * abs(omega) + abs(vx) + abs(vy)) + 1e-9
-    r, length = film.radius, film.length
-    f0x, f0y, _, _ = table_force(table, ex, ey, vx, vy, omega, c, mu, r, length, c_rate)
-    f1x, f1y, _, _ = table_force(table, ex, ey, vx + dv, vy, omega, c, mu, r, length, c_rate)
-    f2x, f2y, _, _ = table_force(table, ex, ey, vx, vy + dv, omega, c, mu, r, length, c_rate)
-    return (f1x - f0x) / dv, (f2x - f0x) / dv, (f1y - f0y) / dv, (f2y - f0y) / dv
 
 
 @njit(cache=True)
@@ -156,11 +140,39 @@ def accelerate_motor(
 
 
 @njit(cache=True)
+def join_film(plant: Plant, a: Floats, reaction: Six, dt: float) -> None:
+    """Add to the accelerations what the film force changes by during the step, ``dF = dt G a + r``."""
+    s, pedestal = plant.shaft, plant.pedestal
+    b, height = s.to_bearing, pedestal.axis_height
+    ground_y = 1 / s.mass + b * b / s.diametral + 1 / pedestal.mass
+    ground_x = ground_y + height * height / pedestal.inertia
+    gxx, gxy, gyx, gyy, rx, ry = reaction
+    ax, ay = relative(plant, a)
+    ax += ground_x * rx
+    ay += ground_y * ry
+    mxx, mxy = 1 - dt * ground_x * gxx, -dt * ground_x * gxy
+    myx, myy = -dt * ground_y * gyx, 1 - dt * ground_y * gyy
+    det = mxx * myy - mxy * myx
+    new_x, new_y = (myy * ax - mxy * ay) / det, (mxx * ay - myx * ax) / det
+    dfx, dfy = dt * (gxx * new_x + gxy * new_y) + rx, dt * (gyx * new_x + gyy * new_y) + ry
+    a[0] += dfx / s.mass
+    a[1] += dfy / s.mass
+    a[2] += b * dfx / s.diametral
+    a[3] += b * dfy / s.diametral
+    a[4] -= dfx / pedestal.mass
+    a[5] -= dfy / pedestal.mass
+    a[6] += height * dfx / pedestal.inertia
+
+
+@njit(cache=True)
 def substep(
-    plant: Plant, st: State, table: Floats, jacobian: tuple[float, float, float, float], omega: float,
-    alpha: float, load: float, c: float, c_rate: float, mu: float, ambient: Floats, dt: float,
+    plant: Plant, st: State, table: Floats, reaction: Six, omega: float, alpha: float, load: float, c: float,
+    c_rate: float, mu: float, ambient: Floats, dt: float,
 ) -> None:
-    """One step of ``dt``: accelerations into ``st.a``, then velocities, positions, angle and time."""
+    """One step of ``dt``: accelerations into ``st.a``, then velocities, positions, angle and time.
+
+    ``reaction`` is what :func:`sim_hil.rotor.film_step.film_reaction` says of this step.
+    """
     s, film, q, v, a, scalar = plant.shaft, plant.film, st.q, st.v, st.a, st.scalar
     b = s.to_bearing
     ex, ey = relative(plant, q)
@@ -185,26 +197,7 @@ def substep(
     a[2] = (b * (fx + at_x) - s.to_coupling * coupling_x - s.polar * alpha * q[3]) / s.diametral
     a[3] = (b * (fy + at_y) - s.to_coupling * coupling_y + s.polar * alpha * q[2]) / s.diametral
 
-    # film force at the new velocity, for the two components that it joins
-    height = plant.pedestal.axis_height
-    ground_y = 1 / s.mass + b * b / s.diametral + 1 / plant.pedestal.mass
-    ground_x = ground_y + height * height / plant.pedestal.inertia
-    ax, ay = relative(plant, a)
-    jxx, jxy, jyx, jyy = jacobian
-    h = THETA * dt
-    mxx, mxy = 1 - h * ground_x * jxx, -h * ground_x * jxy
-    myx, myy = -h * ground_y * jyx, 1 - h * ground_y * jyy
-    det = mxx * myy - mxy * myx
-    new_x, new_y = (myy * ax - mxy * ay) / det, (mxx * ay - myx * ax) / det
-    dfx, dfy = h * (jxx * new_x + jxy * new_y), h * (jyx * new_x + jyy * new_y)
-    a[0] += dfx / s.mass
-    a[1] += dfy / s.mass
-    a[2] += b * dfx / s.diametral
-    a[3] += b * dfy / s.diametral
-    a[4] -= dfx / plant.pedestal.mass
-    a[5] -= dfy / plant.pedestal.mass
-    a[6] += height * dfx / plant.pedestal.inertia
-
+    join_film(plant, a, reaction, dt)
     g = 0.5 * dt * s.polar * omega / s.diametral
     tilt_x = v[2] - g * v[3] + dt * a[2]
     tilt_y = v[3] + g * v[2] + dt * a[3]

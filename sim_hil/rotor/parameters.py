@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Three = tuple[float, float, float]
 Four = tuple[float, float, float, float]
+Six = tuple[float, float, float, float, float, float]
 Eight = tuple[float, float, float, float, float, float, float, float]
 
 N_SENSORS: Final = 8
@@ -146,7 +147,8 @@ class State(NamedTuple):
     ``q``, ``v``: rotor x, y, tilt dx/dz, tilt dy/dz; pedestal x, y, roll; motor x, y, roll.
     ``a``: their accelerations in the last step.  ``slip``: slip of the eight feet.  ``mode``: three housing
     modes, position and velocity.  ``lag``: sensor lags.  ``ring``: anti-alias history, each instant stored
-    twice.  ``scalar``: the named indices below.
+    twice.  ``film``: slopes of the film force and where they were taken (:mod:`sim_hil.rotor.film_step`).
+    ``scalar``: the named indices below.
     """
 
     q: Floats
@@ -156,6 +158,7 @@ class State(NamedTuple):
     mode: Floats
     lag: Floats
     ring: Floats
+    film: Floats
     scalar: Floats
 
 
@@ -201,5 +204,6 @@ def new_state(taps: int, clearance_m: float, pressure_Pa: float, oil_C: float, a
         mode=np.zeros(6),
         lag=np.zeros(N_SENSORS),
         ring=np.zeros((N_SENSORS, 2 * taps)),
+        film=np.zeros(6),
         scalar=scalar,
     )

@@ -10,8 +10,8 @@ import math
 from numba import njit
 
 from sim_hil.film.table_kernel import table_force
+from sim_hil.rotor.film_step import film_reaction
 from sim_hil.rotor.kernel import (
-    film_jacobian,
     heat_oil,
     move_actuator,
     relative,
@@ -145,16 +145,14 @@ def advance(
         c_rate = move_actuator(plant.act, scalar, target[0], target[1], period)
         c = scalar[CLEARANCE] + film.wear
         mu = viscosity_now(film, scalar)
-        ex, ey = relative(plant, st.q)
-        wx, wy = relative(plant, st.v)
-        jacobian = film_jacobian(film, table, ex, ey, wx, wy, drive[n, 0], c, mu, c_rate)
         marks[n] = -1.0
         power = 0.0
         for k in range(substeps):
             omega = drive[n, 0] + alpha * dt * k
             load = drive[n, 1] + (drive[n + 1, 1] - drive[n, 1]) * k / substeps
             before = scalar[ANGLE]
-            substep(plant, st, table, jacobian, omega, alpha, load, c, c_rate, mu, ambient[n], dt)
+            reaction = film_reaction(plant, st, table, k == 0, omega, c, c_rate, mu, dt)
+            substep(plant, st, table, reaction, omega, alpha, load, c, c_rate, mu, ambient[n], dt)
             power += scalar[POWER]
             if scalar[ANGLE] >= turn or scalar[ANGLE] < 0.0:
                 sign = 1.0 if scalar[ANGLE] >= turn else -1.0

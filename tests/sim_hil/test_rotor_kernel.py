@@ -32,7 +32,7 @@ def one_step(
 ) -> State:
     film = plant.film
     substep(
-        plant, state, TABLE, (0.0, 0.0, 0.0, 0.0), omega, alpha, load, 60e-6, 0.0, 1e-15 * film.viscosity,
+        plant, state, TABLE, (0.0,) * 6, omega, alpha, load, 60e-6, 0.0, 1e-15 * film.viscosity,
         np.zeros(4), dt,
     )  # fmt: skip
     return state
