@@ -12,8 +12,8 @@ from sim_hil.bound.fixed import Case, Map, build_map, in_parallel
 from sim_hil.bound.limits import Verdict
 from sim_hil.bound.schedules import NoSchedule, Plan, best_causal, preview
 
-MARGINS_UM = (0, 1, 2, 3, 4, 6, 8)
-MARGIN_BINS = (1, 2, 4, 6)
+MARGINS_UM = (1, 2, 4, 8)
+MARGIN_BINS = (2, 4, 8)
 _TRIED = 1
 
 
