@@ -21,7 +21,7 @@ from firmware_py.acquire.windows import Window
 from firmware_py.brain.errors import ModelAnswerError
 from firmware_py.brain.estimate import Estimate, Measured
 from firmware_py.brain.observation import Present
-from firmware_py.brain.prediction import HORIZON_S, Outlook, Predictor
+from firmware_py.brain.prediction import CANDIDATES, HORIZON_S, Outlook, Predictor
 from firmware_py.brain.store import OBSERVATION, Model, Models
 from firmware_py.config import Config
 from firmware_py.records import CHANNELS, ArmState, Diagnosis, GuardState, Mode
@@ -29,8 +29,8 @@ from firmware_py.records import CHANNELS, ArmState, Diagnosis, GuardState, Mode
 READING_AGE_MAX_NS: Final = 250_000_000
 SAMPLE_AGE_MAX_NS: Final = 150_000_000
 DIAGNOSIS_AGE_MAX_NS: Final = 1_500_000_000
-DOUBT_MAX_S: Final = 3.0
-"""Doubt and unknown withhold the advice when they have stood this long."""
+UNKNOWN_MAX_S: Final = 3.0
+"""An unknown state withholds the advice when it has stood this long."""
 
 FILM_RESERVE_M: Final = 5e-7
 WHIRL_RESERVE: Final = 0.03
@@ -114,7 +114,7 @@ class Policy:
         wish_m = self._wish(actor, present, diagnosis, guard, estimate, reasons) if actor and not reasons else None
         chosen_m, overruled = None, ""
         if wish_m is not None:
-            outlook = predictor.forecast(measured, estimate, np.append(predictor.candidates_m, wish_m))
+            outlook = predictor.forecast(measured, estimate, np.append(self._candidates(guard), wish_m))
             chosen_m, overruled = self._check(wish_m, present.clearance_m, outlook, _interval(guard))
         self.counters["proposals" if chosen_m is not None else "proposals_withheld"] += 1
         expected_m, expectation = self._future(present, guard, chosen_m)
@@ -132,12 +132,19 @@ class Policy:
             reasons += outside
             return None
         row = np.array([[values[name] for name in OBSERVATION]])
-        bearing = self._config.bearing
-        admitted_um = (bearing.radial_clearance_min_um, bearing.radial_clearance_max_um)
+        low_m, high_m = self._admitted(guard)
+        return min(max(float(actor.session.run(row)["clearance"][0, 0]), low_m), high_m)
+
+    def _admitted(self, guard: GuardState | None) -> tuple[float, float]:
+        """Clearances (m) that the guard admits; the bearing's range while it admits none."""
         if guard is not None and guard.clearance_low_um < guard.clearance_high_um:
-            admitted_um = (guard.clearance_low_um, guard.clearance_high_um)
-        wish_m = float(actor.session.run(row)["clearance"][0, 0])
-        return min(max(wish_m, admitted_um[0] * 1e-6), admitted_um[1] * 1e-6)
+            return guard.clearance_low_um * 1e-6, guard.clearance_high_um * 1e-6
+        bearing = self._config.bearing
+        return bearing.radial_clearance_min_um * 1e-6, bearing.radial_clearance_max_um * 1e-6
+
+    def _candidates(self, guard: GuardState | None) -> Floats:
+        """Clearances (m) from which a better one than the actor's is chosen: they span what is admitted."""
+        return np.linspace(*self._admitted(guard), CANDIDATES)
 
     def _check(self, wish_m: float, present_m: float, outlook: Outlook,
                interval_m: tuple[float, float]) -> tuple[float, str]:
@@ -235,6 +242,11 @@ def _acts(guard: GuardState) -> bool:
 
 
 def _diagnosis_doubts(diagnosis: Diagnosis | None, now_ns: int) -> list[str]:
+    """Verdicts that forbid a proposal.
+
+    Doubt is none of them: it asks for more windows to tell which class it is, and no class by itself makes
+    a clearance unsafe (the forecast and the guard judge that).  What was never taught is another matter.
+    """
     if diagnosis is None:
         return ["no diagnosis yet"]
     age_ns = now_ns - diagnosis.t_acq_ns
@@ -243,8 +255,8 @@ def _diagnosis_doubts(diagnosis: Diagnosis | None, now_ns: int) -> list[str]:
     held_s = diagnosis.evidence.get("held_s", 0.0)
     if diagnosis.verdict == "whirl":
         return [f"whirl: {100 * diagnosis.evidence['subsync_share']:.0f} % of the orbit's energy at half order"]
-    if diagnosis.verdict in ("doubt", "unknown") and held_s >= DOUBT_MAX_S:
-        return [f"diagnosis {diagnosis.verdict} for {held_s:.1f} s"]
+    if diagnosis.verdict == "unknown" and held_s >= UNKNOWN_MAX_S:
+        return [f"diagnosis unknown for {held_s:.1f} s"]
     if diagnosis.verdict == "none":
         return ["no diagnosis from the newest window"]
     return []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import shutil
 import time
 from pathlib import Path
@@ -131,11 +132,13 @@ def _outcome(setting: Setting, story: Story, observer: Observer, bus: BusCount, 
     duty_act = next(act for act in story.acts if act.name == "duty")
     duty_truth = [truth for truth in observer.truth if duty_act.start_s <= truth.t_s < duty_act.end_s]
     killed = any(beat.verb == "kill_brain" for _, beat in observer.beats)
-    safe_um = setting.config.actuator.safe_radial_clearance_um
+    config = setting.config
+    slowest_rad_s = 0.98 * config.operating.speed_min_rpm * math.pi / 30
+    safe_um = config.actuator.safe_radial_clearance_um
     kills: list[KillScore] = [score_kill(observer, safe_um, brain_back_s)] if killed else []
     return Outcome(
         story, observer, duty_truth, bus, host, lag_ms, loop, reaction, score_faults(observer),
-        score_forecasts(observer), score_film(observer, setting.config.limits.min_film_um, SETTLED_S), kills,
+        score_forecasts(observer), score_film(observer, config.limits.min_film_um, SETTLED_S, slowest_rad_s), kills,
         rerun_fixed(duty_truth, setting, story.seed),
     )  # fmt: skip
 

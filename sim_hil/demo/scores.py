@@ -144,9 +144,10 @@ class FilmScore:
     violation_s: float
 
 
-def score_film(observer: Observer, limit_um: float, from_s: float) -> FilmScore:
-    """Minimum film after ``from_s`` (before it the rig runs up)."""
-    films = [truth.min_film_um for truth in observer.truth if truth.t_s >= from_s]
+def score_film(observer: Observer, limit_um: float, from_s: float, from_rad_s: float) -> FilmScore:
+    """Minimum film after ``from_s`` (before it the rig runs up) at speeds that carry a film at all."""
+    turning = [truth for truth in observer.truth if truth.t_s >= from_s and truth.speed_rad_s >= from_rad_s]
+    films = [truth.min_film_um for truth in turning]
     return FilmScore(round(min(films), 2), round(0.1 * sum(film < limit_um for film in films), 2))
 
 

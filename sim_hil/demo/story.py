@@ -31,6 +31,9 @@ UNBALANCE_GRADES_G = (16.0, 40.0)
 BOLT_PRELOADS_PERCENT = (25.0, 0.0)
 """Severities at which a bolt must be named (`classes.json`: required_at preload <= 25 %)."""
 
+TRIPLESS_SHARE = 0.4
+"""Share of the highest speed up to which the strongest unbalance alarms without a trip: the story goes on."""
+
 RAMP_SHARE = 0.6
 """Share of the declared fastest ramp that the duty uses."""
 
@@ -157,9 +160,11 @@ class _Teller:
     def _injected(self, name: str, start: float, end: float, point: _Point) -> _Scene:
         """A hold, one fault injected at a drawn moment, cleared at the end of the act."""
         low, high = self.operating.speed_min_rpm, self.operating.speed_max_rpm
-        hold = _Point(float(self.rng.uniform(max(low, 0.25 * high), 0.6 * high)), self._load(self.rng.uniform(60, 200)))
-        ramp = self._ramp_s(point, hold)
         severity = float(self.rng.choice(UNBALANCE_GRADES_G if name == "unbalance" else BOLT_PRELOADS_PERCENT))
+        fastest = TRIPLESS_SHARE * high if severity == max(UNBALANCE_GRADES_G) else 0.6 * high
+        speed_rpm = float(self.rng.uniform(max(low, 0.25 * high), fastest))
+        hold = _Point(speed_rpm, self._load(float(self.rng.uniform(60, 200))))
+        ramp = self._ramp_s(point, hold)
         beats = [
             Beat(start, "operating", hold.speed_rpm, hold.load_N, ramp),
             Beat(start + ramp + float(self.rng.uniform(1.0, 2.5)), "inject", fault=name, severity=severity),

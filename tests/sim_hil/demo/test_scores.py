@@ -98,8 +98,9 @@ def test_forecasts_beyond_the_end_or_of_bad_quality_are_not_scored() -> None:
 
 def test_film_violation_counts_tenths_of_a_second_after_the_run_up() -> None:
     observer = Observer(0)
-    observer.truth = [truth(0.5, film_um=2.0), truth(1.5, film_um=9.9), truth(1.6, film_um=10.0)]
-    score = score_film(observer, 10.0, 1.0)
+    standing = Truth(1.7, 10.0, 100.0, 60.0, 0.0, 0.5, 0.1, 0.01)
+    observer.truth = [truth(0.5, film_um=2.0), truth(1.5, film_um=9.9), truth(1.6, film_um=10.0), standing]
+    score = score_film(observer, 10.0, 1.0, 150.0)
     assert (score.min_um, score.violation_s) == (9.9, 0.1)
 
 
