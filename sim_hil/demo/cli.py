@@ -64,7 +64,7 @@ def _parser() -> argparse.ArgumentParser:
         prog="orbitd demo",
         description=__doc__,
         epilog="Acts: healthy running, a duty with changing speed and load, an unbalance, a second fault, the brain "
-        "killed. Under 60 s the second fault is left out, under 40 s the kill too; the rest is shortened. Faults, "
+        "killed. Under 60 s the second fault is left out, under 50 s the kill too; the rest is shortened. Faults, "
         "severities, times and the build of the rig are drawn from --seed and unknown to the device. Exit code 0: "
         "every term of `ok` held; 1: the summary names those that did not.",
     )

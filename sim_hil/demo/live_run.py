@@ -29,7 +29,7 @@ from sim_hil.demo.setting import Setting, write_config
 from sim_hil.demo.story import Beat, Story
 from sim_hil.truth import RigTruth
 
-BRAIN_AWAY_S: Final = 5.0
+BRAIN_AWAY_S: Final = 3.0
 """How long a killed brain stays away, so that a person sees the guard without it."""
 
 START_WITHIN_S: Final = 90.0

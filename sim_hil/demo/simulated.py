@@ -17,7 +17,7 @@ from sim_hil.demo.setting import Setting
 from sim_hil.demo.story import Beat, Story
 from sim_hil.rig import Rig, node_limits
 
-BRAIN_AWAY_S = 5.0
+BRAIN_AWAY_S = 3.0
 """How long a killed brain stays away."""
 
 START_NS = 1_000_000_000

@@ -88,7 +88,7 @@ class _Point:
 def draw(seconds: float, seed: int, operating: Operating, fault: str | None = None) -> Story:
     """Draw the story of ``seconds`` from ``seed``.
 
-    Under 60 s the second fault is left out, under 40 s the kill of the brain too; the rest is shortened.
+    Under 60 s the second fault is left out, under 50 s the kill of the brain too; the rest is shortened.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ def draw(seconds: float, seed: int, operating: Operating, fault: str | None = No
         teller.duty: 0.40,
         teller.unbalance: 0.17,
         teller.second_fault: 0.17 if seconds >= 60 else 0.0,
-        teller.kill: 0.14 if seconds >= 40 else 0.0,
+        teller.kill: 0.14 if seconds >= 50 else 0.0,
     }
     acts: list[Act] = []
     beats = [Beat(0.0, "operating", _START.speed_rpm, _START.load_N), Beat(2.0, "arm")]

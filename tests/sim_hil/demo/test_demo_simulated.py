@@ -40,7 +40,7 @@ def test_the_story_comes_true(seed: int) -> None:
     assert result["forecast"]["power_error_pct_p95"] < 10.0
     (kill,) = result["kills"]
     assert kill["target_safe_ms"] <= 100.0
-    assert kill["back_s"] == pytest.approx(5.0, abs=0.1)
+    assert kill["back_s"] == pytest.approx(3.0, abs=0.1)
     assert result["faults"][0]["name"] == "unbalance"
 
 
