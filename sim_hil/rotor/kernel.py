@@ -140,8 +140,8 @@ def accelerate_motor(
 
 
 @njit(cache=True)
-def join_film(plant: Plant, a: Floats, reaction: Six, dt: float) -> None:
-    """Add to the accelerations what the film force changes by during the step, ``dF = dt G a + r``."""
+def join_film(plant: Plant, a: Floats, reaction: Six, dt: float) -> tuple[float, float]:
+    """What the film force changes by during the step, ``dF = dt G a + r``, N, added to the accelerations."""
     s, pedestal = plant.shaft, plant.pedestal
     b, height = s.to_bearing, pedestal.axis_height
     ground_y = 1 / s.mass + b * b / s.diametral + 1 / pedestal.mass
@@ -162,6 +162,7 @@ def join_film(plant: Plant, a: Floats, reaction: Six, dt: float) -> None:
     a[4] -= dfx / pedestal.mass
     a[5] -= dfy / pedestal.mass
     a[6] += height * dfx / pedestal.inertia
+    return dfx, dfy
 
 
 @njit(cache=True)
@@ -197,7 +198,7 @@ def substep(
     a[2] = (b * (fx + at_x) - s.to_coupling * coupling_x - s.polar * alpha * q[3]) / s.diametral
     a[3] = (b * (fy + at_y) - s.to_coupling * coupling_y + s.polar * alpha * q[2]) / s.diametral
 
-    join_film(plant, a, reaction, dt)
+    dfx, dfy = join_film(plant, a, reaction, dt)
     g = 0.5 * dt * s.polar * omega / s.diametral
     tilt_x = v[2] - g * v[3] + dt * a[2]
     tilt_y = v[3] + g * v[2] + dt * a[3]
@@ -207,7 +208,10 @@ def substep(
     v[3] = (tilt_y + g * tilt_x) / (1 + g * g)
     for i in range(10):
         q[i] += dt * v[i]
-    scalar[POWER] = torque * abs(omega) - (fx * wx + fy * wy) + film.windage * abs(omega) ** 3
+    # work of the force that acted, over the way that was gone (mean of the two half-step velocities)
+    after_x, after_y = relative(plant, v)
+    work = 0.5 * ((fx + dfx) * (wx + after_x) + (fy + dfy) * (wy + after_y))
+    scalar[POWER] = torque * abs(omega) - work + film.windage * abs(omega) ** 3
     scalar[FLOW] = flow
     scalar[ANGLE] += (omega + 0.5 * alpha * dt) * dt
     scalar[TIME] += dt
