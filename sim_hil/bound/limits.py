@@ -60,20 +60,25 @@ def judge(run: Trajectory, limits: Limits) -> Verdict:
 
 
 def orbit_share(run: Trajectory) -> Floats:
+    """:func:`path_share` of a run."""
+    return path_share(run.position_m, run.column("angle_rad"), run.column("clearance_m"))
+
+
+def path_share(position_m: Floats, angle_rad: Floats, clearance_m: Floats) -> Floats:
     """Peak-to-peak over present clearance at each instant, in the window of `WINDOW_TURNS` turns that ends there.
 
     The larger of the two axes; before the first whole window, that of the turns so far. As the limit says, a window
     takes the path as it is: what load and speed move the journal counts too.
     """
-    turn = np.floor(np.abs(run.column("angle_rad") - run.column("angle_rad")[0]) / (2 * np.pi)).astype(np.int64)
+    turn = np.floor(np.abs(angle_rad - angle_rad[0]) / (2 * np.pi)).astype(np.int64)
     starts = np.flatnonzero(np.diff(turn, prepend=-1))
     window = {"size": WINDOW_TURNS, "origin": (WINDOW_TURNS - 1) // 2, "mode": "nearest"}
     swing = np.zeros(starts.size)
     for axis in range(2):
-        path = run.position_m[:, axis]
+        path = position_m[:, axis]
         high = maximum_filter1d(np.maximum.reduceat(path, starts), **window)
         low = minimum_filter1d(np.minimum.reduceat(path, starts), **window)
         swing = np.maximum(swing, high - low)
-    clearance = minimum_filter1d(np.minimum.reduceat(run.column("clearance_m"), starts), **window)
+    clearance = minimum_filter1d(np.minimum.reduceat(clearance_m, starts), **window)
     per_turn = swing / clearance
     return np.asarray(per_turn[np.searchsorted(starts, np.arange(turn.size), side="right") - 1])

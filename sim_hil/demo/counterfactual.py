@@ -14,6 +14,7 @@ from typing import Final
 
 import numpy as np
 
+from sim_hil.bound.limits import path_share
 from sim_hil.build import Build
 from sim_hil.demo.observer import Truth
 from sim_hil.demo.setting import Setting
@@ -24,10 +25,6 @@ from sim_hil.rotor.parameters import TRUTH_COLUMNS, Floats
 from sim_hil.runs import run
 
 GRID_STEP_UM: Final = 5.0
-ORBIT_WINDOW_TURNS: Final = 20
-TURNS_PER_SWING: Final = 4
-"""Turns over which one swing is taken: two periods of half-order whirl."""
-
 SETTLE_S: Final = 1.0
 """Held at the first point before the comparison starts."""
 
@@ -68,11 +65,13 @@ class _Rerun:
         machine = Machine(self.rig, self.build, self.seed, clearance_m=clearance_m)
         run(machine, Duty.hold(self.duty.speed_rpm[0], self.duty.load_N[0]), SETTLE_S, clearance=clearance_m)
         truth = run(machine, self.duty, self.duty.seconds, clearance=clearance_m).truth
-        return Fixed(clearance_um, float(_column(truth, "shaft_power_W").mean()), self._feasible(truth, clearance_m))
+        return Fixed(clearance_um, float(_column(truth, "shaft_power_W").mean()), self._feasible(truth))
 
-    def _feasible(self, truth: Floats, clearance_m: float) -> bool:
+    def _feasible(self, truth: Floats) -> bool:
         film = float(_column(truth, "min_film_m").min())
-        return film >= self.min_film_m and _largest_orbit_m(truth) <= self.clearance_share * clearance_m
+        position_m = np.column_stack([_column(truth, "eccentricity_x_m"), _column(truth, "eccentricity_y_m")])
+        share = path_share(position_m, _column(truth, "angle_rad"), _column(truth, "clearance_m"))
+        return film >= self.min_film_m and float(share.max()) <= self.clearance_share
 
 
 def rerun_fixed(truth: list[Truth], setting: Setting, seed: int) -> Counterfactual:
@@ -94,7 +93,7 @@ def rerun_fixed(truth: list[Truth], setting: Setting, seed: int) -> Counterfactu
         round(best.mean_power_W, 2) if best else None,
         best.clearance_um if best else None,
         f"speed and load of the duty act again with the same build and seed at fixed clearances, "
-        f"{GRID_STEP_UM:g} um grid; feasible: film and orbit within their limits throughout",
+        f"{GRID_STEP_UM:g} um grid; feasible: film and orbit (windows of 20 turns) within their limits throughout",
     )
 
 
@@ -110,22 +109,3 @@ def _recorded_duty(truth: list[Truth]) -> Duty:
 def _column(truth: Floats, name: str) -> Floats:
     column: Floats = truth[:, TRUTH_COLUMNS.index(name)]
     return column
-
-
-def _largest_orbit_m(truth: Floats) -> float:
-    """Largest peak-to-peak of either axis over windows of :data:`ORBIT_WINDOW_TURNS` turns.
-
-    The static position drifts with load and speed, so a window counts as the mean swing of its groups of
-    :data:`TURNS_PER_SWING` turns.
-    """
-    turns = np.floor(_column(truth, "angle_rad") / (2 * np.pi)).astype(np.int64)
-    starts = np.flatnonzero(np.diff(turns, prepend=turns[0] - 1))[::TURNS_PER_SWING]
-    largest = 0.0
-    for name in ("eccentricity_x_m", "eccentricity_y_m"):
-        values = _column(truth, name)
-        swing = np.maximum.reduceat(values, starts) - np.minimum.reduceat(values, starts)
-        groups = ORBIT_WINDOW_TURNS // TURNS_PER_SWING
-        kernel = np.ones(groups) / groups
-        if len(swing) > groups + 2:
-            largest = max(largest, float(np.convolve(swing[1:-1], kernel, "valid").max()))
-    return largest
