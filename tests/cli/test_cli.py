@@ -59,11 +59,21 @@ def test_a_device_that_is_not_there_is_exit_code_3(command: str, extra: tuple[st
     assert done.stderr.count("\n") == 1
 
 
-def test_check_accepts_the_shipped_configurations() -> None:
-    for path in SHIPPED.glob("*.toml"):
-        done = orbitd("check", str(path))
-        assert done.returncode == 0, done.stdout + done.stderr
-        assert "admissible over the whole declared range" in done.stdout
+def test_check_accepts_the_shipped_configuration_and_its_models() -> None:
+    done = orbitd("check", str(SHIPPED / "bench.toml"))
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "admissible over the whole declared range" in done.stdout
+    assert [line.split()[1] for line in done.stdout.splitlines() if line.startswith("  model")] == [
+        "classifier", "actor", "surrogate",
+    ]  # fmt: skip
+
+
+def test_check_names_the_models_that_do_not_fit_a_rig() -> None:
+    done = orbitd("check", str(SHIPPED / "seed.toml"))
+    assert done.returncode == 1
+    assert "admissible over the whole declared range" in done.stdout
+    assert "REFUSED classifier" in done.stdout
+    assert "bench" in done.stdout
 
 
 def test_demo_refuses_what_it_cannot_play() -> None:
