@@ -25,7 +25,7 @@ Floats = NDArray[np.float32]
 class DdpgSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Plain DDPG: ``twin_critics=False, policy_delay=1, target_noise=0``."""
 
-    steps: int = 10_000
+    steps: int = 30_000
     warm_up: int = 1_000
     batch: int = 256
     hidden: tuple[int, ...] = (64, 64)
