@@ -59,10 +59,7 @@ class Sampling(Section, frozen=True):
 
 
 class Channel(Section, frozen=True):
-    """One sensor channel: SI = ``counts * scale + offset``; outside ``ok_low .. ok_high`` it is not OK.
-
-    ``message`` and ``signal`` name another source than ``orbitd.dbc`` (then ``bus_dbc`` must be set).
-    """
+    """One sensor channel: SI = ``counts * scale + offset``; outside ``ok_low .. ok_high`` it is not OK."""
 
     name: str
     unit: str
@@ -71,8 +68,6 @@ class Channel(Section, frozen=True):
     ok_high: float
     offset: float = 0.0
     angle_deg: float = 0.0
-    message: str = ""
-    signal: str = ""
 
 
 class Bearing(Section, frozen=True):
@@ -90,8 +85,6 @@ class Oil(Section, frozen=True):
 
     viscosity_at_40C_Pa_s: Positive
     viscosity_slope_per_K: NonNegative
-    density_kg_m3: Positive
-    heat_capacity_J_kgK: Positive
     inlet_min_C: float
     inlet_max_C: float
     film_max_C: float
@@ -102,22 +95,17 @@ class Oil(Section, frozen=True):
 
 
 class Feed(Section, frozen=True):
-    """Oil supply pressure: what the actuator may set, and the pump's efficiency."""
+    """Oil supply pressure above ambient: what the actuator may set."""
 
-    pressure_nominal_bar: NonNegative
     pressure_min_bar: NonNegative
     pressure_max_bar: Positive
-    pump_efficiency: Annotated[float, Meta(gt=0, le=1)] = 0.6
 
 
 class Rotor(Section, frozen=True):
     """The rotor as the film sees it."""
 
-    mass_kg: Positive
     effective_mass_at_bearing_kg: Positive
     unbalance_normal_kg_m: NonNegative
-    coupling_stiffness_N_m: Positive
-    coupling_damping_N_s_m: NonNegative
 
 
 class Operating(Section, frozen=True):
@@ -219,7 +207,6 @@ class Config(Section, frozen=True):
     limits: Limits
     channel: list[Channel]
     bus: Bus = Bus()
-    bus_dbc: str = ""
     sampling: Sampling = Sampling()
     authority: Authority = Authority()
     models: Models = Models()
