@@ -183,7 +183,12 @@ class Windower:
         self._flags.clear()
 
     def note(self, reading: RigReading) -> None:
-        """Remember what the rig said about clearance, shaft power and oil."""
+        """Remember what the rig said about clearance, shaft power and oil.
+
+        Before the first block there is no time to put it on: such a reading is left out.
+        """
+        if not self._run:
+            return
         status = reading.status
         tick_us = nearest_tick(status.tick_us, self._end_tick_us)
         self._note(tick_us, status.clearance_actual_um * 1e-6, status.shaft_power_W, status.oil_outlet_C)
