@@ -7,6 +7,7 @@ Exit codes: 0 done; 1 refused, failed or not ok; 2 wrong input (usage, configura
 from __future__ import annotations
 
 import importlib.metadata
+import os
 import sys
 from collections.abc import Callable, Iterable
 
@@ -45,8 +46,17 @@ SUMMARIES = (
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run ``orbitd ARGV`` and return its exit code."""
-    arguments = sys.argv[1:] if argv is None else argv
+    """Run ``orbitd ARGV`` and return its exit code; a reader that has seen enough ends it quietly."""
+    try:
+        code = _main(sys.argv[1:] if argv is None else argv)
+        sys.stdout.flush()
+        return code
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # nothing more can be said
+        return 0
+
+
+def _main(arguments: list[str]) -> int:
     entry_points = {point.name: point for point in importlib.metadata.entry_points(group=GROUP)}
     if not arguments or arguments[0] in ("-h", "--help", "help"):
         print(_help(entry_points))
@@ -70,8 +80,6 @@ def _run(point: importlib.metadata.EntryPoint, arguments: list[str]) -> int:
         return command(arguments)
     except OrbitdError as error:
         return _fail(str(error), error.exit_code)
-    except BrokenPipeError:
-        return 0
     except KeyboardInterrupt:
         return 130
 

@@ -83,6 +83,8 @@ def from_options(options: argparse.Namespace) -> Launch:
 
 def as_instance(loaded: Config, instance: str) -> Config:
     """``loaded`` under another instance name, on a hub of its own, so that two devices do not share a bus."""
+    if instance == loaded.device.instance:
+        return loaded
     device = msgspec.structs.replace(loaded.device, instance=instance)
     bus = loaded.bus
     if bus.interface == "orbitd_hub":

@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from firmware_py import __version__, cli
-from firmware_py.config import SHIPPED
+from firmware_py.config import SHIPPED, load
+from firmware_py.launch import as_instance
 
 
 def orbitd(*arguments: str) -> subprocess.CompletedProcess[str]:
@@ -22,6 +23,20 @@ def test_help_lists_every_registered_command() -> None:
     assert done.returncode == 0
     listed = {line.split()[0] for line in done.stdout.splitlines() if line.startswith("  ")}
     assert listed == {name for name, _ in cli.SUMMARIES}
+
+
+def test_a_reader_that_has_seen_enough_ends_it_quietly() -> None:
+    done = subprocess.run(
+        f"{sys.executable} -m firmware_py --help | true", shell=True, capture_output=True, text=True, timeout=60,
+        check=False,
+    )  # fmt: skip
+    assert done.stderr == ""
+
+
+def test_another_instance_has_a_bus_of_its_own_and_the_configured_one_keeps_its_bus() -> None:
+    loaded, _ = load(SHIPPED / "bench.toml")
+    assert as_instance(loaded, loaded.device.instance).bus.channel == loaded.bus.channel
+    assert as_instance(loaded, "two").bus.channel != loaded.bus.channel
 
 
 def test_no_command_shows_help_and_fails() -> None:
