@@ -28,7 +28,7 @@ def raimondi_boyd() -> Iterator[Row]:
             side_flow = state.side_flow_m3_s / (R * C * OMEGA / (2 * math.pi) * length)
             mean = state.load_N / (length * 2 * R) / float(state.film.max_pressure_Pa)
             case = f"L/D={ratio} eps={eps}:"
-            source = "Raimondi and Boyd 1958"
+            source = "Raimondi and Boyd 1958, digits recalled, not checked against print"
             angle = math.degrees(state.attitude_rad)
             yield Row(f"{case} S", state.sommerfeld, sommerfeld, source, allowed["S"])
             yield Row(f"{case} attitude, deg", angle, attitude, source, allowed["attitude_deg"], True)
