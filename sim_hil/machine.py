@@ -139,6 +139,11 @@ class Machine:
         scalar = self._state.scalar
         return Readings(float(scalar[CLEARANCE]), float(scalar[PRESSURE]), float(scalar[POWER]), float(scalar[OIL]))
 
+    def set_inlet(self, inlet_C: float) -> None:
+        """Oil inlet temperature from now on."""
+        self._healthy = self._healthy._replace(film=self._healthy.film._replace(inlet_C=inlet_C))
+        self._plant = apply_machine_faults(self._healthy, self.rig, self.build, self.faults)
+
     def inject(self, name: str, severity: float) -> None:
         """Set a fault from now on; see :mod:`sim_hil.faults` for names and severities.
 
