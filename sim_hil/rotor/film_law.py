@@ -1,6 +1,6 @@
 """One call for the film force, whatever stands behind it; chosen by type when a kernel is compiled.
 
-A law is the coefficient array of a `FilmTable`, a `DirectLaw` or a `LinearLaw`.
+A law is the coefficient array of a `FilmTable`, a `DirectLaw`, a `LinearLaw`, or a network of `network_law`.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from numba.extending import overload
 
 from sim_hil.film.direct import DirectFilm, direct_force
 from sim_hil.film.table_kernel import EPS_TABLE, contact_force, lookup, table_force
+from sim_hil.rotor.network_law import RawNetworkLaw, ReducedNetworkLaw, raw_forces, reduced_forces
 from sim_hil.rotor.parameters import Floats
 
 Forces = tuple[float, float, float, float]
@@ -61,7 +62,7 @@ class LinearLaw(NamedTuple):
         return cls._make(numbers.tolist())
 
 
-Law = Floats | DirectLaw | LinearLaw
+Law = Floats | DirectLaw | LinearLaw | ReducedNetworkLaw | RawNetworkLaw
 
 
 @njit(cache=True)
@@ -109,6 +110,11 @@ def _tabulated(
     return forces
 
 
+_KERNELS = {
+    DirectLaw: _direct, LinearLaw: _linear, ReducedNetworkLaw: reduced_forces, RawNetworkLaw: raw_forces,
+}  # fmt: skip
+
+
 def film_law(
     law: Law, ex: float, ey: float, vx: float, vy: float, omega: float, c: float, mu: float, R: float, L: float,
     c_rate: float,
@@ -119,7 +125,7 @@ def film_law(
 
 
 def _of_type(kind: type) -> Callable[..., Forces]:
-    chosen: Callable[..., Forces] = {DirectLaw: _direct, LinearLaw: _linear}.get(kind, _tabulated)
+    chosen: Callable[..., Forces] = _KERNELS.get(kind, _tabulated)
     return chosen
 
 
