@@ -1,67 +1,84 @@
-"""Synchronising the film model with the running machine: load and viscosity from what is measured now.
+"""Synchronising the film model with the running machine: an extended Kalman filter over readings.
 
-Weighted least squares on mean shaft position and shaft power, with priors from the declared load range and
-the oil's temperature.  The unbalance comes from its own filter (:mod:`firmware_py.brain.unbalance`).
+State: the nine parameters of :mod:`firmware_py.brain.measurement` and the rates of viscosity and clearance, so
+that starvation and wear are followed and foreseen.  Load moves freely; the errors of the instruments stay what
+they are and come to light as the operating point moves.  The model's error is no white noise: a reading counts
+for less the sooner it follows the one before.
 
-What cannot be told apart: in an isothermal plain film the position fixes only viscosity / (load x
-clearance^2).  The shaft power separates the two where friction is large against the channel's error; at low
-speed the oil-temperature prior does.  A zero error of the probes reads as load (its declared size is counted), a wrong
-clearance as viscosity.
+Source: iterated extended Kalman filter, Bell and Cathey 1993.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_py.brain.film import Film, Points
+from firmware_py.brain.film import Film
+from firmware_py.brain.intervals import SIGMA_90
+from firmware_py.brain.measurement import (
+    CLEARANCE,
+    CONTACT,
+    GAIN_1,
+    GAIN_2,
+    LOAD,
+    PARAMETERS,
+    POWER,
+    UM,
+    VISCOSITY,
+    ZERO_X,
+    ZERO_Y,
+    Errors,
+    Instruments,
+    Measured,
+)
 from firmware_py.config import Config
 
 Floats = NDArray[np.float64]
 
-ZERO_ERROR_M: Final = 2e-6
-PROBE_GAIN_ERROR: Final = 0.03
-POWER_ERROR_W: Final = 5.0
-POWER_MODEL_ERROR: Final = 0.05
-TEMPERATURE_ERROR_C: Final = 3.0
-VISCOSITY_SPREAD: Final = 0.1
-SIGMA_90: Final = 1.645
-"""Half-width of a 90 % interval in standard deviations."""
+VISCOSITY_RATE, CLEARANCE_RATE = PARAMETERS, PARAMETERS + 1
+STATES: Final = PARAMETERS + 2
 
-_ITERATIONS: Final = 4
-_LOG_STEP: Final = 0.02
+LOAD_DRIFT: Final = 0.5
+"""Random walk of ``ln`` load per root second."""
+VISCOSITY_DRIFT: Final = 0.003
+CLEARANCE_DRIFT_UM: Final = 0.03
+RATE_DRIFT: Final = (0.01, 0.15)
+"""Random walk of the two rates: 1/s, um/s, per root second."""
+RATE_MEMORY_S: Final = 30.0
+MODEL_MEMORY_S: Final = 1.0
+"""Readings within this time share their model error."""
+REFUSED_SIGMAS: Final = 4.0
+"""A reading further off than this counts for less."""
 
-
-@dataclass(frozen=True, slots=True)
-class Measured:
-    """What one window and its readings say about the bearing, SI."""
-
-    speed_rad_s: float
-    clearance_m: float
-    mean_x_m: float
-    mean_y_m: float
-    peak_to_peak_m: float
-    shaft_power_W: float
-    oil_outlet_C: float
-    shaft_power_sd_W: float = POWER_ERROR_W
+_FIRST_ITERATIONS: Final = 8
+_ITERATIONS: Final = 2
+_STEP_MAX: Final = 0.7
 
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """Synchronised load and viscosity, lognormal.
+    """Synchronised parameters.
 
     Attributes
     ----------
+    load_N, viscosity_Pa_s, clearance_m
+        Expected static load, film viscosity, and true radial clearance.
     log_covariance
-        Shape (2, 2): of ``ln load`` and ``ln viscosity``.
+        Shape (2, 2): of ``ln`` load and ``ln`` viscosity.
+    mean, covariance
+        Shapes (11,) and (11, 11): the whole state.
     """
 
     load_N: float
     viscosity_Pa_s: float
+    clearance_m: float
     log_covariance: Floats
+    mean: Floats
+    covariance: Floats
 
     @property
     def load_interval_N(self) -> tuple[float, float, float]:
@@ -73,6 +90,16 @@ class Estimate:
         """90 % interval: low, expected, high."""
         return lognormal(self.viscosity_Pa_s, float(np.sqrt(self.log_covariance[1, 1])))
 
+    def drifts(self, sigmas: float) -> bool:
+        """Whether viscosity or clearance change at a rate this many deviations from none."""
+        rates, variance = self.mean[PARAMETERS:], np.diag(self.covariance)[PARAMETERS:]
+        return bool((np.abs(rates) > sigmas * np.sqrt(variance)).any())
+
+    def ahead(self, seconds: float) -> tuple[Floats, Floats]:
+        """Mean (3,) and covariance (3, 3) of ``ln`` load, viscosity factor, clearance error (um), ``seconds`` on."""
+        f = _transition(seconds)[: CLEARANCE + 1]
+        return f @ self.mean, f @ self.covariance @ f.T
+
 
 def lognormal(value: float, log_sd: float) -> tuple[float, float, float]:
     """90 % interval of a lognormal quantity with median ``value``."""
@@ -80,59 +107,93 @@ def lognormal(value: float, log_sd: float) -> tuple[float, float, float]:
     return value / spread, value, value * spread
 
 
+def _transition(seconds: float) -> Floats:
+    """Transition (11, 11) over ``seconds``: rates act and fade."""
+    f = np.eye(STATES)
+    fade = math.exp(-seconds / RATE_MEMORY_S)
+    f[VISCOSITY, VISCOSITY_RATE] = f[CLEARANCE, CLEARANCE_RATE] = RATE_MEMORY_S * (1.0 - fade)
+    f[VISCOSITY_RATE, VISCOSITY_RATE] = f[CLEARANCE_RATE, CLEARANCE_RATE] = fade
+    return f
+
+
 class Synchroniser:
-    """Finds the film model's parameters that explain a window.
+    """Finds the film model's parameters that explain the readings so far.
 
     Parameters
     ----------
     film
         The surrogate of this bearing.
     config
-        For the declared load range and the oil.
+        Declared load range, oil, probes, contact channel.
     """
 
     def __init__(self, film: Film, config: Config) -> None:
-        self._film = film
+        self._instruments = Instruments(film, config)
         self._oil = config.oil
+        errors = Errors.of(config)
         low, high = np.log([config.operating.load_min_N, config.operating.load_max_N])
-        self._prior_load = 0.5 * (low + high)
-        self._prior_load_sd = 0.5 * (high - low) / SIGMA_90 + 0.1
+        self._mean = np.zeros(STATES)
+        self._mean[LOAD] = 0.5 * (low + high)
+        deviation = np.zeros(STATES)
+        deviation[LOAD] = 0.5 * (high - low) / SIGMA_90 + 0.1
+        deviation[VISCOSITY] = errors.log_viscosity(config.oil.viscosity_slope_per_K)
+        deviation[CLEARANCE] = errors.clearance_um
+        deviation[ZERO_X : ZERO_Y + 1] = errors.zero_um
+        deviation[GAIN_1 : GAIN_2 + 1] = errors.gain
+        deviation[POWER] = errors.power_W
+        deviation[CONTACT] = config.contact.film_error_share if config.contact else 0.0
+        deviation[VISCOSITY_RATE:] = 1e-4, 1e-3
+        self._covariance = np.diag(deviation**2)
+        drift = np.zeros(STATES)
+        drift[[LOAD, VISCOSITY, CLEARANCE]] = LOAD_DRIFT, VISCOSITY_DRIFT, CLEARANCE_DRIFT_UM
+        drift[VISCOSITY_RATE:] = RATE_DRIFT
+        self._drift = np.diag(drift**2)
+        self._t_ns: int | None = None
+
+    @property
+    def clearance_error_m(self) -> float:
+        """By how much the true radial clearance is larger than the reported one."""
+        return float(self._mean[CLEARANCE]) * UM
 
     def step(self, measured: Measured) -> Estimate:
-        """The parameters behind ``measured``: Gauss-Newton from the priors; four iterations, three equilibria each."""
-        prior = np.array([self._prior_load, np.log(self._oil.viscosity_Pa_s(measured.oil_outlet_C))])
-        slope = self._oil.viscosity_slope_per_K * TEMPERATURE_ERROR_C
-        information = np.diag([self._prior_load_sd**-2, 1.0 / (slope**2 + VISCOSITY_SPREAD**2)])
-        observed, deviation = _observed(measured)
-        theta, start_m = prior, None
-        for _ in range(_ITERATIONS):
-            predicted, sensitivity, start_m = self._predict(theta, measured, start_m)
-            weighted = sensitivity / deviation[:, None]
-            normal = weighted.T @ weighted + information
-            gradient = weighted.T @ ((observed - predicted) / deviation) + information @ (prior - theta)
-            theta = theta + np.clip(np.linalg.solve(normal, gradient), -0.7, 0.7)
-        covariance = np.asarray(np.linalg.inv(normal), np.float64)
-        return Estimate(float(np.exp(theta[0])), float(np.exp(theta[1])), covariance)
+        """Take what was measured; the same time again changes nothing."""
+        first = self._t_ns is None
+        elapsed_s = MODEL_MEMORY_S if self._t_ns is None else (measured.t_ns - self._t_ns) * 1e-9
+        if elapsed_s > 0.0:
+            f = _transition(0.0 if first else elapsed_s)
+            self._mean = f @ self._mean
+            self._covariance = f @ self._covariance @ f.T + (0.0 if first else elapsed_s) * self._drift
+            weight = max(1.0, MODEL_MEMORY_S / elapsed_s)
+            self._update(measured, weight, _FIRST_ITERATIONS if first else _ITERATIONS)
+            self._t_ns = measured.t_ns
+        return self._estimate(measured)
 
-    def _predict(self, theta: Floats, measured: Measured, start_m: Floats | None) -> tuple[Floats, Floats, Floats]:
-        """Position and power (3,) at ``theta``, their derivatives (3, 2) by logarithm, and the positions (3, 2)."""
-        shifted = np.exp(theta + _LOG_STEP * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]))
-        points = points_at(measured, shifted)
-        position, _, torque = self._film.equilibrium(points, start_m)
-        values = np.column_stack([position, torque * points.speed_rad_s])
-        return values[0], (values[1:] - values[0]).T / _LOG_STEP, position
+    def _update(self, measured: Measured, weight: float, iterations: int) -> None:
+        """Iterated update: each pass linearises at the newest mean."""
+        observed = np.array([measured.mean_x_m / UM, measured.mean_y_m / UM, measured.shaft_power_W,
+                             measured.contact_V])
+        used = np.isfinite(observed) & np.array([True, True, True, self._instruments.has_contact])
+        prior, mean, start_m = self._mean, self._mean, None
+        for _ in range(iterations):
+            values, slopes, start_m = self._instruments.predict(mean[:PARAMETERS], measured, start_m)
+            noise = weight * self._instruments.noise(values, slopes)[np.ix_(used, used)]
+            h = np.zeros((int(used.sum()), STATES))
+            h[:, :PARAMETERS] = slopes[used]
+            rest = (observed - values)[used] - h @ (prior - mean)
+            spread = h @ self._covariance @ h.T
+            off = np.abs(rest) / np.sqrt(np.diag(spread + noise))
+            noise *= max(1.0, float(off.max()) / REFUSED_SIGMAS) ** 2
+            gain = np.linalg.solve(spread + noise, h @ self._covariance).T
+            move = prior + gain @ rest - mean
+            move[: VISCOSITY + 1] = np.clip(move[: VISCOSITY + 1], -_STEP_MAX, _STEP_MAX)
+            mean = mean + move
+        self._mean = mean
+        keep = np.eye(STATES) - gain @ h
+        self._covariance = keep @ self._covariance @ keep.T + gain @ noise @ gain.T
 
-
-def _observed(measured: Measured) -> tuple[Floats, Floats]:
-    """Mean x, mean y, power, and their standard deviations."""
-    values = np.array([measured.mean_x_m, measured.mean_y_m, measured.shaft_power_W])
-    position = np.hypot(ZERO_ERROR_M, PROBE_GAIN_ERROR * np.hypot(measured.mean_x_m, measured.mean_y_m))
-    power = np.hypot(measured.shaft_power_sd_W, POWER_MODEL_ERROR * measured.shaft_power_W)
-    return values, np.array([position, position, power])
-
-
-def points_at(measured: Measured, load_viscosity: Floats) -> Points:
-    """Operating points at the measured speed and clearance with loads and viscosities (n, 2)."""
-    n = len(load_viscosity)
-    return Points(np.full(n, measured.speed_rad_s), np.full(n, measured.clearance_m),
-                  load_viscosity[:, 1], load_viscosity[:, 0])
+    def _estimate(self, measured: Measured) -> Estimate:
+        law = self._oil.viscosity_Pa_s(measured.oil_outlet_C)
+        return Estimate(
+            float(np.exp(self._mean[LOAD])), law * float(np.exp(self._mean[VISCOSITY])),
+            measured.clearance_m + float(self._mean[CLEARANCE]) * UM,
+            self._covariance[:2, :2].copy(), self._mean.copy(), self._covariance.copy())

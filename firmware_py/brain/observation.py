@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from firmware_py.acquire.windows import ChannelMap
-from firmware_py.brain.estimate import Measured
+from firmware_py.brain.measurement import Measured
 from firmware_py.records import N_CHANNELS, Block, Quality, RigReading
 
 SPAN_S: Final = 0.2
@@ -35,11 +35,13 @@ class Present:
     shaft_power_W: float
     oil_outlet_C: float
     channel_ok: int
+    contact_V: float = math.nan
 
     def measured(self) -> Measured:
         """What the predictor synchronises with."""
         return Measured(self.speed_rad_s, self.clearance_m, *self.mean_m,
-                        self.probe_peak_to_peak_m, self.shaft_power_W, self.oil_outlet_C)
+                        self.probe_peak_to_peak_m, self.shaft_power_W, self.oil_outlet_C,
+                        self.contact_V, t_ns=self.t_acq_ns)
 
 
 class Observer:
@@ -95,7 +97,8 @@ class Observer:
             peak_to_peak_m=(float(spread[0]), float(spread[1])), probe_peak_to_peak_m=float(probes.max()),
             supply_pressure_bar=float(mean[6]),
             clearance_m=status.clearance_actual_um * 1e-6, shaft_power_W=status.shaft_power_W,
-            oil_outlet_C=status.oil_outlet_C, channel_ok=ok)
+            oil_outlet_C=status.oil_outlet_C, channel_ok=ok,
+            contact_V=float(mean[7]) if ok >> 7 & 1 else math.nan)
 
 
 def _instants(block: Block) -> int:

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from firmware_py.acquire.orders import Orders
 from firmware_py.acquire.windows import Window
 from firmware_py.brain.errors import ModelAnswerError
-from firmware_py.brain.estimate import Estimate, Measured
+from firmware_py.brain.estimate import Estimate
+from firmware_py.brain.measurement import Measured
 from firmware_py.brain.observation import Present
 from firmware_py.brain.prediction import CANDIDATES, HORIZON_S, Outlook, Predictor
 from firmware_py.brain.store import OBSERVATION, Model, Models
@@ -87,7 +88,8 @@ class Policy:
         if self._predictor is None or not np.isfinite(readings).all() or window.channel_ok & 3 != 3:
             return
         measured = Measured(orders.speed_rad_s, window.clearance_m, float(orders.mean[0]), float(orders.mean[1]),
-                            0.0, window.shaft_power_W, window.oil_outlet_C)
+                            0.0, window.shaft_power_W, window.oil_outlet_C, t_ns=window.end_ns,
+                            half_m=float(np.hypot(orders.half_forward, orders.half_backward)))
         x, y = orders.harmonics[:2, 0].tolist()
         try:
             self._predictor.learn(window.end_ns, measured, 0.5 * (x + 1j * y))

@@ -1,39 +1,60 @@
-"""The predictor: what each candidate clearance would bring, with intervals (ISO 13374 PA).
+"""The predictor: what each candidate clearance would bring in a declared future, with intervals (ISO 13374 PA).
 
 The synchronised film model answers for every candidate at once: equilibrium, friction power, 1X response,
-stability.  Intervals come from the parameters' covariance (sigma points) and from declared model errors.
-Two filters learn from window to window: unbalance apart from runout, and the offset of the power channel.
-Power is drawn towards the measurement at the present clearance as far as that is the more certain.  Speed,
-load and oil are held at their present values; the oil's answer to another friction is not followed.
+stability.  Intervals come from the covariance of load, viscosity, clearance and unbalance (sigma points) and
+from declared model errors, stretched by factors found on training episodes.  Speed and load follow the declared
+future, the oil follows the friction through its heat balance, growing faults follow their rates.  Where the
+clearance and the future are those of this moment, the same figures are the virtual sensors.
 """
 
 from __future__ import annotations
 
-import dataclasses
 import math
+from collections import deque
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_py.brain.estimate import SIGMA_90, Estimate, Measured, Synchroniser, points_at
+from firmware_py.acquire.windows import MAX_SECONDS, MIN_SECONDS, TURNS, ChannelMap
+from firmware_py.brain.estimate import Estimate, Synchroniser
 from firmware_py.brain.film import Film, Points, Steady
-from firmware_py.brain.power import PowerFilter
+from firmware_py.brain.intervals import GROWING_SIGMAS, NEAR_WHIRL, SIGMA_90, IntervalFactors
+from firmware_py.brain.measurement import CLEARANCE, UM, VISCOSITY, Measured
 from firmware_py.brain.store import Model
-from firmware_py.brain.unbalance import ImbalanceFilter
+from firmware_py.brain.unbalance import RESIDUAL_RUNOUT_M, RUNOUT_PRIOR_M, Imbalance, ImbalanceFilter
 from firmware_py.config import Config
 
 Floats = NDArray[np.float64]
 
 HORIZON_S: Final = 2.0
 CANDIDATES: Final = 16
-POWER_ERROR: Final = 0.04
-PEAK_TO_PEAK_ERROR: Final = 0.15
-FILM_ERROR_M: Final = 1e-6
+POWER_ERROR: Final = 0.02
+SWING_ERROR: Final = 0.1
+SWING_ERROR_M: Final = 2e-7
+FILM_ERROR_M: Final = 3e-7
 MARGIN_ERROR: Final = 0.02
-POWER_IGNORED_W: Final = 1e6
-POWER_SCALE: Final = (0.8, 1.25)
+DAMPING_LEAST: Final = 0.01
+LIMIT_TIMES_S: Final = (0.0, 1.0, 2.0, 4.0, 8.0, 15.0, 30.0, 60.0)
+"""Where a growing fault is looked for beyond its limit; farther is called never (infinite)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Future:
+    """What is declared to happen meanwhile: the horizon, its end's speed (None: held) and the load's change."""
+
+    seconds: float = HORIZON_S
+    speed_rad_s: float | None = None
+    load_change_N: float = 0.0
+
+    @property
+    def moves(self) -> bool:
+        """Whether speed or load change."""
+        return self.speed_rad_s is not None or self.load_change_N != 0.0
+
+
+HELD: Final = Future()
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,8 +62,10 @@ class Outlook:
     """Forecast for ``n`` clearances; each quantity has shape (n, 3): low, expected, high.
 
     ``peak_to_peak_m`` is the shaft's own motion at the probes, without runout; ``residual_m`` is by how much
-    the probes report more than that now (runout, harmonics, noise).  ``whirl_margin`` is the damping ratio of
-    the least damped mode, ``possible`` (n,) says where the film carries the load at all.
+    the probes report more than that now (runout, harmonics, noise).  ``power_W`` is the shaft's,
+    ``friction_W`` the film's part.  ``whirl_margin`` is the damping ratio of the least damped mode, ``possible``
+    (n,) says where the film carries the load at all, ``deviation`` (n, 4) holds the model's own standard
+    deviations of power, peak-to-peak, film and margin, ``regime`` (n,) which factors stretch them.
     """
 
     clearance_m: Floats
@@ -52,6 +75,9 @@ class Outlook:
     whirl_margin: Floats
     possible: NDArray[np.bool_]
     residual_m: float
+    friction_W: Floats
+    deviation: Floats
+    regime: tuple[str, ...]
 
 
 class Predictor:
@@ -62,45 +88,60 @@ class Predictor:
     model
         ``surrogate.onnx``.
     config
-        Bearing, rotor, oil, probe angles.
+        Bearing, rotor, oil, probes.
+    factors
+        Stretch of the intervals.
     """
 
-    def __init__(self, model: Model, config: Config) -> None:
+    def __init__(self, model: Model, config: Config, factors: IntervalFactors | None = None) -> None:
         self._film = Film(model.session, config.bearing.journal_radius_m, config.bearing.length_m,
                           config.rotor.effective_mass_at_bearing_kg)
         self._synchroniser = Synchroniser(self._film, config)
+        self._factors = factors or IntervalFactors()
+        self._oil, self._windage_W_s3 = config.oil, config.rotor.windage_W_s3
         angles = np.radians([channel.angle_deg for channel in config.channel[:2]])
         self._probes = np.column_stack([np.cos(angles), np.sin(angles)])
+        self._slow_roll_m = slow_roll_forward(config)
         self._load_range_N = (config.operating.load_min_N, config.operating.load_max_N)
         bearing = config.bearing
-        self._power = PowerFilter()
-        self._imbalance = ImbalanceFilter(config.rotor.unbalance_normal_kg_m)
+        self._imbalance = ImbalanceFilter(config.rotor.unbalance_normal_kg_m,
+                                          RESIDUAL_RUNOUT_M if config.channel[0].zeroed else RUNOUT_PRIOR_M)
+        self._history: deque[tuple[int, float, float, float]] = deque(maxlen=25)
+        self._half_m, self._half_damping = 0.0, 1.0
         self.candidates_m: Floats = 1e-6 * np.linspace(bearing.radial_clearance_min_um,
                                                        bearing.radial_clearance_max_um, CANDIDATES)
         self.label = model.label
 
-    def corrected(self, measured: Measured) -> Measured:
-        """``measured`` without the known part of the power channel's offset."""
-        power_W = max(0.0, measured.shaft_power_W - self._power.offset_W)
-        return dataclasses.replace(measured, shaft_power_W=power_W, shaft_power_sd_W=self._power.offset_sd_W)
-
     def estimate(self, measured: Measured) -> Estimate:
-        """Synchronise the model with the machine."""
-        return self._synchroniser.step(self.corrected(measured))
+        """Synchronise the model with the machine; the same ``t_ns`` again only reads the estimate."""
+        estimate = self._synchroniser.step(measured)
+        self._history.append((measured.t_ns, estimate.load_N, estimate.viscosity_Pa_s, measured.oil_outlet_C))
+        return estimate
 
     def learn(self, t_ns: int, measured: Measured, forward_m: complex) -> None:
-        """Let a window speak about the power channel, and its forward first order about unbalance and runout.
+        """Let a window speak about unbalance and runout, by its forward first order and its half-order band.
 
         Parameters
         ----------
+        t_ns
+            End of the window.
+        measured
+            Means over the window.
         forward_m
             Complex amplitude, phase from the mark.
         """
-        blind = self._synchroniser.step(dataclasses.replace(measured, shaft_power_sd_W=POWER_IGNORED_W))
-        steady = self._film.steady(points_at(measured, np.array([[blind.load_N, blind.viscosity_Pa_s]])))
-        self._power.step(t_ns, measured.shaft_power_W, float(steady.power_W[0]))
+        turns_s = TURNS * 2.0 * math.pi / max(measured.speed_rad_s, 1.0)
+        start_ns = t_ns - round(1e9 * min(max(turns_s, MIN_SECONDS), MAX_SECONDS))
+        inside = [row[1:3] for row in self._history if start_ns <= row[0] <= t_ns]
+        if not inside:
+            inside = [(e.load_N, e.viscosity_Pa_s) for e in (self._synchroniser.step(measured),)]
+        load_N, viscosity = np.mean(inside, axis=0).tolist()
+        clearance_m = measured.clearance_m + self._synchroniser.clearance_error_m
+        steady = self._film.steady(Points(*(np.array([v]) for v in (measured.speed_rad_s, clearance_m, viscosity,
+                                                                   load_N))))
         x, y = steady.response_m_per_kg_m[0].tolist()
-        self._imbalance.step(t_ns, forward_m, 0.5 * (x + 1j * y))
+        self._imbalance.step(t_ns, forward_m - self._slow_roll_m, 0.5 * (x + 1j * y))
+        self._half_m, self._half_damping = measured.half_m, float(steady.damping_ratio[0])
 
     @property
     def unbalance_interval_kg_m(self) -> tuple[float, float, float]:
@@ -108,51 +149,135 @@ class Predictor:
         size, half = self._imbalance.state.size_kg_m, SIGMA_90 * self._imbalance.state.size_sd_kg_m
         return max(0.0, size - half), size, size + half
 
-    def forecast(self, measured: Measured, estimate: Estimate, clearances_m: Floats) -> Outlook:
-        """What the clearances ``clearances_m`` (n,) would bring."""
+    def forecast(self, measured: Measured, estimate: Estimate, clearances_m: Floats, future: Future = HELD) -> Outlook:
+        """What the clearances ``clearances_m`` (n,), reached by then, would bring at the end of ``future``."""
         every = np.append(clearances_m, measured.clearance_m)
-        sigma = _sigma_points(estimate)
-        sigma[:, 0] = np.clip(sigma[:, 0], *self._load_range_N)
-        k = len(sigma)
-        points = Points(np.full(k * len(every), measured.speed_rad_s), np.repeat(every, k),
-                        np.tile(sigma[:, 1], len(every)), np.tile(sigma[:, 0], len(every)))
-        return self._outlook(measured, every, points, self._film.steady(points))
+        points, growing = self._points(measured, estimate, every, future)
+        steady = self._film.steady(points)
+        warming_K = self._warming(measured, steady.power_W.reshape(len(every), -1)[:, 0], estimate, future)
+        if np.abs(warming_K).max() > 0.1:
+            thinner = np.exp(-self._oil.viscosity_slope_per_K * np.repeat(warming_K, len(points.load_N) // len(every)))
+            points = Points(points.speed_rad_s, points.clearance_m, points.viscosity_Pa_s * thinner, points.load_N)
+            steady = self._film.steady(points)
+        state = self._imbalance.ahead(future.seconds)
+        growing |= abs(state.rate_kg_m_s) > GROWING_SIGMAS * state.rate_sd_kg_m_s > 0.0
+        return self._outlook(measured, every, points, steady, state, "fault" if growing else _regime(future))
 
-    def _outlook(self, measured: Measured, every: Floats, points: Points, steady: Steady) -> Outlook:
+    def time_to_limit(self, measured: Measured, estimate: Estimate, min_film_m: float,
+                      swing_m: float) -> tuple[float, float, float]:
+        """Seconds until film or peak-to-peak passes its limit at the present clearance: earliest, expected, latest."""
+        here = np.array([measured.clearance_m])
+        rooms = []
+        for seconds in LIMIT_TIMES_S:
+            look = self.forecast(measured, estimate, here, Future(seconds))
+            film, swing = look.min_film_m[0] - min_film_m, swing_m - look.peak_to_peak_m[0, ::-1]
+            rooms.append(np.minimum(film, swing))
+        low, expected, high = (_crossing(np.array(column)) for column in zip(*rooms, strict=True))
+        return low, expected, high
+
+    def _points(self, measured: Measured, estimate: Estimate, every: Floats, future: Future) -> tuple[Points, bool]:
+        """Sigma points of every clearance at the end of ``future``; whether viscosity or clearance drift clearly."""
+        mean, covariance = estimate.ahead(future.seconds)
+        sigma = _sigma_points(mean, covariance)
+        k, n = len(sigma), len(every)
+        law = self._oil.viscosity_Pa_s(measured.oil_outlet_C)
+        load = np.clip(np.exp(sigma[:, 0]) + future.load_change_N, *self._load_range_N)
+        speed = measured.speed_rad_s if future.speed_rad_s is None else future.speed_rad_s
+        points = Points(np.full(k * n, speed), np.repeat(every, k) + np.tile(sigma[:, CLEARANCE], n) * UM,
+                        np.tile(law * np.exp(sigma[:, VISCOSITY]), n), np.tile(load, n))
+        return points, estimate.drifts(GROWING_SIGMAS)
+
+    def _warming(self, measured: Measured, friction_W: Floats, estimate: Estimate, future: Future) -> Floats:
+        """By how many kelvin the oil will be warmer (n,): heat balance of one node, ``C T' = P - G (T - T_in)``."""
+        capacity, cooling = self._oil.thermal_capacity_J_K, self._oil.cooling_W_K
+        if not (capacity and cooling and future.seconds):
+            return np.zeros_like(friction_W)
+        tau_s = capacity / cooling
+        settled = 1.0 - math.exp(-future.seconds / tau_s)
+        followed = 1.0 - settled * tau_s / future.seconds if future.moves else settled
+        now_W = self._friction_now_W(measured, estimate)
+        return (settled * capacity * self._oil_slope_K_s() + followed * (friction_W - now_W)) / cooling
+
+    def _friction_now_W(self, measured: Measured, estimate: Estimate) -> float:
+        here = (measured.speed_rad_s, estimate.clearance_m, estimate.viscosity_Pa_s, estimate.load_N)
+        _, _, torque = self._film.equilibrium(Points(*(np.array([v]) for v in here)))
+        return float(torque[0]) * measured.speed_rad_s
+
+    def _oil_slope_K_s(self) -> float:
+        """Slope of the oil's temperature over the kept readings."""
+        t, _, _, oil = np.array(self._history).T if self._history else np.zeros((4, 1))
+        t_s = (t - t.mean()) * 1e-9
+        spread = float(t_s @ t_s)
+        return float(t_s @ oil) / spread if spread > 0.1 else 0.0
+
+    def _outlook(self, measured: Measured, every: Floats, points: Points, steady: Steady, imbalance: Imbalance,
+                 regime: str) -> Outlook:
         shape = (len(every), -1)
-        imbalance = self._imbalance.state
         unbalance = np.full(len(points.load_N), imbalance.size_kg_m)
         motion = 2.0 * np.abs(steady.response_m_per_kg_m @ self._probes.T).max(axis=1) * unbalance
-        power = _spread(steady.power_W.reshape(shape), POWER_ERROR, 0.0)
-        power *= self._power_scale(measured, float(power[-1, 1]))
-        uncertain = math.hypot(PEAK_TO_PEAK_ERROR, imbalance.size_sd_kg_m / imbalance.size_kg_m)
-        swing = _spread(motion.reshape(shape), uncertain, 0.0)
-        film = _spread(steady.min_film_m(points.clearance_m, unbalance).reshape(shape), 0.05, FILM_ERROR_M)
-        margin = _spread(steady.damping_ratio.reshape(shape), 0.0, MARGIN_ERROR)
+        half_m = self._half_order(steady.damping_ratio)
+        film = steady.min_film_m(points.clearance_m, unbalance) - half_m
+        uncertain = math.hypot(SWING_ERROR, imbalance.size_sd_kg_m / imbalance.size_kg_m)
+        orbit = motion.reshape(shape)[:, 0]
+        windage = self._windage_W_s3 * points.speed_rad_s**3
+        values = [(steady.power_W + windage).reshape(shape), (motion + 2.0 * half_m).reshape(shape),
+                  film.reshape(shape), steady.damping_ratio.reshape(shape)]
+        model = [POWER_ERROR * values[0][:, 0], np.hypot(uncertain * orbit, SWING_ERROR_M),
+                 np.hypot(0.5 * uncertain * orbit, FILM_ERROR_M), np.full(len(every), MARGIN_ERROR)]
+        deviation = np.column_stack([_deviation(v, m) for v, m in zip(values, model, strict=True)])
+        whirling = (values[3][:, 0] < NEAR_WHIRL) & (regime != "fault")
+        regimes = tuple("near_whirl" if near else regime for near in whirling)
+        power, swing, least, margin = (
+            _interval(values[i][:, 0], deviation[:, i], [self._factors.of(r, name) for r in regimes])
+            for i, name in enumerate(("power_W", "peak_to_peak_m", "min_film_m", "whirl_margin")))
         possible = np.asarray(steady.converged.reshape(shape).all(axis=1))
         residual_m = max(0.0, measured.peak_to_peak_m - float(swing[-1, 1]))
-        return Outlook(every[:-1], np.maximum(swing[:-1], 0.0), power[:-1], film[:-1], margin[:-1], possible[:-1],
-                       residual_m)
+        friction = power - windage.reshape(shape)[:, :1]
+        return Outlook(every[:-1], np.maximum(swing[:-1], 0.0), power[:-1], least[:-1], margin[:-1], possible[:-1],
+                       residual_m, friction[:-1], deviation[:-1], regimes[:-1])
 
-    def _power_scale(self, measured: Measured, modelled_W: float) -> float:
-        """Factor that draws the modelled power at the present clearance towards the measured one."""
-        measured = self.corrected(measured)
-        trust = 1.0 / (1.0 + (measured.shaft_power_sd_W / (POWER_ERROR * modelled_W)) ** 2)
-        ratio = 1.0 + trust * (measured.shaft_power_W / modelled_W - 1.0)
-        return min(max(ratio, POWER_SCALE[0]), POWER_SCALE[1])
-
-
-def _sigma_points(estimate: Estimate) -> Floats:
-    """Load and viscosity (5, 2): expected, and one 90 % half-width along each column of the covariance's root."""
-    root = SIGMA_90 * np.linalg.cholesky(estimate.log_covariance)
-    centre = np.log([estimate.load_N, estimate.viscosity_Pa_s])
-    return np.asarray(np.exp(centre + np.concatenate([np.zeros((1, 2)), root.T, -root.T])))
+    def _half_order(self, damping_ratio: Floats) -> Floats:
+        """Half-order amplitude: what was measured, more where the damping falls (response of a mode to noise)."""
+        now = max(self._half_damping, DAMPING_LEAST)
+        return np.asarray(self._half_m * np.sqrt(now / np.maximum(damping_ratio, DAMPING_LEAST)))
 
 
-def _spread(values: Floats, relative: float, absolute: float) -> Floats:
-    """(n, 3) low, expected, high from the five sigma points (n, 5) and a model error (one deviation)."""
-    expected = values[:, 0]
-    reach = 0.5 * (values[:, 1:3] - values[:, 3:5])
-    model = SIGMA_90 * np.hypot(relative * expected, absolute)
-    half = np.sqrt(np.sum(reach**2, axis=1) + model**2)
-    return np.column_stack([expected - half, expected, expected + half])
+def slow_roll_forward(config: Config) -> complex:
+    """Forward first order (m) of the runout that the slow-roll procedure found."""
+    probes = [c.slow_roll_um * UM * np.exp(1j * math.radians(c.slow_roll_deg)) for c in config.channel[:2]]
+    x, y = (ChannelMap.from_config(config).to_xy @ np.array(probes)).tolist()
+    return 0.5 * complex(x + 1j * y)
+
+
+def _regime(future: Future) -> str:
+    return "ramp" if future.moves else "steady"
+
+
+def _sigma_points(mean: Floats, covariance: Floats) -> Floats:
+    """(7, 3): expected, and one deviation along each column of the covariance's root."""
+    root = np.linalg.cholesky(covariance + 1e-12 * np.eye(len(mean)))
+    return np.asarray(mean + np.concatenate([np.zeros((1, len(mean))), root.T, -root.T]))
+
+
+def _deviation(values: Floats, model: Floats) -> Floats:
+    """Standard deviation (n,) from the seven sigma points (n, 7) and a model error (n,)."""
+    reach = 0.5 * (values[:, 1:4] - values[:, 4:7])
+    return np.asarray(np.sqrt(np.sum(reach**2, axis=1) + model**2))
+
+
+def _interval(expected: Floats, deviation: Floats, factors: list[tuple[float, float]]) -> Floats:
+    """(n, 3) low, expected, high."""
+    low, high = np.array(factors).T
+    return np.column_stack([expected - low * deviation, expected, expected + high * deviation])
+
+
+def _crossing(room: Floats) -> float:
+    """First time at which ``room`` over :data:`LIMIT_TIMES_S` falls below zero, linear between; else infinite."""
+    below = np.flatnonzero(room < 0.0)
+    if not below.size:
+        return math.inf
+    i = int(below[0])
+    if i == 0:
+        return 0.0
+    before, after = room[i - 1], room[i]
+    return float(LIMIT_TIMES_S[i - 1] + (LIMIT_TIMES_S[i] - LIMIT_TIMES_S[i - 1]) * before / (before - after))

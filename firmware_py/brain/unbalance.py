@@ -1,10 +1,11 @@
-"""Telling unbalance from runout: a slow-roll compensation that works while the machine runs.
+"""Telling unbalance from runout, and a growing unbalance from a steady one, while the machine runs.
 
 The forward first order that the probes report is ``z = r + g U``: runout ``r`` is the same at every speed and
 clearance, the response ``g`` to a unit of unbalance ``U`` is known from the film model and changes with both.
-A Kalman filter over the two complex numbers (phases from the mark) separates them as the operating point
-moves; until it has moved, the priors share the signal between them and the covariance says so.  A change at
-a fixed operating point goes to ``U``: runout does not change.
+A Kalman filter over three complex numbers (phases from the mark), runout, unbalance and its rate, separates
+them as the operating point moves; until it has moved, the priors share the signal between them and the
+covariance says so.  After the slow-roll procedure the runout is known but for a residual.  A change at a fixed
+operating point goes to ``U``: runout does not change.
 """
 
 from __future__ import annotations
@@ -18,10 +19,13 @@ from numpy.typing import NDArray
 
 RUNOUT_PRIOR_M: Final = 4e-6
 """Root mean square of the runout's forward amplitude before anything was seen."""
+RESIDUAL_RUNOUT_M: Final = 3e-7
+"""The same after the slow-roll procedure."""
 RUNOUT_DRIFT_M_S: Final = 2e-8
 """Random walk per root second."""
-UNBALANCE_DRIFT_SHARE: Final = 0.15
-"""Random walk of the unbalance per root second, as a share of the normal unbalance: faults grow."""
+UNBALANCE_DRIFT: Final = 0.05
+RATE_DRIFT: Final = 0.1
+"""Random walks per root second of the unbalance and of its rate, in normal unbalances: faults grow."""
 NOISE_M: Final = 2e-7
 GAIN_ERROR: Final = 0.08
 """Error of the model's response and of the probes' gain."""
@@ -31,11 +35,16 @@ Complexes = NDArray[np.complex128]
 
 @dataclass(frozen=True, slots=True)
 class Imbalance:
-    """Runout (m) and unbalance (kg m), complex, phases from the mark; ``sd_kg_m`` is the latter's deviation."""
+    """Runout (m) and unbalance (kg m), complex, phases from the mark.
+
+    ``sd_kg_m`` is the unbalance's deviation, ``rate_kg_m_s`` and ``rate_sd_kg_m_s`` are of its magnitude.
+    """
 
     runout_m: complex
     unbalance_kg_m: complex
     sd_kg_m: float
+    rate_kg_m_s: float = 0.0
+    rate_sd_kg_m_s: float = 0.0
 
     @property
     def size_kg_m(self) -> float:
@@ -49,38 +58,56 @@ class Imbalance:
 
 
 class ImbalanceFilter:
-    """Kalman filter of runout and unbalance.
+    """Kalman filter of runout, unbalance and its rate.
 
     Parameters
     ----------
     normal_kg_m
-        Unbalance of a healthy machine: scale of the prior and of the drift.
+        Unbalance of a healthy machine: scale of the prior and of the drifts.
+    runout_m
+        Deviation of the runout before anything was seen.
     """
 
-    def __init__(self, normal_kg_m: float) -> None:
+    def __init__(self, normal_kg_m: float, runout_m: float = RUNOUT_PRIOR_M) -> None:
         self._normal_kg_m = max(normal_kg_m, 1e-7)
-        self._mean: Complexes = np.zeros(2, np.complex128)
-        self._covariance: Complexes = np.diag([RUNOUT_PRIOR_M**2, 1.0]).astype(np.complex128)
+        self._mean: Complexes = np.zeros(3, np.complex128)
+        self._covariance: Complexes = np.diag([runout_m**2, 1.0, 0.0]).astype(np.complex128)
         self._t_ns: int | None = None
 
     @property
     def state(self) -> Imbalance:
         """The present estimate."""
-        runout, unbalance = self._mean.tolist()
-        deviation = float(np.sqrt(self._covariance[1, 1].real))
-        return Imbalance(runout, unbalance * self._normal_kg_m, deviation * self._normal_kg_m)
+        return self.ahead(0.0)
+
+    def ahead(self, seconds: float) -> Imbalance:
+        """The estimate ``seconds`` on, if the rate holds."""
+        f = _transition(seconds)
+        mean, covariance = f @ self._mean, f @ self._covariance @ f.T
+        runout, unbalance, rate = mean.tolist()
+        deviation, rate_deviation = (float(np.sqrt(covariance[i, i].real)) for i in (1, 2))
+        outward = (rate * unbalance.conjugate()).real / max(abs(unbalance), 1e-9)
+        scale = self._normal_kg_m
+        return Imbalance(runout, unbalance * scale, deviation * scale, outward * scale,
+                         rate_deviation / math.sqrt(2.0) * scale)
 
     def step(self, t_ns: int, forward_m: complex, response_m_per_kg_m: complex) -> Imbalance:
         """Take the forward first order ``forward_m`` of a window and the model's response at its operating point."""
         elapsed_s = 0.0 if self._t_ns is None else max(0.0, (t_ns - self._t_ns) * 1e-9)
         self._t_ns = t_ns
-        drift = np.diag([RUNOUT_DRIFT_M_S**2, UNBALANCE_DRIFT_SHARE**2]) * elapsed_s
-        prior = self._covariance + drift
-        row = np.array([1.0, response_m_per_kg_m * self._normal_kg_m])
-        innovation = forward_m - complex(row @ self._mean)
-        variance = float((row @ prior @ row.conj()).real) + NOISE_M**2 + (GAIN_ERROR * abs(row[1] * self._mean[1])) ** 2
+        f = _transition(elapsed_s)
+        drift = np.diag([RUNOUT_DRIFT_M_S**2, UNBALANCE_DRIFT**2, RATE_DRIFT**2]) * elapsed_s
+        mean, prior = f @ self._mean, f @ self._covariance @ f.T + drift
+        row = np.array([1.0, response_m_per_kg_m * self._normal_kg_m, 0.0])
+        innovation = forward_m - complex(row @ mean)
+        variance = float((row @ prior @ row.conj()).real) + NOISE_M**2 + (GAIN_ERROR * abs(row[1] * mean[1])) ** 2
         gain = prior @ row.conj() / variance
-        self._mean = self._mean + gain * innovation
+        self._mean = mean + gain * innovation
         covariance = prior - np.outer(gain, row @ prior)
         self._covariance = 0.5 * (covariance + covariance.conj().T)
         return self.state
+
+
+def _transition(seconds: float) -> NDArray[np.float64]:
+    f = np.eye(3)
+    f[1, 2] = seconds
+    return f

@@ -68,6 +68,12 @@ class Channel(Section, frozen=True):
     ok_high: float
     offset: float = 0.0
     angle_deg: float = 0.0
+    slow_roll_um: float = 0.0
+    """Runout: amplitude of the first order at slow roll; the predictor takes it off."""
+    slow_roll_deg: float = 0.0
+    """Its phase: the argument of the complex amplitude counted from the mark."""
+    zeroed: bool = False
+    """The zero and slow-roll procedure was done: the smaller errors after it hold."""
 
 
 class Bearing(Section, frozen=True):
@@ -88,6 +94,10 @@ class Oil(Section, frozen=True):
     inlet_min_C: float
     inlet_max_C: float
     film_max_C: float
+    thermal_capacity_J_K: NonNegative = 0.0
+    """Of the oil node behind the outlet thermometer; 0: forecasts hold the oil's temperature."""
+    cooling_W_K: NonNegative = 0.0
+    """Heat that the oil carries away per kelvin above its inlet."""
 
     def viscosity_Pa_s(self, temperature_C: float) -> float:
         """Dynamic viscosity at ``temperature_C``."""
@@ -106,6 +116,18 @@ class Rotor(Section, frozen=True):
 
     effective_mass_at_bearing_kg: Positive
     unbalance_normal_kg_m: NonNegative
+    windage_W_s3: NonNegative = 0.0
+    """Shaft power beside the film's, per cubed speed (rad/s): from a coast-down."""
+
+
+class Contact(Section, frozen=True):
+    """The contact-resistance channel: a film resistance proportional to the smallest film, behind a series resistor."""
+
+    circuit_V: Positive
+    circuit_ohm: Positive
+    film_ohm_per_m: Positive
+    film_error_share: Positive
+    """Standard deviation of ``film_ohm_per_m`` as a share of it."""
 
 
 class Operating(Section, frozen=True):
@@ -117,6 +139,9 @@ class Operating(Section, frozen=True):
     load_max_N: Positive
     speed_ramp_max_rpm_s: Positive
     load_ramp_max_N_s: Positive
+    speed_ramp_unannounced_rpm_s: Positive
+    """Faster ramps of speed or load are announced before they start (command ``announce``)."""
+    load_ramp_unannounced_N_s: Positive
 
 
 class Actuator(Section, frozen=True):
@@ -206,6 +231,7 @@ class Config(Section, frozen=True):
     actuator: Actuator
     limits: Limits
     channel: list[Channel]
+    contact: Contact | None = None
     bus: Bus = Bus()
     sampling: Sampling = Sampling()
     authority: Authority = Authority()

@@ -10,6 +10,7 @@ import numpy as np
 from firmware_py import config
 from firmware_py.acquire.windows import WIRE_SCALES
 from firmware_py.brain.film import Film, Points
+from firmware_py.brain.measurement import contact_volt
 from firmware_py.brain.session import Session
 from firmware_py.brain.store import Model, Models, read_card
 from firmware_py.records import Block, NodeMode, NodeState, Quality, RigReading, RigStatus, RoomRecord
@@ -17,6 +18,8 @@ from firmware_py.records import Block, NodeMode, NodeState, Quality, RigReading,
 from .onnx_models import actor, classifier, short_film
 
 CONFIG, _ = config.load(config.SHIPPED / "bench.toml")
+assert CONFIG.contact is not None
+CONTACT = CONFIG.contact
 RATE = CONFIG.sampling.rate_hz
 PERIOD_US = 1_000_000 // RATE
 
@@ -87,7 +90,7 @@ class Machine:
         probes = orbit * np.exp(-0.25j * np.pi)
         acceleration = [2.0 * np.cos(angle + k) + 0.1 * np.sin(1234.5 * angle + k) for k in range(3)]
         si = np.column_stack([probes.real, probes.imag, *acceleration, 0.1 * np.sin(777.7 * angle),
-                              np.full(30, 1.0), np.full(30, 1.1)])
+                              np.full(30, 1.0), contact_volt(CONTACT, self.clearance_m - np.abs(orbit))])
         end = self.angle + speed * 30 * PERIOD_US * 1e-6
         turns = np.arange(np.ceil(self.angle / (2 * np.pi)), np.ceil(end / (2 * np.pi)))
         marks = [self.tick_us + round((k * 2 * np.pi - self.angle) / speed * 1e6) for k in turns]

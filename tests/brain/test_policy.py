@@ -30,7 +30,7 @@ def outlook(*, film_m: float = 30e-6, whirl: float = 0.4, swing_m: float = 5e-6,
         return np.tile([value - 1e-9, value, value + 1e-9], (n, 1))
 
     return Outlook(PRESENT_M + 10e-6 * np.arange(n), triple(swing_m), np.column_stack([power_W] * 3), triple(film_m),
-                   triple(whirl), np.full(n, possible), residual_m)
+                   triple(whirl), np.full(n, possible), residual_m, triple(100.0), np.zeros((n, 4)), ("steady",) * n)
 
 
 @pytest.mark.parametrize(("changed", "good"), [

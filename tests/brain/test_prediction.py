@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import time
 
+import msgspec
 import numpy as np
 import pytest
 
-from firmware_py.brain.estimate import POWER_ERROR_W, ZERO_ERROR_M, Measured, Synchroniser
+from firmware_py.brain.estimate import Estimate, Synchroniser
 from firmware_py.brain.film import Points
-from firmware_py.brain.power import PowerFilter
-from firmware_py.brain.prediction import CANDIDATES, Predictor
+from firmware_py.brain.intervals import IntervalFactors
+from firmware_py.brain.measurement import Errors, Instruments, Measured, contact_volt, information
+from firmware_py.brain.prediction import CANDIDATES, HELD, Future, Predictor, slow_roll_forward
 from firmware_py.brain.unbalance import ImbalanceFilter
 
-from .machine import CONFIG, film, model
+from .machine import CONFIG, CONTACT, film, model
 from .onnx_models import short_film
 
 FILM = film()
-SYNCHRONISER = Synchroniser(FILM, CONFIG)
+ZERO_UM = 2.0
+POWER_W = 5.0
 CASES = [(6000.0, 100.0, 50.0, 60e-6), (12000.0, 30.0, 55.0, 50e-6), (3000.0, 300.0, 45.0, 70e-6),
          (1500.0, 200.0, 42.0, 60e-6), (9000.0, 200.0, 58.0, 90e-6)]
 
@@ -29,25 +33,35 @@ def truth(rpm: float, load_N: float, oil_C: float, clearance_m: float) -> tuple[
 
 
 def measure(rpm: float, load_N: float, oil_C: float, clearance_m: float,
-            rng: np.random.Generator | None = None) -> Measured:
+            rng: np.random.Generator | None = None, t_ns: int = 0) -> Measured:
     """What sensors with the declared errors would say."""
     p, _ = truth(rpm, load_N, oil_C, clearance_m)
     position, _, torque = FILM.equilibrium(p)
-    x, y, power = *position[0], torque[0] * p.speed_rad_s[0]
+    speed = p.speed_rad_s[0]
+    x, y, power = *position[0], torque[0] * speed + CONFIG.rotor.windage_W_s3 * speed**3
+    film_m, reported_m = clearance_m - math.hypot(x, y), clearance_m
     if rng is not None:
-        x, y = np.array([x, y]) * (1 + rng.uniform(-0.03, 0.03)) + rng.normal(0, ZERO_ERROR_M / 2, 2)
-        power += rng.normal(0, POWER_ERROR_W / 2)
+        x, y = np.array([x, y]) * (1 + rng.uniform(-0.03, 0.03)) + rng.uniform(-ZERO_UM, ZERO_UM, 2) * 1e-6
+        power += rng.uniform(-POWER_W, POWER_W)
         oil_C = oil_C + rng.uniform(-1, 1)
-    return Measured(float(p.speed_rad_s[0]), clearance_m, float(x), float(y), 5e-6, float(power), oil_C)
+        film_m *= 1 + rng.normal(0, CONTACT.film_error_share)
+        reported_m += rng.uniform(-2e-6, 2e-6)
+    volt = float(contact_volt(CONTACT, np.array([film_m]))[0])
+    return Measured(float(speed), reported_m, float(x), float(y), 5e-6, float(power), oil_C, volt, t_ns=t_ns)
+
+
+def synchronised(measured: Measured) -> Estimate:
+    return Synchroniser(FILM, CONFIG).step(measured)
 
 
 @pytest.mark.parametrize("case", CASES)
 def test_perfect_sensors_give_the_parameters_back(case: tuple[float, float, float, float]) -> None:
-    estimate = SYNCHRONISER.step(measure(*case))
+    estimate = synchronised(measure(*case))
     low, expected, high = estimate.load_interval_N
     assert low < case[1] < high
     assert expected == pytest.approx(case[1], rel=0.15) or case[1] == 30.0  # there the zero error hides it
     assert estimate.viscosity_Pa_s == pytest.approx(truth(*case)[1], rel=0.05)
+    assert estimate.clearance_m == pytest.approx(case[3], abs=0.5e-6)
 
 
 def test_intervals_cover_the_truth_about_as_often_as_they_say() -> None:
@@ -55,20 +69,135 @@ def test_intervals_cover_the_truth_about_as_often_as_they_say() -> None:
     inside, total = np.zeros(2), 0
     for _ in range(12):
         for case in CASES:
-            estimate = SYNCHRONISER.step(measure(*case, rng))
+            estimate = synchronised(measure(*case, rng))
             viscosity = truth(*case)[1]
             inside += [estimate.load_interval_N[0] <= case[1] <= estimate.load_interval_N[2],
                        estimate.viscosity_interval_Pa_s[0] <= viscosity <= estimate.viscosity_interval_Pa_s[2]]
             total += 1
-    assert (inside / total >= 0.88).all()
+    assert (inside / total >= 0.85).all()
 
 
-def test_load_and_viscosity_cannot_be_told_apart_without_power_and_temperature() -> None:
-    """At low speed the friction says nothing: the two errors move together, as the similarity rule demands."""
-    slow, fast = (SYNCHRONISER.step(measure(*case)).log_covariance for case in (CASES[3], CASES[4]))
-    correlation = slow[0, 1] / np.sqrt(slow[0, 0] * slow[1, 1])
-    assert correlation > 0.4
-    assert fast[1, 1] < 0.5 * slow[1, 1]
+def fisher(case: tuple[float, float, float, float]) -> dict[str, np.ndarray]:
+    return information(Instruments(FILM, CONFIG), Errors(), CONFIG.oil.viscosity_slope_per_K,
+                       CONTACT.film_error_share, case[1], measure(*case))
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_position_alone_cannot_tell_load_from_viscosity(case: tuple[float, float, float, float]) -> None:
+    """Similarity: in an isothermal plain film it knows only viscosity speed / (load clearance^2)."""
+    told = fisher(case)
+    of_position = told["position"][:2, :2]
+    values, vectors = np.linalg.eigh(of_position)
+    assert values[0] < 1e-4 * values[1]  # singular, to the width of a difference quotient
+    assert vectors[:, 0] == pytest.approx(np.full(2, vectors[0, 0]), abs=0.02)  # both up together: nothing moves
+    assert np.linalg.cond(of_position + told["oil_temperature"][:2, :2]) < 1e3
+    assert np.linalg.eigvalsh(of_position + told["shaft_power"][:2, :2])[0] > 10 * values[0]
+
+
+def test_power_tells_viscosity_where_friction_is_large_and_contact_tells_clearance() -> None:
+    slow, fast = fisher(CASES[3]), fisher(CASES[4])
+    assert fast["shaft_power"][1, 1] > 20 * slow["shaft_power"][1, 1]
+    for told in (slow, fast):
+        without = told["position"] + told["oil_temperature"] + told["clearance_sensor"]
+        spread = [np.linalg.inv(sum_)[2, 2] for sum_ in (without, without + told["contact"])]
+        assert spread[1] < 0.9 * spread[0]
+
+
+def test_moving_operating_points_bring_constant_errors_to_light() -> None:
+    """Zero, clearance and power errors stay; after a tour of the cases they are known better than declared."""
+    offset = np.array([1.5e-6, -1.0e-6])
+    synchroniser = Synchroniser(FILM, CONFIG)
+    t_ns = 0
+    for case in CASES * 2:
+        for _ in range(20):
+            t_ns += 100_000_000
+            m = measure(*case, t_ns=t_ns)
+            estimate = synchroniser.step(dataclasses.replace(
+                m, clearance_m=m.clearance_m - 1.5e-6, mean_x_m=m.mean_x_m + offset[0],
+                mean_y_m=m.mean_y_m + offset[1], shaft_power_W=m.shaft_power_W + 4.0))
+    assert estimate.clearance_m == pytest.approx(CASES[-1][3], abs=0.5e-6)
+    assert estimate.mean[7] == pytest.approx(4.0, abs=1.0)
+    assert estimate.load_N == pytest.approx(CASES[-1][1], rel=0.08)
+
+
+def test_reading_the_same_moment_twice_teaches_nothing() -> None:
+    synchroniser, m = Synchroniser(FILM, CONFIG), measure(*CASES[0])
+    assert np.array_equal(synchroniser.step(m).covariance, synchroniser.step(m).covariance)
+
+
+def test_a_thinning_film_is_followed_and_foreseen() -> None:
+    """Starvation: the film's share falls by 6 % a second; the forecast goes on where the readings end."""
+    synchroniser = Synchroniser(FILM, CONFIG)
+    for i in range(1, 61):
+        share = math.exp(-0.06 * 0.1 * i)
+        case = (*CASES[0][:2], 50.0 - math.log(share) / CONFIG.oil.viscosity_slope_per_K, CASES[0][3])
+        m = dataclasses.replace(measure(*case, t_ns=i * 100_000_000), oil_outlet_C=50.0)
+        estimate = synchroniser.step(m)
+    ahead, covariance = estimate.ahead(2.0)
+    assert estimate.drifts(3.0)
+    assert ahead[1] == pytest.approx(-0.06 * 8.0, abs=3 * math.sqrt(covariance[1, 1]) + 0.02)
+    assert ahead[1] < estimate.mean[1] - 0.06
+
+
+def test_more_load_and_speed_are_forecast_as_declared() -> None:
+    predictor = Predictor(model(short_film()), CONFIG)
+    m = measure(6000.0, 100.0, 50.0, 60e-6)
+    estimate = predictor.estimate(m)
+    held, moved = (predictor.forecast(m, estimate, np.array([60e-6]), future)
+                   for future in (HELD, Future(2.0, 2 * m.speed_rad_s, 80.0)))
+    assert held.regime == ("steady",)
+    assert moved.regime == ("ramp",)
+    p, _ = truth(12000.0, 180.0, 50.0, 60e-6)
+    true = FILM.steady(p)
+    power = float(true.power_W[0]) + CONFIG.rotor.windage_W_s3 * float(p.speed_rad_s[0]) ** 3
+    warm = moved.power_W[0, 1] / power  # the oil follows the friction
+    assert 0.85 < warm < 1.0
+    assert moved.friction_W[0, 1] < moved.power_W[0, 1]
+    assert moved.min_film_m[0, 0] < held.min_film_m[0, 1]
+
+
+def test_factors_stretch_the_intervals_of_their_regime_alone() -> None:
+    factors = IntervalFactors({"steady": {"power_W": (2.0, 4.0)}})
+    m = measure(6000.0, 100.0, 50.0, 60e-6)
+    plain, stretched = (Predictor(model(short_film()), CONFIG, f) for f in (None, factors))
+    for future, changed in ((HELD, True), (Future(2.0, 700.0), False)):
+        a, b = (p.forecast(m, p.estimate(m), np.array([60e-6]), future) for p in (plain, stretched))
+        low, expected, high = b.power_W[0]
+        assert math.isclose((expected - low) / (high - expected), 0.5 if changed else 1.0, rel_tol=1e-6)
+        assert b.min_film_m == pytest.approx(a.min_film_m)
+
+
+def test_the_known_runout_is_taken_off() -> None:
+    channels = [msgspec.structs.replace(c, slow_roll_um=4.0, slow_roll_deg=deg, zeroed=True)
+                for c, deg in zip(CONFIG.channel[:2], (30.0, -60.0), strict=True)]
+    known = msgspec.structs.replace(CONFIG, channel=[*channels, *CONFIG.channel[2:]])
+    runout = slow_roll_forward(known)
+    assert abs(runout) == pytest.approx(4e-6)  # a circle with the rotation
+    m = measure(6000.0, 100.0, 50.0, 60e-6)
+    predictor = Predictor(model(short_film()), known)
+    for i in range(20):
+        predictor.learn(i * 250_000_000, m, runout)
+    assert predictor.unbalance_interval_kg_m[1] < 0.5 * CONFIG.rotor.unbalance_normal_kg_m
+
+
+def test_time_to_the_limit_of_a_growing_unbalance() -> None:
+    """Unbalance grows linearly; the time at which its peak-to-peak passes a limit is inside the interval."""
+    predictor = Predictor(model(short_film()), CONFIG)
+    p, _ = truth(9000.0, 100.0, 50.0, 60e-6)
+    response = FILM.steady(p).response_m_per_kg_m[0]
+    forward = 0.5 * (response[0] + 1j * response[1])
+    per_kg_m = 2.0 * max(abs(response @ np.array(a)) for a in ((0.5**0.5, 0.5**0.5), (-(0.5**0.5), 0.5**0.5)))
+    rate = 3e-6
+    for i in range(1, 25):
+        t_s = 0.25 * i
+        m = measure(9000.0, 100.0, 50.0, 60e-6, t_ns=round(t_s * 1e9))
+        estimate = predictor.estimate(m)
+        predictor.learn(m.t_ns, m, forward * (1e-5 + rate * t_s))
+    limit_m = per_kg_m * (1e-5 + rate * 12.0)
+    early, expected, late = predictor.time_to_limit(m, estimate, 1e-6, limit_m)
+    assert early < 6.0 < late
+    assert expected == pytest.approx(6.0, abs=2.5)
+    assert predictor.time_to_limit(m, estimate, 1e-6, 1e-3)[1] > 20.0
 
 
 def test_outlook_orders_and_truth() -> None:
@@ -84,8 +213,9 @@ def test_outlook_orders_and_truth() -> None:
     p = Points(np.full(CANDIDATES, m.speed_rad_s), predictor.candidates_m,
                np.full(CANDIDATES, CONFIG.oil.viscosity_Pa_s(50.0)), np.full(CANDIDATES, 100.0))
     true = FILM.steady(p)
-    assert ((outlook.power_W[:, 0] <= true.power_W) & (true.power_W <= outlook.power_W[:, 2])).all()
-    assert outlook.power_W[:, 1] == pytest.approx(true.power_W, rel=0.03)
+    power = true.power_W + CONFIG.rotor.windage_W_s3 * p.speed_rad_s**3
+    assert ((outlook.power_W[:, 0] <= power) & (power <= outlook.power_W[:, 2])).all()
+    assert outlook.power_W[:, 1] == pytest.approx(power, rel=0.06)
     assert outlook.whirl_margin[:, 1] == pytest.approx(true.damping_ratio, abs=0.03)
 
 
@@ -116,31 +246,6 @@ def test_a_growing_unbalance_is_not_taken_for_runout() -> None:
         state = f.step(i * 250_000_000, 3e-6 + gain * 8e-5, gain)
     assert state.runout_m == pytest.approx(before.runout_m, abs=1.5e-6)
     assert state.size_kg_m == pytest.approx(8e-5, rel=0.05)
-
-
-def test_the_power_channels_offset_is_learned_over_operating_points() -> None:
-    f = PowerFilter()
-    for i in range(20):
-        f.step(i * 250_000_000, 84.0 * 1.08 + 3.5, 84.0)
-    assert f.offset_sd_W > 2.0  # one operating point cannot tell offset from factor, and it says so
-    for j, expected_W in enumerate((8.0, 260.0)):
-        for i in range(20):
-            f.step((20 * (j + 1) + i) * 250_000_000, expected_W * 1.08 + 3.5, expected_W)
-    assert f.offset_W == pytest.approx(3.5, abs=0.5)
-    assert abs(f.offset_W - 3.5) < 3 * f.offset_sd_W
-
-
-def test_after_learning_the_forecast_of_a_slow_shaft_is_close() -> None:
-    predictor = Predictor(model(short_film()), CONFIG)
-    slow = measure(1500.0, 300.0, 45.0, 60e-6)
-    for j, case in enumerate(((6000.0, 100.0, 45.0, 60e-6), (1500.0, 300.0, 45.0, 60e-6))):
-        m = measure(*case)
-        for i in range(20):
-            biased = dataclasses.replace(m, shaft_power_W=m.shaft_power_W + 4.0)
-            predictor.learn((20 * j + i) * 250_000_000, biased, 0j)
-    reported = dataclasses.replace(slow, shaft_power_W=slow.shaft_power_W + 4.0)
-    outlook = predictor.forecast(reported, predictor.estimate(reported), np.array([60e-6]))
-    assert outlook.power_W[0, 1] == pytest.approx(slow.shaft_power_W, rel=0.08)  # reported: 60 % off
 
 
 @pytest.mark.slow

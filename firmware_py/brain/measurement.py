@@ -1,0 +1,189 @@
+"""What the instruments say of the film, and what each of them tells about load, viscosity and clearance.
+
+Parameters of one machine, in this order: ``ln`` load; ``ln`` viscosity over the oil's law; error of the reported
+clearance (um); zero of the shaft position x, y (um); gains of the two probes; offset of the shaft power (W);
+``ln`` of the contact channel's film resistance over its declared one.
+
+What cannot be told apart: in an isothermal plain film the position follows from one number, the Sommerfeld
+number ``viscosity speed / load (R / c)^2``, so its Fisher information about load and viscosity is singular.
+Shaft power measures viscosity where friction is large against the channel's error, the oil temperature bounds
+it everywhere, and the contact resistance measures the smallest film, which tells position from clearance.
+
+Source of the contact law: film resistance proportional to the smallest film, beside asperity contacts
+``10 ohm exp(h / roughness)`` (Greenwood and Williamson 1966), behind a series resistor.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_py.acquire.windows import ChannelMap
+from firmware_py.brain.film import Film, Points
+from firmware_py.config import Config
+from firmware_py.config.schema import Contact
+
+Floats = NDArray[np.float64]
+
+LOAD, VISCOSITY, CLEARANCE, ZERO_X, ZERO_Y, GAIN_1, GAIN_2, POWER, CONTACT = range(9)
+PARAMETERS: Final = 9
+ROWS: Final = ("position_x", "position_y", "shaft_power", "contact")
+UM: Final = 1e-6
+
+ROUGHNESS_M: Final = (0.5e-6, 1.0e-6)
+ASPERITY_OHM: Final = 10.0
+CLEARANCE_NOISE_UM: Final = 0.2
+POSITION_MODEL_UM: Final = 0.15
+"""Mean of an orbit against the static position, and the surrogate's own error."""
+POWER_MODEL: Final = (0.3, 0.01)
+"""Deviation of the modelled power: W, and share."""
+CONTACT_NOISE_V: Final = 0.003
+
+_LOG_STEP: Final = 0.01
+_FLAT: Final = math.sqrt(3.0)
+"""A quantity that is even within +-a has the standard deviation a over this."""
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """What the newest whole turns and readings say about the bearing, SI.
+
+    ``peak_to_peak_m`` is the probes'; ``contact_V`` is NaN without the channel; ``half_m`` is the amplitude of the
+    orbit's half-order band.
+    """
+
+    speed_rad_s: float
+    clearance_m: float
+    mean_x_m: float
+    mean_y_m: float
+    peak_to_peak_m: float
+    shaft_power_W: float
+    oil_outlet_C: float
+    contact_V: float = math.nan
+    half_m: float = 0.0
+    t_ns: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Errors:
+    """Declared errors of sensors and build as standard deviations (even distributions: half-width over root 3)."""
+
+    zero_um: float = 2.0 / _FLAT
+    gain: float = 0.03 / _FLAT
+    clearance_um: float = 2.0 / _FLAT
+    power_W: float = 5.0 / _FLAT
+    oil_C: float = 1.0 / _FLAT
+    viscosity: float = 0.1 / _FLAT
+
+    @classmethod
+    def of(cls, config: Config) -> Errors:
+        """Those that hold for the configured probes: smaller after the zero and slow-roll procedure."""
+        zeroed = all(channel.zeroed for channel in config.channel[:2])
+        return cls(zero_um=0.5 / _FLAT, gain=0.01 / _FLAT) if zeroed else cls()
+
+    def log_viscosity(self, slope_per_K: float) -> float:
+        """Deviation of ``ln`` viscosity over the law at the measured temperature: batch of oil and thermometer."""
+        return math.hypot(self.viscosity, slope_per_K * self.oil_C)
+
+
+class Instruments:
+    """Predicts what the sensors show of a film.
+
+    Parameters
+    ----------
+    film
+        The surrogate of this bearing.
+    config
+        Oil, rotor, probes, contact channel.
+    """
+
+    def __init__(self, film: Film, config: Config) -> None:
+        self._film = film
+        self._oil, self._windage, self._contact = config.oil, config.rotor.windage_W_s3, config.contact
+        to_xy = ChannelMap.from_config(config).to_xy
+        probes = np.linalg.inv(to_xy)
+        self._gains = np.stack([np.outer(to_xy[:, i], probes[i]) for i in range(2)])
+
+    def predict(self, theta: Floats, measured: Measured, start_m: Floats | None) -> tuple[Floats, Floats, Floats]:
+        """Values (4,) of :data:`ROWS` at ``theta`` (9,), their slopes (4, 9), and positions (4, 2) to start from."""
+        steps = _LOG_STEP * np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+        base = np.array([theta[LOAD], theta[VISCOSITY] + math.log(self._oil.viscosity_Pa_s(measured.oil_outlet_C)),
+                         math.log(measured.clearance_m + theta[CLEARANCE] * UM)])
+        load, viscosity, clearance = np.exp(base + steps).T
+        points = Points(np.full(4, measured.speed_rad_s), clearance, viscosity, load)
+        position, _, torque = self._film.equilibrium(points, start_m)
+        gain = np.eye(2) + np.tensordot(theta[GAIN_1 : GAIN_2 + 1], self._gains, 1)
+        shown_um = position @ gain.T / UM + theta[ZERO_X : ZERO_Y + 1]
+        power = torque * measured.speed_rad_s + self._windage * measured.speed_rad_s**3 + theta[POWER]
+        film_m = clearance - np.hypot(*position.T)
+        volt = self._volt(film_m * math.exp(theta[CONTACT]))
+        columns = np.column_stack([shown_um, power, volt])
+        slopes = np.zeros((4, PARAMETERS))
+        slopes[:, : CLEARANCE + 1] = (columns[1:] - columns[0]).T / _LOG_STEP
+        slopes[:, CLEARANCE] *= UM / clearance[0]
+        slopes[:2, ZERO_X : ZERO_Y + 1] = np.eye(2)
+        slopes[:2, GAIN_1 : GAIN_2 + 1] = (self._gains @ position[0]).T / UM
+        slopes[2, POWER] = 1.0
+        slopes[3, CONTACT] = (self._volt(film_m[:1] * math.exp(theta[CONTACT] + _LOG_STEP))[0] - volt[0]) / _LOG_STEP
+        return columns[0], slopes, position
+
+    def noise(self, values: Floats, slopes: Floats) -> Floats:
+        """Covariance (4, 4) of what varies from reading to reading: model, noise, reported clearance."""
+        rough = self._roughness_V(values[3])
+        own = np.array([POSITION_MODEL_UM, POSITION_MODEL_UM, math.hypot(POWER_MODEL[0], POWER_MODEL[1] * values[2]),
+                        math.hypot(CONTACT_NOISE_V, rough)])
+        reported = CLEARANCE_NOISE_UM * slopes[:, CLEARANCE]
+        return np.asarray(np.diag(own**2) + np.outer(reported, reported))
+
+    @property
+    def has_contact(self) -> bool:
+        """Whether the configuration says what the contact channel means."""
+        return self._contact is not None
+
+    def _volt(self, film_m: Floats) -> Floats:
+        return np.zeros_like(film_m) if self._contact is None else contact_volt(self._contact, film_m)
+
+    def _roughness_V(self, volt: float) -> float:
+        """Deviation of the voltage that comes from the unknown roughness of the surfaces."""
+        if self._contact is None:
+            return 0.0
+        film = np.array([self._contact.circuit_ohm * volt / max(self._contact.circuit_V - volt, 1e-3)])
+        film_m = film / self._contact.film_ohm_per_m
+        smooth, rough = (contact_volt(self._contact, film_m, sigma)[0] for sigma in ROUGHNESS_M)
+        return float(abs(smooth - rough)) / (2.0 * _FLAT)
+
+
+def contact_volt(contact: Contact, film_m: Floats, roughness_m: float = 0.5 * sum(ROUGHNESS_M)) -> Floats:
+    """Voltage of the contact channel over the smallest film (m)."""
+    film = contact.film_ohm_per_m * np.maximum(film_m, 1e-9)
+    asperity = ASPERITY_OHM * np.exp(np.minimum(film_m / roughness_m, 60.0))
+    parallel = 1.0 / (1.0 / film + 1.0 / asperity)
+    return np.asarray(contact.circuit_V * parallel / (parallel + contact.circuit_ohm))
+
+
+def information(
+    instruments: Instruments, errors: Errors, slope_per_K: float, contact_share: float, load_N: float,
+    measured: Measured,
+) -> dict[str, Floats]:
+    """Fisher information (3, 3) about ``ln`` load, ``ln`` viscosity, clearance error (um), by what gives it.
+
+    One reading, the instruments' constant errors counted in its variance: what position, shaft power, contact
+    resistance, oil temperature and the clearance sensor tell, each alone.
+    """
+    theta = np.zeros(PARAMETERS)
+    theta[LOAD] = math.log(load_N)
+    values, slopes, _ = instruments.predict(theta, measured, None)
+    constant = np.array([errors.zero_um, errors.zero_um, errors.gain, errors.gain, errors.power_W, contact_share])
+    bias = slopes[:, ZERO_X:] * constant
+    variance = instruments.noise(values, slopes) + bias @ bias.T
+    found = {}
+    for name, rows in {"position": [0, 1], "shaft_power": [2], "contact": [3]}.items():
+        part = slopes[rows, : CLEARANCE + 1]
+        found[name] = np.asarray(part.T @ np.linalg.solve(variance[np.ix_(rows, rows)], part))
+    found["oil_temperature"] = np.diag([0.0, errors.log_viscosity(slope_per_K) ** -2, 0.0])
+    found["clearance_sensor"] = np.diag([0.0, 0.0, errors.clearance_um**-2])
+    return found
