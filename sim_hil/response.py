@@ -21,12 +21,15 @@ from sim_hil.film.table import FilmTable
 from sim_hil.rigs import RigData
 from sim_hil.rotor.assembly import assemble
 from sim_hil.rotor.film_law import DirectLaw, Law, LinearLaw
+from sim_hil.rotor.network_law import RawNetworkLaw, ReducedNetworkLaw
 from sim_hil.rotor.parameters import Floats, Plant, State, new_state
 from sim_hil.rotor.rigid import COLUMNS, RENEW_STEPS, advance_rotor
 
 Schedule = float | Callable[[float], float]
-Force = Literal["direct", "table", "linear"] | FilmTable
+Force = Literal["direct", "table", "linear"] | FilmTable | ReducedNetworkLaw | RawNetworkLaw
 STEP_S = 50e-6
+COMMAND_S = 1e-3
+"""A target that is a function of time is read this often, and held between."""
 LONGEST_STEP_S = 200e-6
 LOW_FILM_SHARE = 0.01
 """Below this share of the clearance the asperities touch (`EPS_TABLE`)."""
@@ -96,8 +99,8 @@ class Trajectory:
 
 def simulate(
     rig: RigData, duty: Duty, *, clearance: Schedule, dt_s: float = STEP_S, force: Force = "table", seed: int = 0,
-    seconds: float | None = None, thermal: bool = True, pressure: float | None = None, rate_hz: float = 5000.0,
-    build: Build | None = None,
+    seconds: float | None = None, thermal: bool = True, pressure: Schedule | None = None, rate_hz: float = 5000.0,
+    build: Build | None = None, inlet_C: float | None = None,
 ) -> Trajectory:  # fmt: skip
     """Follow `duty` (to its end when `seconds` is None) with the journal starting at rest at its equilibrium.
 
@@ -105,17 +108,19 @@ def simulate(
     ----------
     clearance
         Target of the actuator (rate, lag and backlash as the rig's), m: a number or a function of time, s.
+    pressure
+        Target of the supply pressure, Pa, likewise; nominal when None.
     dt_s
         Longest integration step; a period of `rate_hz` is cut into equal steps.
     force
         `table`: Reynolds film, tabulated; `direct`: Guembel film solved at each call; `linear`: springs and dampers
-        around the equilibrium of the start; or a `FilmTable` (`FilmTable.build`, or tabulated from a model).
+        around the equilibrium of the start; a `FilmTable` (`FilmTable.build`); or a network of `network_law`.
     seed
         Draws the shaft angle at the start.
     thermal
         False holds the oil at its inlet temperature.
-    pressure
-        Supply pressure, Pa; nominal when None.
+    inlet_C
+        Temperature of the oil that comes in, Celsius; the rig's own when None.
 
     Raises
     ------
@@ -131,11 +136,10 @@ def simulate(
     if total < 1:
         raise SimulationError(f"seconds = {seconds}: shorter than one period of rate_hz = {rate_hz}")
     time_s = np.arange(total + 1, dtype=np.float64) * period
-    target = np.empty((total, 2))
-    target[:, 0] = [clearance(t) for t in time_s[:-1].tolist()] if callable(clearance) else clearance
-    target[:, 1] = rig.supply.nominal_Pa if pressure is None else pressure
+    supply = rig.supply.nominal_Pa if pressure is None else pressure
+    target = np.column_stack([_over(clearance, time_s[:-1]), _over(supply, time_s[:-1])])
     _check_clearance(rig, target[:, 0])
-    plant = assemble(rig, Build.nominal(rig) if build is None else build, dt_s, thermal=thermal)
+    plant = assemble(rig, Build.nominal(rig) if build is None else build, dt_s, inlet_C=inlet_C, thermal=thermal)
     drive = duty.at(time_s)
     start = equilibrium_at(rig, plant, float(drive[0, 0]), float(drive[0, 1]), float(target[0, 0]))
     law = _law(rig, plant, force, start)
@@ -201,6 +205,14 @@ def equilibrium_at(rig: RigData, plant: Plant, speed_rad_s: float, load_N: float
     return Start(found.position_m, turned[0], turned[1], load_N)
 
 
+def _over(schedule: Schedule, time_s: Floats) -> Floats:
+    """A schedule at the given times, read every `COMMAND_S`."""
+    if not callable(schedule):
+        return np.full(time_s.size, schedule)
+    tick = np.floor(time_s / COMMAND_S + 1e-6).astype(np.int64)
+    return np.array([schedule(t) for t in (np.arange(tick[-1] + 1) * COMMAND_S).tolist()], dtype=np.float64)[tick]
+
+
 def _check_clearance(rig: RigData, clearance_m: Floats) -> None:
     low, high = rig.bearing.clearance_min_m, rig.bearing.clearance_max_m
     for value in (float(clearance_m.min()), float(clearance_m.max())):
@@ -219,6 +231,8 @@ def _law(rig: RigData, plant: Plant, force: Force, start: Start) -> Law:
                 f"force: a table for length/diameter {force.length_over_diameter}, rig {rig.name} has {shape}"
             )
         return force.coefficients
+    if isinstance(force, ReducedNetworkLaw | RawNetworkLaw):
+        return force
     if force == "linear":
         if start.load_N and not start.damping_N_s_m.any():
             raise SimulationError("force = linear: a film at rest has no stiffness; start with the machine turning")

@@ -1,4 +1,4 @@
-"""The limits of a duty, checked on a run in time."""
+"""The limits of a duty, and the orbit's share of the clearance that they hold."""
 
 from __future__ import annotations
 
@@ -41,22 +41,6 @@ def duty_of(table: dict[str, Any]) -> Duty:
         corners.append((end_s, float(segment["to_rpm"]), float(segment["to_load_N"])))
     time_s, speed, load = zip(*corners, strict=True)
     return Duty(time_s, speed, load)
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """How near a run came to its limits; `orbit_share` is over the present clearance."""
-
-    mean_power_W: float
-    min_film_m: float
-    orbit_share: float
-    feasible: bool
-
-
-def judge(run: Trajectory, limits: Limits) -> Verdict:
-    """Check smallest film and orbit of the whole run."""
-    film, share = float(run.min_film_m.min()), float(orbit_share(run).max())
-    return Verdict(float(run.power_W.mean()), film, share, film >= limits.min_film_m and share <= ORBIT_SHARE)
 
 
 def orbit_share(run: Trajectory) -> Floats:

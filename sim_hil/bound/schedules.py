@@ -1,14 +1,12 @@
-"""Schedules of the clearance over the bins of a map: with full preview, and without."""
+"""Schedules over the bins of a map: with full preview, and without."""
 
 from __future__ import annotations
-
-from contextlib import suppress
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import binary_dilation, binary_erosion
 
-from sim_hil.bound.fixed import BIN_S, Map
+from sim_hil.bound.case import BIN_S, Plan
+from sim_hil.bound.maps import Map
 from sim_hil.rotor.parameters import Floats
 
 
@@ -16,105 +14,140 @@ class NoSchedule(Exception):
     """No path keeps the limits at the rate of the actuator."""
 
 
-@dataclass(frozen=True)
-class Plan:
-    """Clearance at the start of each bin, m, and the map's mean power of it, W; `lead_s` shifts it ahead."""
-
-    clearance_m: Floats
-    power_W: float
-    lead_s: float
-
-    def __call__(self, time_s: float) -> float:
-        """Target at a time."""
-        return float(np.interp((time_s + self.lead_s) / BIN_S, np.arange(self.clearance_m.size), self.clearance_m))
+def narrowed(admissible: np.ndarray, margin_um: np.ndarray) -> np.ndarray:
+    """Admissible cells that keep `margin_um` of each bin, shape (bins,), away from those that are not."""
+    kept, layer = admissible.copy(), admissible
+    for margin in range(1, int(margin_um.max()) + 1):
+        layer = binary_erosion(layer, np.ones((1, 3, 1)), border_value=1)
+        kept[..., margin_um >= margin] = layer[..., margin_um >= margin]
+    return kept
 
 
-def narrowed(admissible: np.ndarray, margin: int, bins: int) -> np.ndarray:
-    """Admissible cells that keep `margin` um and `bins` bins away from those that are not."""
-    inside = np.pad(admissible, ((0, 0), (bins, bins)), mode="edge")
-    around = np.ones((2 * margin + 1, 2 * bins + 1), dtype=np.bool_)
-    shrunk = binary_erosion(inside, around, border_value=1)[:, bins : inside.shape[1] - bins]
-    return np.asarray(shrunk)
+def reach_of(rate_m_s: float) -> int:
+    """Cells of 1 um that the actuator moves in a bin."""
+    return int(rate_m_s * BIN_S * 1e6 + 1e-9)
 
 
-def preview(found: Map, margin: int, bins: int, rate_m_s: float, lead_s: float) -> Plan:
+def preview(
+    found: Map, margin_um: np.ndarray, rate_m_s: float, lead_s: float, start_m: float | None = None
+) -> Plan:  # fmt: skip
     """Cheapest path through the admissible cells at the rate of the actuator: dynamic programming.
+
+    The clearance moves at most `rate_m_s`, the pressure freely from bin to bin; the path begins at `start_m` where
+    that is given. `margin_um` is kept to what is not admissible, shape (bins,).
 
     Raises
     ------
     NoSchedule
         There is none.
     """
-    allowed = narrowed(found.admissible, margin, bins)
-    reach = _reach(rate_m_s)
-    cells, count = allowed.shape
-    cost = np.where(allowed[:, -1], found.power_W[:, -1], np.inf)
-    choice = np.zeros((cells, count), dtype=np.int64)
+    allowed = narrowed(found.admissible, margin_um)
+    cost = np.where(allowed, found.power_W, np.inf)
+    level, cost = cost.argmin(axis=0), cost.min(axis=0)  # the pressure is free in each bin
+    cells, count = cost.shape
+    reach = reach_of(rate_m_s)
     offsets = np.arange(-reach, reach + 1)
+    onward = cost[:, -1]
+    choice = np.zeros((cells, count), dtype=np.int64)
     for k in range(count - 2, -1, -1):
-        padded = np.pad(cost, reach, constant_values=np.inf)
-        options = np.stack([padded[reach + o : reach + o + cells] for o in offsets])
+        options = np.stack([_shifted(onward, o, reach) for o in offsets.tolist()])
         best = options.argmin(axis=0)
         choice[:, k] = offsets[best]
-        cost = np.where(allowed[:, k], found.power_W[:, k] + options[best, np.arange(cells)], np.inf)
-    if not np.isfinite(cost).any():
-        raise NoSchedule(f"no path keeps a margin of {margin} um at {rate_m_s * 1e6:g} um/s")
-    path = [int(cost.argmin())]
+        onward = cost[:, k] + options[best, np.arange(cells)]
+    first = int(onward.argmin()) if start_m is None else cell_of(found, start_m)
+    if not np.isfinite(onward[first]):
+        raise NoSchedule(f"no path keeps margins up to {margin_um.max()} um at {rate_m_s * 1e6:g} um/s")
+    path = [first]
     for k in range(count - 1):
         path.append(path[-1] + int(choice[path[-1], k]))
-    return _plan(found, np.array(path), lead_s)
+    cell = np.array(path)
+    return plan_of(found, cell, level[cell, np.arange(count)], lead_s)
 
 
-def causal(found: Map, margin: int, bins: int, cap: int, rate_m_s: float) -> Plan:
-    """Follow the cheapest clearance that is viable now, but never above cell `cap`, at the rate of the actuator.
+def _shifted(row: Floats, offset: int, reach: int) -> Floats:
+    padded = np.pad(row, reach, constant_values=np.inf)
+    return np.asarray(padded[reach + offset : reach + offset + row.size])
 
-    All that is known of the future is the ramp that the machine is on, with the set points at its end: a clearance is
-    viable if the actuator can stay admissible through that stage. When the next ramp begins, and where to, is unknown,
-    and each bin's target comes from the bin before.
+
+def causal(
+    found: Map, margin: int, ready: np.ndarray, ramps: list[tuple[int, int, int]], rate_m_s: float,
+    start_m: float | None = None,
+) -> Plan:  # fmt: skip
+    """Follow the cheapest setting that is admissible now and ready for what may come, at the rate of the actuator.
+
+    Each bin's target comes from what is known in the bin before: the power and limits of every setting there (on an
+    announced ramp, of the bin itself), the declared disturbances by way of `ready`, and the announced ramps in sight.
+
+    Parameters
+    ----------
+    ready
+        Clearances that are ready for every unannounced ramp, shape (cells, bins): `Surroundings.ready`.
+    ramps
+        For each announced ramp the bin from which it is known, its first and its last bin.
 
     Raises
     ------
     NoSchedule
-        The path leaves the admissible cells.
+        The path leaves the admissible settings.
     """
-    reach = _reach(rate_m_s)
-    starts = np.flatnonzero(np.diff(found.stage)) + 1
-    parts = np.split(found.admissible, starts, axis=1)
-    below = np.concatenate([viable(narrowed(part, margin, bins), reach) for part in parts], axis=1)
-    below[cap + 1 :] = False
-    count = below.shape[1]
-    cheapest = np.where(below, found.power_W, np.inf).argmin(axis=0)
-    path = [int(cheapest[0])]
-    for k in range(1, count):
-        wanted = int(cheapest[k - 1]) if below[:, k - 1].any() else path[-1]
-        path.append(path[-1] + int(np.clip(wanted - path[-1], -reach, reach)))
-    if not found.admissible[path, np.arange(count)].all():
-        raise NoSchedule(f"following without preview below {found.clearance_m[cap] * 1e6:.0f} um leaves the limits")
-    return _plan(found, np.array(path), 0.0)
+    reach = reach_of(rate_m_s)
+    allowed = narrowed(found.admissible, np.full(found.power_W.shape[-1], margin))
+    held = allowed & foreseen(np.asarray(allowed.any(axis=0)), ready, ramps, reach)
+    power = np.where(held, found.power_W, np.inf)
+    cell = cell_of(found, start_m) if start_m is not None else int(power[..., 0].min(axis=0).argmin())
+    cells, levels = [cell], [int(power[:, cell, 0].argmin())]
+    for k in range(1, found.power_W.shape[-1]):
+        announced = any(first <= k <= last for _, first, last in ramps)
+        now = power[..., k if announced else k - 1]
+        if np.isfinite(now).any():
+            cell += int(np.clip(int(now.min(axis=0).argmin()) - cell, -reach, reach))
+        cells.append(cell)
+        levels.append(int(now[:, cell].argmin()))
+    path, level = np.array(cells), np.array(levels)
+    if not found.admissible[level, path, np.arange(path.size)].all():
+        raise NoSchedule(f"following without preview {margin} um inside leaves the limits")
+    return plan_of(found, path, level, 0.0)
+
+
+def foreseen(
+    allowed: np.ndarray, ready: np.ndarray, ramps: list[tuple[int, int, int]], reach: int
+) -> np.ndarray:  # fmt: skip
+    """Clearances that are ready for what may come, and for the announced ramps in sight; shape (cells, bins).
+
+    While an announced ramp runs, nothing else comes: what counts is that the actuator can stay admissible to its end
+    and is ready there.
+    """
+    kept = ready.copy()
+    for _, first, last in ramps:
+        kept[:, first:last] = True
+    for known, first, last in ramps:
+        along = allowed[:, first : last + 1].copy()
+        along[:, -1] &= ready[:, last]
+        along = viable(along, reach)
+        kept[:, first : last + 1] &= along
+        for k in range(known, first):
+            kept[:, k] &= _within(along[:, 0], reach * max(0, first - k - 2))
+    return np.asarray(kept)
 
 
 def viable(allowed: np.ndarray, reach: int) -> np.ndarray:
     """Allowed cells from which a path of at most `reach` cells a bin stays allowed to the end."""
     kept = allowed.copy()
     for k in range(allowed.shape[1] - 2, -1, -1):
-        kept[:, k] &= binary_dilation(kept[:, k + 1], np.ones(2 * reach + 1, dtype=np.bool_))
+        kept[:, k] &= _within(kept[:, k + 1], reach)
     return kept
 
 
-def best_causal(found: Map, margin: int, bins: int, rate_m_s: float) -> list[Plan]:
-    """Causal plans of every cap that keep the limits on the map, cheapest first."""
-    plans = []
-    for cap in range(found.clearance_m.size):
-        with suppress(NoSchedule):
-            plans.append(causal(found, margin, bins, cap, rate_m_s))
-    return sorted(plans, key=lambda plan: plan.power_W)
+def _within(cells: np.ndarray, reach: int) -> np.ndarray:
+    return np.asarray(binary_dilation(cells, np.ones(2 * reach + 1, dtype=np.bool_)))
 
 
-def _reach(rate_m_s: float) -> int:
-    """Cells of 1 um that the actuator moves in a bin."""
-    return int(rate_m_s * BIN_S * 1e6 + 1e-9)
+def cell_of(found: Map, clearance_m: float) -> int:
+    """Nearest cell of a clearance."""
+    return int(np.abs(found.clearance_m - clearance_m).argmin())
 
 
-def _plan(found: Map, path: np.ndarray, lead_s: float) -> Plan:
-    power = found.power_W[path, np.arange(path.size)].mean()
-    return Plan(found.clearance_m[path], float(power), lead_s)
+def plan_of(found: Map, cell: np.ndarray, level: np.ndarray, lead_s: float) -> Plan:
+    """The plan along cells and pressure levels, shape (bins,)."""
+    power = found.power_W[level, cell, np.arange(cell.size)].mean()
+    return Plan(found.clearance_m[cell], found.pressure_Pa[level], lead_s, float(power))

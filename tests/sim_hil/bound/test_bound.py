@@ -2,31 +2,36 @@
 
 import dataclasses
 import itertools
-import json
 
 import numpy as np
 import pytest
 
 from sim_hil import bound
-from sim_hil.bound.fixed import Case, Map, profile, stages
-from sim_hil.bound.limits import Limits, duty_of, judge, orbit_share
-from sim_hil.bound.schedules import NoSchedule, best_causal, causal, narrowed, preview, viable
+from sim_hil.bound.case import Case, Plan, Verdict, gather
+from sim_hil.bound.disturbances import Disturbances, Surroundings
+from sim_hil.bound.kept import kept_profile
+from sim_hil.bound.limits import Limits, duty_of, orbit_share
+from sim_hil.bound.maps import Map
+from sim_hil.bound.reference import cut, references
+from sim_hil.bound.schedules import NoSchedule, causal, foreseen, narrowed, preview, viable
 from sim_hil.bound.study import study
+from sim_hil.build import Build
 from sim_hil.duty import Duty
 from sim_hil.response import Trajectory
 from sim_hil.rigs import load_rig, read_json
 from sim_hil.rotor.rigid import COLUMNS
 
 LIMITS = Limits(10e-6, 50e-6)
+NO_MARGIN = np.zeros(1, dtype=int)
 RATE = 20e-6  # two cells of 1 um in a bin of 0.1 s
 
 
-def made_map(cells=6, bins=6, seed=3, blocked=0.2):
+def made_map(cells=6, bins=6, seed=3, blocked=0.2, pressures=1):
     rng = np.random.default_rng(seed)
-    open_ = np.where(rng.random((cells, bins)) < blocked, -1.0, 1.0)
-    open_[0] = 1.0
-    power = rng.uniform(50, 100, (cells, bins))
-    return Map((40 + np.arange(cells)) * 1e-6, np.arange(bins) // 4, power, open_, np.ones((cells, bins)))
+    open_ = np.where(rng.random((pressures, cells, bins)) < blocked, -1.0, 1.0)
+    open_[:, 0] = 1.0
+    power = rng.uniform(50, 100, (pressures, cells, bins))
+    return Map(1e5 * np.arange(pressures), (40 + np.arange(cells)) * 1e-6, power, open_, np.ones(open_.shape))
 
 
 def circling(radius_m, turns=60.0, centre_m=0.0, rate_hz=10000.0, speed_hz=100.0):
@@ -41,6 +46,10 @@ def circling(radius_m, turns=60.0, centre_m=0.0, rate_hz=10000.0, speed_hz=100.0
     rows[:, COLUMNS.index("power_W")] = 80.0
     rows[:, COLUMNS.index("angle_rad")] = angle
     return Trajectory(time_s, rows, ())
+
+
+def judge(run, limits):
+    return Verdict.of(gather(run, limits))
 
 
 @pytest.mark.parametrize(("radius_um", "feasible"), [(12.4, True), (12.6, False)])
@@ -76,32 +85,73 @@ def test_the_published_duty_file_is_the_published_duty():
     assert (limits.min_film_m, limits.rate_m_s) == pytest.approx((LIMITS.min_film_m, LIMITS.rate_m_s))
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_preview_is_the_cheapest_of_all_paths(seed):
-    found = made_map(5, 5, seed)
-    cells, bins = found.power_W.shape
-    allowed = narrowed(found.admissible, 0, 1)
+@pytest.mark.parametrize(("seed", "pressures"), [(0, 1), (1, 1), (2, 2), (3, 2)])
+def test_preview_is_the_cheapest_of_all_paths(seed, pressures):
+    found = made_map(5, 5, seed, pressures=pressures)
+    _, cells, bins = found.power_W.shape
+    cost = np.where(found.admissible, found.power_W, np.inf).min(axis=0)
     paths = [
-        np.mean([found.power_W[c, k] for k, c in enumerate(path)])
+        np.mean([cost[c, k] for k, c in enumerate(path)])
         for path in itertools.product(range(cells), repeat=bins)
-        if all(allowed[c, k] for k, c in enumerate(path)) and all(abs(b - a) <= 2 for a, b in itertools.pairwise(path))
+        if all(abs(b - a) <= 2 for a, b in itertools.pairwise(path))
     ]
-    if not paths:
+    if not np.isfinite(min(paths)):
         with pytest.raises(NoSchedule):
-            preview(found, 0, 1, RATE, 0.0)
+            preview(found, NO_MARGIN, RATE, 0.0)
         return
-    plan = preview(found, 0, 1, RATE, 0.0)
-    assert plan.power_W == pytest.approx(min(paths))
+    plan = preview(found, NO_MARGIN, RATE, 0.0)
+    assert plan.expected_W == pytest.approx(min(paths))
     assert np.abs(np.diff(plan.clearance_m)).max() <= 2.01e-6
 
 
+def test_a_given_start_is_kept():
+    found = made_map(20, 12, blocked=0.0)
+    ready = np.ones((20, 12), dtype=bool)
+    for plan in (preview(found, NO_MARGIN, RATE, 0.0, 55e-6), causal(found, 0, ready, [], RATE, 55e-6)):
+        assert plan.clearance_m[0] == pytest.approx(55e-6)
+
+
 def test_causal_uses_nothing_of_the_future():
-    found = made_map(8, 12, blocked=0.0)
+    found = made_map(8, 12, blocked=0.0, pressures=2)
     later = dataclasses.replace(found, power_W=found.power_W.copy(), film_margin_m=found.film_margin_m.copy())
-    later.power_W[:, 8:] = np.random.default_rng(9).uniform(50, 100, (8, 4))
-    later.film_margin_m[4:, 9:] = -1  # the stage of bins 4 to 7 ends before
-    paths = [causal(m, 0, 2, 3, RATE).clearance_m for m in (found, later)]
-    np.testing.assert_array_equal(paths[0][:8], paths[1][:8])
+    later.power_W[..., 8:] = np.random.default_rng(9).uniform(50, 100, (2, 8, 4))
+    later.film_margin_m[:, 6:, 9:] = -1
+    ready = np.ones((8, 12), dtype=bool)
+    ready[5:] = False
+    plans = [causal(m, 0, ready, [], RATE) for m in (found, later)]
+    np.testing.assert_array_equal(plans[0].clearance_m[:9], plans[1].clearance_m[:9])
+    np.testing.assert_array_equal(plans[0].pressure_Pa[:9], plans[1].pressure_Pa[:9])
+
+
+def test_an_announced_ramp_is_weathered_to_its_end_and_met_in_time():
+    allowed, ready = np.ones((9, 12), dtype=bool), np.ones((9, 12), dtype=bool)
+    allowed[3:, 8] = False
+    kept = foreseen(allowed, ready, [(2, 6, 8)], 2)
+    assert [column.sum() for column in kept.T] == [9, 9, 9, 9, 7, 7, 7, 5, 3, 9, 9, 9]
+
+
+def test_ready_for_any_ramp_that_nobody_announces():
+    """Load may rise by 50 N/s from 100 to 200 N, where 20 cells are left, in 2 s; the actuator makes 5 um/s."""
+    case = Case(load_rig("bench"), Duty.hold(3000, 100, 1.0), LIMITS, False)
+    around = Surroundings(np.array([3000.0, 3000.0]), np.array([100.0, 200.0]), np.zeros(2), np.array([100.0, 20.0]))
+    ready = around.ready(case, Disturbances(), 5e-6, 121)
+    assert np.flatnonzero(ready[:, 0])[-1] == int(20 + 5 * (2 - 0.25))
+    slower = around.ready(case, Disturbances(load_ramp_N_s=10.0), 5e-6, 121)
+    assert np.flatnonzero(slower[:, 0])[-1] == int(20 + 5 * (10 - 0.25))
+
+
+def test_only_ramps_faster_than_declared_are_announced():
+    duty = Duty((0.0, 2.0, 4.0, 5.0, 6.0), (3000, 3000, 3000, 3000, 6000), (100, 100, 200, 300, 300))
+    assert Disturbances().announced(duty) == [(40, 50), (50, 60)]
+
+
+def test_a_step_is_announced():
+    assert Disturbances().announced(Duty((0.0, 1.0, 1.0), (3000, 3000, 3000), (100, 100, 101))) == [(10, 10)]
+
+
+def test_a_duty_is_cut():
+    duty = cut(Duty((0.0, 2.0, 4.0), (3000, 3000, 6000), (100, 100, 200)), 3.0)
+    assert duty == Duty((0.0, 2.0, 3.0), (3000, 3000, pytest.approx(4500)), (100, 100, 150))
 
 
 def test_a_ramp_is_seen_to_its_end():
@@ -111,31 +161,21 @@ def test_a_ramp_is_seen_to_its_end():
     assert [column.sum() for column in kept.T] == [9, 9, 9, 7, 5, 3]
 
 
-def test_a_stage_is_a_ramp_and_the_hold_after_it():
-    duty = Duty((0.0, 0.4, 0.6, 1.0, 1.2), (3000, 3000, 6000, 6000, 3000), (100, 100, 100, 100, 100))
-    assert stages(duty, 12).tolist() == [0] * 4 + [1] * 6 + [2] * 2
-
-
-def test_no_preview_is_never_cheaper_than_preview():
-    found = made_map(8, 40, blocked=0.02)
-    plans = best_causal(found, 0, 1, RATE)
-    assert plans
-    assert plans[0].power_W >= preview(found, 0, 1, RATE, 0.0).power_W - 1e-9
-
-
-def test_margins_keep_away_from_what_is_not_admissible():
-    margin = np.ones((9, 9))
-    margin[8, 4] = -1
-    found = Map(np.arange(9) * 1e-6, np.zeros(9), np.ones((9, 9)), margin, np.ones((9, 9)))
-    kept = narrowed(found.admissible, 2, 1)
-    assert not kept[6:, 3:6].any()
-    assert kept[:6].all()
-    assert kept[:, :3].all()
+def test_margins_keep_away_from_what_is_not_admissible_in_their_bins():
+    allowed = np.ones((1, 9, 9), dtype=bool)
+    allowed[0, 8] = False
+    kept = narrowed(allowed, np.array([0, 0, 0, 2, 2, 1, 0, 0, 0]))[0]
+    assert kept.sum(axis=0).tolist() == [8, 8, 8, 6, 6, 7, 8, 8, 8]
 
 
 def test_a_plan_is_read_ahead_by_the_lag():
-    plan = preview(made_map(6, 6, blocked=0.0), 0, 1, RATE, 0.05)
-    assert plan(0.05) == pytest.approx(plan.clearance_m[1])
+    plan = preview(made_map(6, 6, blocked=0.0), NO_MARGIN, RATE, 0.05)
+    assert plan.clearance(0.05) == pytest.approx(plan.clearance_m[1])
+
+
+def test_pressure_is_held_through_its_bin():
+    plan = Plan(np.full(3, 60e-6), np.array([1e5, 2e5, 3e5]))
+    assert [plan.pressure(t) for t in (-1.0, 0.0, 0.15, 0.2, 9.0)] == [1e5, 1e5, 2e5, 3e5, 3e5]
 
 
 @pytest.mark.parametrize("text", ["{", "[]", '{"start": {"rpm": 1}}'])
@@ -148,23 +188,41 @@ def test_a_wrong_duty_file_is_refused(text, tmp_path):
 
 def test_power_falls_and_film_shrinks_with_clearance_on_a_short_duty():
     case = Case(load_rig("bench"), Duty.hold(1500, 300, 1.0), LIMITS, False)
-    narrow, wide = profile(case, 50e-6), profile(case, 90e-6)
+    narrow, wide = (case.profile(Plan.fixed(c, 1e5)) for c in (50e-6, 90e-6))
     assert narrow.power_W.size == 10
     assert narrow.power_W.mean() > wide.power_W.mean()
     assert narrow.min_film_m.min() > 10e-6 > wide.min_film_m.min()
+    assert (Verdict.of(narrow).violation_s, Verdict.of(wide).violation_s) == (0.0, pytest.approx(1.0))
+
+
+def test_profiles_are_kept_under_what_decides_them(tmp_path, monkeypatch):
+    monkeypatch.setattr("sim_hil.bound.kept._folder", lambda: tmp_path / "kept")
+    case, plan = Case(load_rig("bench"), Duty.hold(6000, 100, 0.3), LIMITS, False), Plan.fixed(60e-6, 1e5)
+    first = kept_profile(case, plan)
+    path = next((tmp_path / "kept").iterdir())
+    np.savez(path, profile=np.zeros((4, 3)))
+    assert kept_profile(case, plan).power_W.max() == 0.0 < first.power_W.min()
+    assert kept_profile(dataclasses.replace(case, inlet_C=45.0), plan).power_W.max() < first.power_W.min()
 
 
 @pytest.mark.slow
-def test_a_short_duty_is_bounded_in_order(tmp_path):
-    segments = [(1500, 300, 2), (1500, 300, 3), (6000, 100, 2), (6000, 100, 3)]
-    table = read_json("duty_bench.json") | {
-        "start": {"rpm": 6000, "load_N": 100},
-        "segments": [{"to_rpm": r, "to_load_N": load, "seconds": s} for r, load, s in segments],
-    }
-    path = tmp_path / "duty.json"
-    path.write_text(json.dumps(table))
-    case = Case(load_rig("bench"), duty_of(bound.read_duty(path)), Limits.of(table), False)
-    entries = {e.name: e.verdict for e in study(case, 10)}
+def test_a_short_duty_is_bounded_in_order():
+    duty = Duty((0.0, 2.0, 5.0, 7.0, 10.0), (6000, 1500, 1500, 6000, 6000), (100, 300, 300, 100, 100))
+    case = Case(load_rig("bench"), duty, LIMITS, False)
+    entries = {e.name: e.verdict for e in study(case, 10, (1e5,))}
     assert all(v.feasible for name, v in entries.items() if name != "nominal fixed")
     powers = [entries[n].mean_power_W for n in ("preview schedule", "causal schedule", "best feasible fixed")]
     assert powers == sorted(powers)
+
+
+@pytest.mark.slow
+def test_references_of_a_build_from_where_it_stands():
+    rig = load_rig("bench")
+    duty = Duty((0.0, 3.0, 5.0), (9000, 9000, 4000), (60, 60, 100))
+    found = references(rig, duty, build=Build.of_seed(rig, 1), inlet_C=42.0, seconds=6.0, start_m=50e-6, spacing_um=12)
+    for way in (found.preview, found.causal):
+        assert way is not None
+        assert way.verdict.feasible
+        assert way.plan.clearance(0.0) == pytest.approx(50e-6, abs=3e-6)
+    assert found.preview.verdict.mean_power_W <= 1.005 * found.causal.verdict.mean_power_W
+    assert found.preview.verdict.mean_power_W < found.map.power_W[0, 10].mean()

@@ -1,0 +1,149 @@
+"""One duty of one machine, run in time under a plan of the actuators and gathered into bins."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from sim_hil.bound.limits import ORBIT_SHARE, SAMPLES_PER_TURN, Limits, orbit_share
+from sim_hil.build import Build
+from sim_hil.duty import Duty
+from sim_hil.response import Trajectory, simulate
+from sim_hil.rigs import RigData
+from sim_hil.rotor.parameters import Floats
+
+BIN_S = 0.1
+STEP_S = 100e-6
+SETTLE_S = 2.0
+"""The start of the duty is held this long before it counts."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Targets of the actuators at the starts of the bins: clearance, m, and supply pressure, Pa, shape (bins,).
+
+    Between the starts the clearance target is linear and the pressure target held. The clearance is read `lead_s`
+    ahead, for the lag of the actuator. `expected_W` is the mean power that the map promises.
+    """
+
+    clearance_m: Floats
+    pressure_Pa: Floats
+    lead_s: float = 0.0
+    expected_W: float = math.nan
+
+    @classmethod
+    def fixed(cls, clearance_m: float, pressure_Pa: float) -> Plan:
+        """Both held."""
+        return cls(np.array([clearance_m]), np.array([pressure_Pa]))
+
+    def clearance(self, time_s: float) -> float:
+        """Clearance target at a time of the duty, m; the first before it, the last after it."""
+        return float(np.interp((time_s + self.lead_s) / BIN_S, np.arange(self.clearance_m.size), self.clearance_m))
+
+    def pressure(self, time_s: float) -> float:
+        """Pressure target at a time of the duty, Pa."""
+        last = self.pressure_Pa.size - 1
+        return float(self.pressure_Pa[min(max(int(time_s / BIN_S + 1e-6), 0), last)])
+
+
+@dataclass(frozen=True)
+class Profile:
+    """What a run did in each bin: mean power, W, smallest film, m, largest orbit share, time in violation, s."""
+
+    power_W: Floats
+    min_film_m: Floats
+    orbit_share: Floats
+    violation_s: Floats
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """How near a run came to its limits; `orbit_share` is over the present clearance."""
+
+    mean_power_W: float
+    min_film_m: float
+    orbit_share: float
+    violation_s: float
+
+    @property
+    def feasible(self) -> bool:
+        """No sample broke a limit."""
+        return self.violation_s == 0.0
+
+    @classmethod
+    def of(cls, profile: Profile) -> Verdict:
+        """Over the whole run."""
+        return cls(
+            float(profile.power_W.mean()), float(profile.min_film_m.min()), float(profile.orbit_share.max()),
+            float(profile.violation_s.sum()),
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Case:
+    """A machine on a duty with its limits.
+
+    Parameters
+    ----------
+    build
+        The example of the rig; the drawing when None.
+    thermal
+        Whether the film warms the oil.
+    inlet_C
+        Temperature of the oil that comes in; the rig's own when None.
+    """
+
+    rig: RigData
+    duty: Duty
+    limits: Limits
+    thermal: bool
+    build: Build | None = None
+    inlet_C: float | None = None
+
+    @property
+    def bins(self) -> int:
+        """Bins of the duty; a last one that is not full is filled by holding its end."""
+        return math.ceil(self.duty.seconds / BIN_S - 1e-9)
+
+    def run(self, plan: Plan) -> Trajectory:
+        """The duty in time, after some settling at its start, sampled often enough for its orbits."""
+        d = self.duty
+        led = Duty((0.0, *(t + SETTLE_S for t in d.time_s)), (d.speed_rpm[0], *d.speed_rpm), (d.load_N[0], *d.load_N))
+        run = simulate(
+            self.rig, led, clearance=partial(_delayed, plan.clearance), pressure=partial(_delayed, plan.pressure),
+            seconds=SETTLE_S + self.bins * BIN_S, thermal=self.thermal, build=self.build, inlet_C=self.inlet_C,
+            rate_hz=self._rate_hz(), dt_s=STEP_S,
+        )  # fmt: skip
+        counted = round(self.bins * BIN_S * self._rate_hz())
+        return replace(run, time_s=run.time_s[-counted:], rows=run.rows[-counted:])
+
+    def _rate_hz(self) -> float:
+        """At least `SAMPLES_PER_TURN` at the highest speed, and whole samples in a bin."""
+        turns_per_s = max(abs(rpm) for rpm in self.duty.speed_rpm) / 60
+        return math.ceil(max(SAMPLES_PER_TURN * turns_per_s, 1000.0) * BIN_S) / BIN_S
+
+    def profile(self, plan: Plan) -> Profile:
+        """That run in bins."""
+        return gather(self.run(plan), self.limits)
+
+
+def _delayed(target: object, time_s: float) -> float:
+    assert callable(target)
+    return float(target(time_s - SETTLE_S))
+
+
+def gather(run: Trajectory, limits: Limits) -> Profile:
+    """A run in bins of `BIN_S`."""
+    period_s = float(run.time_s[1] - run.time_s[0])
+    starts = np.arange(0, run.time_s.size, round(BIN_S / period_s))
+    share, film = orbit_share(run), run.min_film_m
+    broken = (film < limits.min_film_m) | (share > ORBIT_SHARE)
+    return Profile(
+        np.add.reduceat(run.power_W, starts) / np.diff(np.append(starts, run.time_s.size)),
+        np.minimum.reduceat(film, starts),
+        np.maximum.reduceat(share, starts),
+        np.add.reduceat(broken.astype(np.float64), starts) * period_s,
+    )
