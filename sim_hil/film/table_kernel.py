@@ -26,38 +26,52 @@ RATE_LIMIT = 0.2
 """First order in the clearance rate up to here, squeeze against the moving wall from twice that on."""
 _MAX_TURN = math.pi / 2
 
+Four = tuple[float, float, float, float]
+
 
 @njit(cache=True, inline="always")
-def _weights(t: float) -> tuple[float, float, float, float]:
+def _weights(t: float) -> Four:
     """Uniform cubic B-spline weights at t in [0, 1] of a cell."""
     s = 1.0 - t
     return s * s * s / 6, (4 - 3 * t * t * (2 - t)) / 6, (4 - 3 * s * s * (2 - s)) / 6, t * t * t / 6
 
 
-@njit(cache=True, fastmath={"contract"})
-def lookup(coefficients: Floats, eps: float, gamma: float) -> tuple[float, float, float, float, float]:
-    """Table values (a, d, q, a', d') at an eccentricity ratio in [0, EPS_TABLE] and an angle in [0, pi].
-
-    `coefficients` has shape (cells of -log(1 - eps) + 3, cells of the angle + 3, 5).
-    """
+@njit(cache=True, inline="always")
+def _cell(coefficients: Floats, eps: float, gamma: float) -> tuple[int, int, Four, Four]:
+    """Where to look: cell of an eccentricity ratio in [0, EPS_TABLE] and an angle in [0, pi], and its weights."""
     rows = coefficients.shape[0] - 3
     columns = coefficients.shape[1] - 3
     u = -math.log1p(-eps) * (rows / -math.log1p(-EPS_TABLE))
     v = gamma * (columns / math.pi)
     i = min(int(u), rows - 1)
     j = min(int(v), columns - 1)
-    wu = _weights(u - i)
-    wv = _weights(v - j)
-    a = d = q = a_rate = d_rate = 0.0
+    return i, j, _weights(u - i), _weights(v - j)
+
+
+@njit(cache=True, inline="always", fastmath={"contract"})
+def _blend(coefficients: Floats, cell: tuple[int, int, Four, Four], column: int) -> float:
+    """One value of the table in a cell."""
+    i, j, wu, (v0, v1, v2, v3) = cell
+    value = 0.0
     for k in range(4):
-        for m in range(4):
-            w = wu[k] * wv[m]
-            a += w * coefficients[i + k, j + m, 0]
-            d += w * coefficients[i + k, j + m, 1]
-            q += w * coefficients[i + k, j + m, 2]
-            a_rate += w * coefficients[i + k, j + m, 3]
-            d_rate += w * coefficients[i + k, j + m, 4]
-    return a, d, q, a_rate, d_rate
+        c0, c1 = coefficients[i + k, j, column], coefficients[i + k, j + 1, column]
+        c2, c3 = coefficients[i + k, j + 2, column], coefficients[i + k, j + 3, column]
+        value += wu[k] * ((v0 * c0 + v1 * c1) + (v2 * c2 + v3 * c3))
+    return value
+
+
+@njit(cache=True, fastmath={"contract"}, error_model="numpy")
+def lookup(coefficients: Floats, eps: float, gamma: float, ratio: float = 0.0) -> tuple[float, float, float]:
+    """Table values (a + a' r, d + d' r, q) at an eccentricity ratio in [0, EPS_TABLE], an angle in [0, pi] and `r`.
+
+    `coefficients` has shape (cells of -log(1 - eps) + 3, cells of the angle + 3, 5).
+    """
+    cell = _cell(coefficients, eps, gamma)
+    a, d, q = _blend(coefficients, cell, 0), _blend(coefficients, cell, 1), _blend(coefficients, cell, 2)
+    if ratio != 0.0:
+        a += ratio * _blend(coefficients, cell, 3)
+        d += ratio * _blend(coefficients, cell, 4)
+    return a, d, q
 
 
 @njit(cache=True)
@@ -87,7 +101,7 @@ def _moving_wall(sx: float, sy: float, ex: float, ey: float, c: float, c_rate: f
     return sx - shift * ex, sy - shift * ey, math.copysign((1 - wall) * RATE_LIMIT, c_rate)
 
 
-@njit(cache=True, fastmath={"contract"})
+@njit(cache=True, fastmath={"contract"}, error_model="numpy")
 def table_force(
     coefficients: Floats,
     ex: float,
@@ -135,9 +149,9 @@ def table_force(
     if squeeze > 1e-30:
         cross = film_x * sy - film_y * sx
         gamma = math.atan2(cross, film_x * sx + film_y * sy)
-        a, d, q, a_rate, d_rate = lookup(coefficients, eps, abs(gamma))
-        gain = -12 * mu * R * (R / c) ** 3 * math.exp(a + a_rate * ratio)
-        turn = min(max(d + d_rate * ratio, -_MAX_TURN), _MAX_TURN)
+        a, d, q = lookup(coefficients, eps, abs(gamma), ratio)
+        gain = -12 * mu * R * (R / c) ** 3 * math.exp(a)
+        turn = min(max(d, -_MAX_TURN), _MAX_TURN)
         turn = -turn if gamma < 0 else turn
         fx = gain * (math.cos(turn) * sx - math.sin(turn) * sy)
         fy = gain * (math.sin(turn) * sx + math.cos(turn) * sy)

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 from numba import njit, prange
 
 from sim_hil.rotor.film_law import Law, film_law
@@ -30,7 +29,7 @@ Four = tuple[float, float, float, float]
 Eight = tuple[float, float, float, float, float, float, float, float]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def film_slopes(
     law: Law, film: Film, ex: float, ey: float, vx: float, vy: float, omega: float, c: float, mu: float, c_rate: float
 ) -> Eight:
@@ -49,40 +48,43 @@ def film_slopes(
     )  # fmt: skip
 
 
-@njit(cache=True)
-def acceleration(
-    shaft: Shaft, film: Film, law: Law, w: Floats, angle: float, omega: float, alpha: float, load: float, c: float,
-    c_rate: float, mu: float, a: Floats,
-) -> tuple[float, float]:  # fmt: skip
-    """Accelerations of (x, y, A, B) into `a`; returns dissipated power, W, and side flow, m3/s.
+@njit(cache=True, error_model="numpy")
+def rates(
+    shaft: Shaft, film: Film, law: Law, w: Eight, angle: float, omega: float, alpha: float, load: float, c: float,
+    c_rate: float, mu: float,
+) -> tuple[Eight, float, float]:  # fmt: skip
+    """Rates of change of ``w``: the coordinates (x, y, A, B) and their rates; dissipated power, W; side flow, m3/s.
 
-    `w` holds the four coordinates and their rates, `load` the total static load at the bearing, N.
+    `load` is the total static load at the bearing, N.
     """
     s, b, d = shaft, shaft.to_bearing, shaft.to_coupling
-    ex, ey, vx, vy = w[0] + b * w[2], w[1] + b * w[3], w[4] + b * w[6], w[5] + b * w[7]
+    x, y, tilt_x, tilt_y, x_rate, y_rate, tilt_x_rate, tilt_y_rate = w
+    ex, ey, vx, vy = x + b * tilt_x, y + b * tilt_y, x_rate + b * tilt_x_rate, y_rate + b * tilt_y_rate
     fx, fy, torque, flow = film_law(law, ex, ey, vx, vy, omega, c, mu, film.radius, film.length, c_rate)
     cosine, sine = math.cos(angle + s.unbalance_angle), math.sin(angle + s.unbalance_angle)
     gravity_share = s.mass * GRAVITY * d / (b + d)
     bx = fx + s.unbalance * (omega * omega * cosine + alpha * sine)
     by = fy + s.unbalance * (omega * omega * sine - alpha * cosine) - (load - gravity_share)
     k, damping = s.coupling_stiffness, s.coupling_damping
-    cx = -k * (w[0] - d * w[2]) - damping * (w[4] - d * w[6])
-    cy = -k * (w[1] - d * w[3]) - damping * (w[5] - d * w[7]) + s.mass * GRAVITY - gravity_share
-    a[0] = (bx + cx) / s.mass
-    a[1] = (by + cy) / s.mass - GRAVITY
-    a[2] = (b * bx - d * cx - s.polar * (omega * w[7] + alpha * w[3])) / s.diametral
-    a[3] = (b * by - d * cy + s.polar * (omega * w[6] + alpha * w[2])) / s.diametral
-    return torque * abs(omega) - (fx * vx + fy * vy) + film.windage * abs(omega) ** 3, flow
+    cx = -k * (x - d * tilt_x) - damping * (x_rate - d * tilt_x_rate)
+    cy = -k * (y - d * tilt_y) - damping * (y_rate - d * tilt_y_rate) + s.mass * GRAVITY - gravity_share
+    power = torque * abs(omega) - (fx * vx + fy * vy) + film.windage * abs(omega) ** 3
+    rate = (
+        x_rate, y_rate, tilt_x_rate, tilt_y_rate, (bx + cx) / s.mass, (by + cy) / s.mass - GRAVITY,
+        (b * bx - d * cx - s.polar * (omega * tilt_y_rate + alpha * tilt_y)) / s.diametral,
+        (b * by - d * cy + s.polar * (omega * tilt_x_rate + alpha * tilt_x)) / s.diametral,
+    )  # fmt: skip
+    return rate, power, flow
 
 
-@njit(cache=True)
-def solve_stage(shaft: Shaft, slopes: Eight, reach: float, move: Floats, k: Floats) -> None:
+@njit(cache=True, error_model="numpy")
+def solve_stage(shaft: Shaft, slopes: Eight, reach: float, move: Eight) -> Eight:
     """Solve `(I - reach J) k = move` for positions and rates, with the film as the only J."""
     b = shaft.to_bearing
     mobility = 1 / shaft.mass + b * b / shaft.diametral
     kxx, kxy, kyx, kyy, cxx, cxy, cyx, cyy = slopes
-    ex, ey = move[0] + b * move[2], move[1] + b * move[3]
-    vx, vy = move[4] + b * move[6], move[5] + b * move[7]
+    m0, m1, m2, m3, m4, m5, m6, m7 = move
+    ex, ey, vx, vy = m0 + b * m2, m1 + b * m3, m4 + b * m6, m5 + b * m7
     gxx, gxy, gyx, gyy = cxx + reach * kxx, cxy + reach * kxy, cyx + reach * kyx, cyy + reach * kyy
     h = reach * mobility
     rx = vx + h * (kxx * ex + kxy * ey)
@@ -91,35 +93,34 @@ def solve_stage(shaft: Shaft, slopes: Eight, reach: float, move: Floats, k: Floa
     det = mxx * myy - mxy * myx
     ux, uy = (myy * rx - mxy * ry) / det, (mxx * ry - myx * rx) / det
     fx, fy = (ux - vx) / mobility, (uy - vy) / mobility
-    k[4], k[5] = move[4] + fx / shaft.mass, move[5] + fy / shaft.mass
-    k[6], k[7] = move[6] + b * fx / shaft.diametral, move[7] + b * fy / shaft.diametral
-    for i in range(4):
-        k[i] = move[i] + reach * k[4 + i]
+    k4, k5 = m4 + fx / shaft.mass, m5 + fy / shaft.mass
+    k6, k7 = m6 + b * fx / shaft.diametral, m7 + b * fy / shaft.diametral
+    return m0 + reach * k4, m1 + reach * k5, m2 + reach * k6, m3 + reach * k7, k4, k5, k6, k7
+
+
+@njit(cache=True)
+def mixed(p: float, a: Eight, q: float, b: Eight) -> Eight:
+    """`p a + q b`."""
+    return (
+        p * a[0] + q * b[0], p * a[1] + q * b[1], p * a[2] + q * b[2], p * a[3] + q * b[3],
+        p * a[4] + q * b[4], p * a[5] + q * b[5], p * a[6] + q * b[6], p * a[7] + q * b[7],
+    )  # fmt: skip
 
 
 @njit(cache=True)
 def step(
-    shaft: Shaft, film: Film, law: Law, slopes: Eight, w: Floats, work: Floats, angle: float, omega: float,
-    alpha: float, load: float, c: float, c_rate: float, mu: float, dt: float,
-) -> tuple[float, float]:  # fmt: skip
-    """One step of `w` in place; `work` has shape (4, 8). Returns power and side flow at its start."""
-    k1, k2, probe, move = work[0], work[1], work[2], work[3]
-    power, flow = acceleration(shaft, film, law, w, angle, omega, alpha, load, c, c_rate, mu, move[4:])
-    for i in range(4):
-        move[i] = dt * w[4 + i]
-        move[4 + i] *= dt
-    solve_stage(shaft, slopes, GAMMA * dt, move, k1)
-    for i in range(8):
-        probe[i] = w[i] + k1[i]
+    shaft: Shaft, film: Film, law: Law, slopes: Eight, w: Eight, angle: float, omega: float, alpha: float, load: float,
+    c: float, c_rate: float, mu: float, dt: float,
+) -> tuple[Eight, float, float]:  # fmt: skip
+    """State after one step (numbers, not arrays: these stay in registers); power and side flow at its start."""
+    rate, power, flow = rates(shaft, film, law, w, angle, omega, alpha, load, c, c_rate, mu)
+    k1 = solve_stage(shaft, slopes, GAMMA * dt, mixed(dt, rate, 0.0, rate))
     turned = angle + (omega + 0.5 * alpha * dt) * dt
-    acceleration(shaft, film, law, probe, turned, omega + alpha * dt, alpha, load, c, c_rate, mu, move[4:])
-    for i in range(4):
-        move[i] = dt * probe[4 + i] - 2 * k1[i]
-        move[4 + i] = dt * move[4 + i] - 2 * k1[4 + i]
-    solve_stage(shaft, slopes, GAMMA * dt, move, k2)
-    for i in range(8):
-        w[i] += 1.5 * k1[i] + 0.5 * k2[i]
-    return power, flow
+    rate, _, _ = rates(
+        shaft, film, law, mixed(1.0, w, 1.0, k1), turned, omega + alpha * dt, alpha, load, c, c_rate, mu
+    )
+    k2 = solve_stage(shaft, slopes, GAMMA * dt, mixed(dt, rate, -2.0, k1))
+    return mixed(1.0, mixed(1.0, w, 1.5, k1), 0.5, k2), power, flow
 
 
 @njit(cache=True)
@@ -141,7 +142,7 @@ def advance_rotor(
         Written: `COLUMNS`, shape (n, 9).
     """
     dt = period / substeps
-    work = np.zeros((4, 8))
+    now = (w[0], w[1], w[2], w[3], w[4], w[5], w[6], w[7])
     slopes = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     age, old_x, old_y = renew, 0.0, 0.0
     b = shaft.to_bearing
@@ -154,26 +155,28 @@ def advance_rotor(
         power, smallest = 0.0, 1e9
         for i in range(substeps):
             omega, load = drive[n, 0] + alpha * dt * i, drive[n, 1] + load_rate * dt * i
-            ex, ey = w[0] + b * w[2], w[1] + b * w[3]
+            ex, ey = now[0] + b * now[2], now[1] + b * now[3]
             moved = math.hypot(ex - old_x, ey - old_y)
             if age >= renew or moved > _RENEW_SHARE * max(c - math.hypot(ex, ey), 0.01 * c):
-                vx, vy = w[4] + b * w[6], w[5] + b * w[7]
+                vx, vy = now[4] + b * now[6], now[5] + b * now[7]
                 slopes = film_slopes(law, film, ex, ey, vx, vy, omega, c, mu, c_rate)
                 age, old_x, old_y = 0, ex, ey
             age += 1
-            lost, scalar[FLOW] = step(
-                shaft, film, law, slopes, w, work, scalar[ANGLE], omega, alpha, load, c, c_rate, mu, dt
+            now, lost, scalar[FLOW] = step(
+                shaft, film, law, slopes, now, scalar[ANGLE], omega, alpha, load, c, c_rate, mu, dt
             )
             power += lost
             scalar[ANGLE] += (omega + 0.5 * alpha * dt) * dt
             c += c_rate * dt
-            smallest = min(smallest, c - math.hypot(w[0] + b * w[2], w[1] + b * w[3]))
+            smallest = min(smallest, c - math.hypot(now[0] + b * now[2], now[1] + b * now[3]))
         scalar[POWER] = power / substeps
         heat_oil(film, scalar, period)
-        out[n, 0], out[n, 1] = w[0] + b * w[2], w[1] + b * w[3]
-        out[n, 2], out[n, 3] = w[4] + b * w[6], w[5] + b * w[7]
+        out[n, 0], out[n, 1] = now[0] + b * now[2], now[1] + b * now[3]
+        out[n, 2], out[n, 3] = now[4] + b * now[6], now[5] + b * now[7]
         out[n, 4], out[n, 5], out[n, 6], out[n, 7] = smallest, c, scalar[POWER], scalar[OIL]
         out[n, 8] = scalar[ANGLE]
+    for i in range(8):
+        w[i] = now[i]
 
 
 @njit(parallel=True, cache=True)
