@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from models.shielded import Observation, Policy, value
 from sim_hil.environment import Limits
+from sim_hil.response import power_map
 from sim_hil.rigs import load_rig
-from sim_hil.runs import power_map
 
 Floats = NDArray[np.float64]
 

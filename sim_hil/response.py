@@ -26,6 +26,7 @@ from sim_hil.rotor.parameters import Floats, Plant, State, new_state
 from sim_hil.rotor.rigid import COLUMNS, RENEW_STEPS, advance_rotor
 
 Schedule = float | Callable[[float], float]
+"""A constant, or a function of the time in seconds."""
 Force = Literal["direct", "table", "linear"] | FilmTable | ReducedNetworkLaw | RawNetworkLaw
 STEP_S = 50e-6
 COMMAND_S = 1e-3

@@ -1,24 +1,25 @@
-"""Runs faster than real time: what a machine does at given duties and clearances, and what it would measure."""
+"""Runs of the whole machine faster than real time: what it does at given duties and clearances, what it would measure.
+
+The rotor alone, with steady maps and other films: `sim_hil.response`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from sim_hil.build import Build
 from sim_hil.duty import Duty
-from sim_hil.machine import MAX_STEP_S, Batch, Machine
+from sim_hil.machine import Batch, Machine
+from sim_hil.response import Schedule
 from sim_hil.rigs import RigData
 from sim_hil.rotor.parameters import TRUTH_COLUMNS, Floats
 from sim_hil.sensors.chain import Counts
 
 CONTROL_S = 0.02
 """The targets of the actuator are read this often, as the node reads its commands."""
-
-Schedule = float | Callable[[float], float]
-"""A constant, or a function of the time in seconds."""
 
 
 def _value(schedule: Schedule, time_s: float) -> float:
@@ -115,70 +116,3 @@ def recording_of(machine: Machine, batch: Batch, rng: np.random.Generator) -> Re
     ])
     time_s = start + period - machine.delay_s
     return Recording(machine.rate_hz, time_s, batch.counts, (start + batch.marks)[marked], status, batch.truth)
-
-
-@dataclass(frozen=True)
-class Simulation:
-    """True trajectories at ``rate_hz``: ``truth`` (n, 14), and the smallest film and mean power."""
-
-    time_s: Floats
-    truth: Floats
-
-    def column(self, name: str) -> Floats:
-        """One column of the truth."""
-        column: Floats = self.truth[:, TRUTH_COLUMNS.index(name)]
-        return column
-
-    @property
-    def mean_power_W(self) -> float:
-        """Mean shaft power."""
-        return float(self.column("shaft_power_W").mean())
-
-    @property
-    def min_film_m(self) -> float:
-        """Smallest film of the run."""
-        return float(self.column("min_film_m").min())
-
-
-def simulate(
-    rig: RigData, duty: Duty, *, clearance: Schedule, seconds: float | None = None, dt_s: float = MAX_STEP_S,
-    seed: int = 0, build: Build | None = None, faults: Mapping[str, float] | None = None, thermal: bool = True,
-    pressure: Schedule | None = None, rate_hz: int = 5000,
-) -> Simulation:
-    """Follow ``duty`` (to its end when ``seconds`` is None) with the table film.
-
-    ``thermal=False`` holds the oil at the inlet temperature.
-    """
-    machine = Machine(
-        rig, Build.nominal(rig) if build is None else build, seed, rate_hz=rate_hz, thermal=thermal,
-        clearance_m=_value(clearance, 0.0), max_step_s=dt_s,
-    )  # fmt: skip
-    for name, severity in (faults or {}).items():
-        machine.inject(name, severity)
-    batch = run(machine, duty, duty.seconds if seconds is None else seconds, clearance=clearance, pressure=pressure)
-    return Simulation(np.arange(1, len(batch.truth) + 1, dtype=np.float64) * machine.period_s, batch.truth)
-
-
-@dataclass(frozen=True)
-class PowerMap:
-    """Steady figures over speed x load x clearance: shape (rpm, load, clearance) each."""
-
-    power_W: Floats
-    min_film_m: Floats
-    peak_to_peak_m: Floats
-
-
-def power_map(
-    rig: RigData, speed_rpm: Floats, load_N: Floats, clearance_m: Floats, *, seconds: float = 1.0,
-    build: Build | None = None, thermal: bool = False, seed: int = 0,
-) -> PowerMap:
-    """Mean power, smallest film and larger peak-to-peak of the last half of ``seconds`` at each point."""
-    shape = (len(speed_rpm), len(load_N), len(clearance_m))
-    power, film, swing = np.empty(shape), np.empty(shape), np.empty(shape)
-    for index in np.ndindex(shape):
-        duty = Duty.hold(float(speed_rpm[index[0]]), float(load_N[index[1]]), seconds)
-        result = simulate(rig, duty, clearance=float(clearance_m[index[2]]), build=build, thermal=thermal, seed=seed)
-        last = Simulation(result.time_s, result.truth[len(result.truth) // 2 :])
-        power[index], film[index] = last.mean_power_W, last.min_film_m
-        swing[index] = max(np.ptp(last.column("eccentricity_x_m")), np.ptp(last.column("eccentricity_y_m")))
-    return PowerMap(power, film, swing)
