@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -17,6 +18,7 @@ from firmware_py.errors import OrbitdError
 from sim_hil.build import Build
 from sim_hil.duty import Duty
 from sim_hil.film import FilmError, equilibrium
+from sim_hil.film.model import FilmModel, load_model, tabulate
 from sim_hil.film.table import FilmTable
 from sim_hil.rigs import RigData
 from sim_hil.rotor.assembly import assemble
@@ -226,12 +228,6 @@ def _check_clearance(rig: RigData, clearance_m: Floats) -> None:
 
 def _law(rig: RigData, plant: Plant, force: Force, start: Start) -> Law:
     shape = plant.film.length / (2 * plant.film.radius)
-    if isinstance(force, FilmTable):
-        if abs(force.length_over_diameter - shape) > 1e-9:
-            raise SimulationError(
-                f"force: a table for length/diameter {force.length_over_diameter}, rig {rig.name} has {shape}"
-            )
-        return force.coefficients
     if isinstance(force, ReducedNetworkLaw | RawNetworkLaw):
         return force
     if force == "linear":
@@ -239,12 +235,25 @@ def _law(rig: RigData, plant: Plant, force: Force, start: Start) -> Law:
             raise SimulationError("force = linear: a film at rest has no stiffness; start with the machine turning")
         return LinearLaw.of((start.position_m, np.array([0.0, start.load_N])), start.stiffness_N_m, start.damping_N_s_m)
     try:
-        table = FilmTable.load(shape).coefficients
+        table = FilmTable.load(shape) if force in ("table", "direct") else _table_of(force, shape)
     except FilmError as error:
         raise SimulationError(str(error)) from error
-    if force not in ("table", "direct"):
-        raise SimulationError(f"force = {force!r}: use direct, table, linear or a FilmTable")
-    return DirectLaw.make(table) if force == "direct" else table
+    if abs(table.length_over_diameter - shape) > 1e-9:
+        raise SimulationError(
+            f"force: a film for length/diameter {table.length_over_diameter}, rig {rig.name} has {shape}"
+        )
+    return DirectLaw.make(table.coefficients) if force == "direct" else table.coefficients
+
+
+def _table_of(force: Path | str | FilmModel | FilmTable, shape: float) -> FilmTable:
+    """The table of a film that is not built in."""
+    if isinstance(force, FilmTable):
+        return force
+    if callable(force):
+        return tabulate(force, shape)
+    if not Path(force).exists():
+        raise SimulationError(f"force = {str(force)!r}: use direct, table, linear, a film model or its ONNX file")
+    return tabulate(*load_model(Path(force)))
 
 
 def _at_rest(plant: Plant, start: Start, target: Floats, seed: int) -> tuple[Floats, State]:

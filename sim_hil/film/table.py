@@ -42,9 +42,7 @@ class FilmTable:
 
         Some seven thousand film solutions at each grid with the standard cells: about a minute.
         """
-        eps = -np.expm1(np.log1p(-EPS_TABLE) * np.arange(cells[0] + 1) / cells[0])
-        gamma = np.pi * np.arange(cells[1] + 1) / cells[1]
-        values = _reduced_film(length_over_diameter, eps, gamma, grid)
+        values = _reduced_film(length_over_diameter, *_nodes(cells), grid)
         return cls(length_over_diameter, _spline_coefficients(values))
 
     @classmethod
@@ -66,6 +64,25 @@ class FilmTable:
         with np.load(path) as stored:
             return cls(float(stored["length_over_diameter"]), np.ascontiguousarray(stored["coefficients"]))
 
+    def nodes(self) -> tuple[Floats, Floats]:
+        """Eccentricity ratios and angles, rad, that the table goes through."""
+        return _nodes((self.coefficients.shape[0] - 3, self.coefficients.shape[1] - 3))
+
+    def with_film(self, force: Floats, flow: Floats, velocity: Floats) -> "FilmTable":
+        """The film of another model, with this table's answer to a moving clearance.
+
+        Parameters
+        ----------
+        force, flow, velocity
+            Scaled force (eps, gamma, 2) and flow (eps, gamma) at the nodes, with the eccentricity along x, at the unit
+            squeeze velocity (eps, gamma, 2).
+        """
+        values = _logarithms(force, flow, velocity)
+        values = np.concatenate([values, np.zeros((*flow.shape, 2))], axis=-1)
+        film = _spline_coefficients(values)[..., :3]
+        joined = np.concatenate([film, self.coefficients[..., 3:]], axis=-1)
+        return FilmTable(self.length_over_diameter, np.ascontiguousarray(joined))
+
     def save(self, folder: Path = _DATA) -> Path:
         """Write the table where `load` finds it; returns the file."""
         path = folder / _file_name(self.length_over_diameter)
@@ -76,6 +93,11 @@ class FilmTable:
 def _file_name(length_over_diameter: float) -> str:
     shape = f"{length_over_diameter:g}".replace(".", "p")
     return f"table_ld{shape}.npz"
+
+
+def _nodes(cells: tuple[int, int]) -> tuple[Floats, Floats]:
+    eps = -np.expm1(np.log1p(-EPS_TABLE) * np.arange(cells[0] + 1) / cells[0])
+    return eps, np.pi * np.arange(cells[1] + 1) / cells[1]
 
 
 def _reduced_film(length_over_diameter: float, eps: Floats, gamma: Floats, grid: tuple[int, int]) -> Floats:
@@ -109,6 +131,11 @@ def _polar(length_over_diameter: float, eps: Floats, gamma: Floats, grid: tuple[
     )
     force = (4 * fine.force_N - coarse.force_N) / 3
     flow = (4 * fine.side_flow_m3_s - coarse.side_flow_m3_s) / 3
+    return _logarithms(force, flow, velocity)
+
+
+def _logarithms(force: Floats, flow: Floats, velocity: Floats) -> Floats:
+    """Log of the force, its turn from the direction against the velocity, and the flow."""
     turn = np.arctan2(force[..., 1], force[..., 0]) - np.arctan2(-velocity[..., 1], -velocity[..., 0])
     turn = np.remainder(turn + np.pi, 2 * np.pi) - np.pi
     turn[:, [0, -1]] = 0.0
