@@ -12,6 +12,10 @@ from typing import Final
 REFERENCE_CALLS: Final = 2000
 SPEEDS_RPM: Final = (3000, 10000)
 ORBIT_ERROR: Final = 5e-3
+HIL_SECONDS: Final = 10.0
+HIL_MISSED: Final = 0.01
+HIL_CPU: Final = 0.5
+"""Own bars: the rig misses one period of 1 ms in a hundred more than an empty loop, and leaves half a core free."""
 
 
 @dataclass(frozen=True)
@@ -36,12 +40,12 @@ def main(argv: list[str]) -> int:
     """Measure and print; 1 when a figure misses its target."""
     parser = argparse.ArgumentParser(prog="orbitd bench", description=__doc__)
     parser.add_argument("what", choices=["sim"], help="what to measure: the simulator")
-    parser.add_argument("--quick", action="store_true", help="without many rotors and start times")
+    parser.add_argument("--quick", action="store_true", help="without many rotors, HIL loop and start times")
     parser.add_argument("--json", action="store_true", help="for programs")
     options = parser.parse_args(argv)
     figures = [*film_figures(), *rotor_figures()]
     if not options.quick:
-        figures += [*many_figures(), *start_figures()]
+        figures += [*many_figures(), *hil_figures(), *start_figures()]
     missed = [figure.name for figure in figures if figure.passed is False]
     if options.json:
         print(json.dumps({"figures": [asdict(f) | {"pass": f.passed} for f in figures], "missed": missed}))
@@ -79,17 +83,34 @@ def rotor_figures() -> Iterator[Figure]:
 
 
 def many_figures() -> Iterator[Figure]:
-    """Many table rotors at once, wall time of each, beside one rotor alone."""
-    from sim_hil.bench.rotors import many
+    """Many table rotors at once beside one alone, their gain from threads beside the reference's, and training."""
+    from sim_hil.bench.rotors import environment_steps, speed_ups
 
-    single = many(1, 1, 0.5)
-    for threads in sorted({1, os.cpu_count() or 1}):
-        cost = many(32, threads, 0.1)
-        case = f"32 rotors, {threads} thread{'s' * (threads > 1)}:"
-        yield Figure(f"{case} real-time factor of all together", 1 / cost, "x")
-        # by the wall clock, which other programs share: several threads are shown, one is judged
-        limit = 1.25 if threads == 1 else None
-        yield Figure(f"{case} cost of one over the single rotor's, times threads", cost * threads / single, "", limit)
+    threads = os.cpu_count() or 1
+    if threads > 1:
+        reference, rotors = speed_ups(32, threads, 0.1)
+        yield Figure(f"reference: {threads} threads over one", reference, "x")
+        yield Figure(f"32 rotors: {threads} threads over one", rotors, "x")
+        yield Figure("32 rotors: gain from threads over the reference's", rotors / reference, "", 0.9, True)
+    step, share = environment_steps(16)
+    yield Figure("training, 16 rotors: environment steps a second", 1 / step.seconds, "1/s")
+    yield Figure("training, 16 rotors: one step over reference", step.ratio, "")
+    yield Figure("training, 16 rotors: cost of one over the single rotor's", share, "", 1.0)
+
+
+def hil_figures() -> Iterator[Figure]:
+    """The real-time loop of the rig beside an empty loop; both share the machine with whatever runs there."""
+    from sim_hil.bench.hil import RATE_HZ, rig_beside_empty
+
+    found = rig_beside_empty(HIL_SECONDS)
+    rig, empty = found["rig"], found["empty"]
+    for name, unit in (("late_p50_us", "us"), ("late_p99_us", "us"), ("late_max_us", "us"), ("missed_share", "")):
+        what = name.removesuffix("_us").replace("_", " ")
+        yield Figure(f"HIL {RATE_HZ // 1000} kHz, rig loop: {what}", rig[name], unit)
+        yield Figure(f"HIL {RATE_HZ // 1000} kHz, empty loop: {what}", empty[name], unit)
+    beyond = rig["missed_share"] - empty["missed_share"]
+    yield Figure("HIL: periods missed beyond the empty loop's", beyond, "of all", HIL_MISSED)
+    yield Figure("HIL: processor share of the rig", rig["cpu_share"], "of a core", HIL_CPU)
 
 
 def start_figures() -> Iterator[Figure]:

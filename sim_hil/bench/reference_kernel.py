@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
-from numba import njit
+from numba import njit, prange, set_num_threads
 
 from sim_hil.rotor.parameters import Floats
 
@@ -48,3 +50,21 @@ def reference_arrays(nodes: int = 64, systems: int = 4) -> tuple[Floats, Floats,
     rng = np.random.default_rng(1)
     bands = np.array([-rng.uniform(0.5, 1, nodes), rng.uniform(2.5, 3, nodes), -rng.uniform(0.5, 1, nodes)])
     return bands, rng.normal(size=(systems, nodes)), np.zeros((3, nodes))
+
+
+@njit(parallel=True, cache=True)
+def _repeat_on_threads(bands: Floats, right: Floats, work: Floats, calls: int) -> None:
+    for k in prange(work.shape[0]):
+        work[k, 0, 0] = repeat_reference(bands, right, work[k], calls)
+
+
+def spread_reference(shares: int, calls: int) -> Callable[[int], None]:
+    """A call that solves the reference `shares * calls` times on as many threads as it is told."""
+    bands, right, work = reference_arrays()
+    works = np.tile(work, (shares, 1, 1))
+
+    def call(threads: int) -> None:
+        set_num_threads(threads)
+        _repeat_on_threads(bands, right, works, calls)
+
+    return call

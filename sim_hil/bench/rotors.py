@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
-from statistics import median
+from functools import cache, partial
 from typing import Final
 
 import numba
 import numpy as np
 
+from sim_hil.bench.film import repeat_of_reference
+from sim_hil.bench.reference_kernel import spread_reference
+from sim_hil.bench.timing import ROUNDS, Timing, beside, wall
 from sim_hil.build import Build
 from sim_hil.duty import RAD_S_PER_RPM
 from sim_hil.film.table import FilmTable
@@ -21,6 +22,7 @@ from sim_hil.rotor.assembly import assemble
 from sim_hil.rotor.film_law import DirectLaw, Law
 from sim_hil.rotor.parameters import Floats, Plant, new_state
 from sim_hil.rotor.rigid import COLUMNS, advance_rotor, advance_rotors
+from sim_hil.vector_environment import RotorVectorEnv
 
 LOAD_N: Final = 100.0
 CLEARANCE_M: Final = 60e-6
@@ -89,20 +91,47 @@ def orbit(force: str, rpm: float) -> Orbit:
     return Orbit(plant, law, start.position_m, rpm * RAD_S_PER_RPM)
 
 
-def many(count: int, threads: int, seconds: float, rounds: int = 5) -> float:
-    """Wall time of a simulated second of one of `count` table rotors on `threads` threads, s; median."""
+def fleet(count: int, seconds: float) -> Callable[[int], None]:
+    """A call that runs `count` rotors on the table film for `seconds`, with the number of threads to use."""
     one = orbit("table", 10000)
-    states = [one.state() for _ in range(count)]
-    w, scalar = (np.stack(each) for each in zip(*states, strict=True))
+    w, scalar = (np.stack(each) for each in zip(*(one.state() for _ in range(count)), strict=True))
     n = round(seconds / STEP_S)
     drive = np.tile([one.speed_rad_s, LOAD_N], (count, n + 1, 1))
     target = np.tile([CLEARANCE_M, 1e5], (count, n, 1))
     out = np.empty((count, n, len(COLUMNS)))
-    numba.set_num_threads(threads)
     p, law = one.plant, np.asarray(one.law)
-    times = []
-    for _ in range(rounds + 1):
-        start = time.perf_counter()
+
+    def call(threads: int) -> None:
+        numba.set_num_threads(threads)
         advance_rotors(p.shaft, p.film, p.act, law, w, scalar, drive, target, STEP_S, 1, RENEW, out)
-        times.append(time.perf_counter() - start)
-    return median(times[1:]) / (count * seconds)
+
+    return call
+
+
+def speed_ups(count: int, threads: int, seconds: float) -> tuple[float, float]:
+    """How much faster `threads` are than one, by the wall clock: the reference kernel, and `count` rotors.
+
+    The reference says what the machine has to give just now: other programs may sit on its cores.
+    """
+    rotors, reference = fleet(count, seconds), spread_reference(8 * threads, 500)
+    gains = []
+    for _ in range(ROUNDS):
+        for work in (reference, rotors):
+            work(threads)
+        gains.append([wall(partial(work, 1)) / wall(partial(work, threads)) for work in (reference, rotors)])
+    found = np.median(gains, axis=0)
+    return float(found[0]), float(found[1])
+
+
+def environment_steps(rotors: int) -> tuple[Timing, float]:
+    """Processor time of a step of one of `rotors` in the vectorised environment, and that over one alone."""
+    many, single = _training(rotors), _training(1)
+    return beside(repeat_of_reference(2000), many, (2000, rotors)), beside(single, many, (1, rotors)).ratio
+
+
+def _training(rotors: int) -> Callable[[], object]:
+    """A call that makes one step of an environment of that many rotors."""
+    envs = RotorVectorEnv(rotors)
+    envs.reset(seed=0)
+    action = np.full((rotors, 1), -0.7, np.float32)
+    return lambda: envs.step(action)

@@ -18,19 +18,27 @@ class Timing:
     ratio: float
 
 
-def beside(reference: Callable[[], object], subject: Callable[[], object], calls: tuple[int, int]) -> Timing:
+def beside(
+    reference: Callable[[], object], subject: Callable[[], object], calls: tuple[int, int],
+    clock: Callable[[], float] = time.thread_time,
+) -> Timing:  # fmt: skip
     """Time `subject` (which makes `calls[1]` calls) beside `reference` (`calls[0]` calls), on this thread's clock."""
     reference()
     subject()
     seconds, ratios = [], []
     for _ in range(ROUNDS):
-        before, after = _thread_time(reference) / calls[0], _thread_time(subject) / calls[1]
+        before, after = _taken(reference, clock) / calls[0], _taken(subject, clock) / calls[1]
         seconds.append(after)
         ratios.append(after / before)
     return Timing(median(seconds), median(ratios))
 
 
-def _thread_time(work: Callable[[], object]) -> float:
-    start = time.thread_time()
+def wall(work: Callable[[], object]) -> float:
+    """Seconds that `work` takes on the wall."""
+    return _taken(work, time.perf_counter)
+
+
+def _taken(work: Callable[[], object], clock: Callable[[], float]) -> float:
+    start = clock()
     work()
-    return time.thread_time() - start
+    return clock() - start

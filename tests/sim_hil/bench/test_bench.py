@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from sim_hil import bench
-from sim_hil.bench import Figure
+from sim_hil.bench import Figure, rotors, timing
+from sim_hil.bench.hil import Witness, idle, rig_beside_empty
 from sim_hil.bench.reference_kernel import cyclic_thomas, reference_arrays
-from sim_hil.bench.rotors import many, orbit
+from sim_hil.bench.rotors import orbit
 from sim_hil.bench.timing import Timing
+from sim_hil.server import PERIOD_NS
 
 
 def test_the_yardstick_solves_its_ring():
@@ -25,8 +27,38 @@ def test_the_timed_orbit_is_the_converged_one(rpm):
     assert orbit("table", rpm).error() < bench.ORBIT_ERROR
 
 
-def test_many_rotors_are_timed():
-    assert 0 < many(2, 1, 0.01, rounds=1) < 10
+def test_rotors_and_reference_gain_from_threads_alike(monkeypatch):
+    monkeypatch.setattr(rotors, "ROUNDS", 1)
+    assert all(0 < gain < 10 for gain in rotors.speed_ups(2, 2, 0.002))
+
+
+def test_training_is_timed(monkeypatch):
+    monkeypatch.setattr(timing, "ROUNDS", 1)
+    step, share = rotors.environment_steps(2)
+    assert step.seconds > 0
+    assert 0.1 < share < 10
+
+
+def test_a_point_left_out_of_the_grid_is_counted():
+    witness = Witness()
+    for periods in (0, 1, 4, 5):
+        witness.sleep_until(periods * PERIOD_NS)  # long past: returns at once
+    assert witness.missed == 1
+    assert len(witness.late_ns) == 4
+
+
+def test_an_empty_loop_wakes_after_its_points():
+    witness, left = Witness(), iter([True] * 5 + [False])
+    idle(witness, lambda: next(left))
+    assert len(witness.late_ns) == 5
+    assert min(witness.late_ns) >= 0
+
+
+@pytest.mark.slow
+def test_the_real_rig_runs_beside_an_empty_loop():
+    found = rig_beside_empty(1.0)
+    assert found["rig"]["cpu_share"] > found["empty"]["cpu_share"]
+    assert all(0 <= loop["missed_share"] <= 1 and loop["late_max_us"] > 0 for loop in found.values())
 
 
 @pytest.mark.parametrize(("value", "at_least", "passed"), [(6, True, True), (4, True, False), (4, False, True)])
