@@ -1,4 +1,4 @@
-"""``orbitd mode|arm|disarm|reset|set``: a person's commands, each answered by the guard with all its reasons."""
+"""``orbitd mode|arm|disarm|reset|set|announce``: a person's commands, each answered by the guard."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import msgspec
 from firmware_py import launch
 from firmware_py.gate import keys
 from firmware_py.gate.client import Client
-from firmware_py.records import CommandReply, Mode
+from firmware_py.records import CommandReply, Mode, PlannedRamp
 
 
 def mode(argv: list[str]) -> int:
@@ -45,6 +45,18 @@ def set_target(argv: list[str]) -> int:
     return _ask(options, f"set_{options.what}", options.value)
 
 
+def announce(argv: list[str]) -> int:
+    """``orbitd announce --in S --for S --speed RPM --load N``."""
+    parser = _parser("announce", "tell a ramp that is faster than the declared unannounced ones; refused, it must wait")
+    parser.add_argument("--in", dest="start_s", type=float, required=True, metavar="S", help="it starts in S seconds")
+    parser.add_argument("--for", dest="lasts_s", type=float, required=True, metavar="S", help="and takes S seconds")
+    parser.add_argument("--speed", type=float, required=True, metavar="RPM", help="speed at its end")
+    parser.add_argument("--load", type=float, required=True, metavar="N", help="static load at its end")
+    options = parser.parse_args(argv)
+    end_s = options.start_s + options.lasts_s
+    return _ask(options, "announce", PlannedRamp(options.start_s, end_s, options.speed, options.load))
+
+
 def _parser(name: str, text: str) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog=f"orbitd {name}", description=text)
     launch.add_options(parser)
@@ -65,7 +77,7 @@ def connect(options: argparse.Namespace) -> Client:
     return Client(started.runtime, keys.prefix(device.site, device.rig))
 
 
-def _ask(options: argparse.Namespace, verb: str, value: float | str | None = None) -> int:
+def _ask(options: argparse.Namespace, verb: str, value: float | str | PlannedRamp | None = None) -> int:
     with connect(options) as client:
         reply = client.ask(verb, value)
     print(msgspec.json.encode(reply).decode() if options.json else _words(verb, reply))

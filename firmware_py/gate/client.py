@@ -12,7 +12,7 @@ import zenoh
 from firmware_py.errors import OrbitdError
 from firmware_py.gate import keys, session
 from firmware_py.gate.view import DeviceState
-from firmware_py.records import CommandReply
+from firmware_py.records import CommandReply, PlannedRamp
 
 TIMEOUT_S: Final = 2.0
 """Longer than the gate's own patience with the guard, so that the gate's answer arrives."""
@@ -47,7 +47,7 @@ class Client:
         self._prefix = prefix
         self._session = session.open_client(runtime)
 
-    def ask(self, verb: str, value: float | str | None = None) -> CommandReply:
+    def ask(self, verb: str, value: float | str | PlannedRamp | None = None) -> CommandReply:
         """Ask for ``verb``; the answer is the guard's, or the gate's when the guard is silent.
 
         Raises

@@ -15,7 +15,7 @@ from typing import Final
 
 import msgspec
 
-from firmware_py.records import VERBS, CommandReply, CommandRequest, Mode
+from firmware_py.records import VERBS, CommandReply, CommandRequest, Mode, PlannedRamp
 
 ANSWER_WITHIN_NS: Final = 1_000_000_000
 MAX_PENDING: Final = 64
@@ -119,9 +119,19 @@ def parse(seq: int, verb: str, payload: bytes, origin: str) -> CommandRequest:
         if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
             raise MalformedCommandError(f"{verb}: needs one finite number ({UNITS[verb]}), got {value!r}")
         return CommandRequest(seq=seq, verb=verb, value=float(value), origin=origin)
+    if verb == "announce":
+        return CommandRequest(seq=seq, verb=verb, origin=origin, ramp=_ramp(value))
     if value is not None:
         raise MalformedCommandError(f"{verb}: takes no value, got {value!r}; send an empty payload")
     return CommandRequest(seq=seq, verb=verb, origin=origin)
+
+
+def _ramp(value: object) -> PlannedRamp:
+    try:
+        return msgspec.convert(value, PlannedRamp)
+    except msgspec.ValidationError as error:
+        raise MalformedCommandError(
+            f'announce: {error}; send e.g. {{"start_s": 3, "end_s": 5, "speed_rpm": 9000, "load_N": 60}}') from error
 
 
 def _mode(value: object) -> int:

@@ -27,7 +27,7 @@ exact.  ``since`` counts the guard's events from its last start.
 
 The payload structures are those of :mod:`firmware_py.records` and of :mod:`firmware_py.gate.view`; units
 stand in the names.  Verbs: ``mode`` ("monitor", "manual", "auto"), ``arm``, ``disarm``, ``reset``,
-``set_clearance`` (radial, um), ``set_pressure`` (bar).
+``set_clearance`` (radial, um), ``set_pressure`` (bar), ``announce`` (a ``PlannedRamp``).
 """
 
 from __future__ import annotations

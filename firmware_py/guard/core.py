@@ -10,6 +10,7 @@ import msgspec
 from firmware_py.acquire.stage import Acquire, AcquireOutput, AcquireState
 from firmware_py.config import Config
 from firmware_py.guard.alarm import Notice
+from firmware_py.guard.announcements import Announced, Announcements
 from firmware_py.guard.arming import Arming, ArmingState, Target
 from firmware_py.guard.failsafe import Situation, node_reasons
 from firmware_py.guard.load_estimate import LoadEstimator, LoadInterval
@@ -72,6 +73,7 @@ class CoreState(msgspec.Struct):
     arming: ArmingState
     speaker: SpeakerState
     memory: MemoryState
+    announced: list[Announced]
 
 
 class GuardCore:
@@ -101,6 +103,7 @@ class GuardCore:
         self._speaker = Speaker(config, codec, session)
         self._shield = Shield(config)
         self._load = LoadEstimator(config)
+        self._announcements = Announcements(config, self._shield.lead_s)
         self._memory = MemoryState(self._arming.safe, self._load.declared())
 
     # ------------------------------------------------------------------ the cycle
@@ -136,7 +139,7 @@ class GuardCore:
     def snapshot(self, seq: int, now_ns: int) -> Snapshot:
         """The whole state before cycle ``seq``."""
         state = CoreState(self._acquire.state, self._protection.state, self._arming.state, self._speaker.state,
-                          self._memory)
+                          self._memory, self._announcements.state)
         return Snapshot(seq, now_ns, msgspec.msgpack.encode(state))
 
     def restore(self, snapshot: Snapshot) -> None:
@@ -144,6 +147,7 @@ class GuardCore:
         state = msgspec.msgpack.decode(snapshot.state, type=CoreState)
         self._acquire.state, self._protection.state = state.acquire, state.protection
         self._arming.state, self._speaker.state, self._memory = state.arming, state.speaker, state.memory
+        self._announcements.state = state.announced
 
     @property
     def tripped(self) -> list[str]:
@@ -227,7 +231,7 @@ class GuardCore:
             m.load = self._load.estimate(motion.mean_x_m, motion.mean_y_m, status.clearance_actual_um * 1e-6,
                                          speed.speed_rad_s, temperature_C, p2p_m)
         m.interval_m = None if speed.lost else self._shield.interval(
-            speed.speed_rad_s, m.load.low_N, m.load.high_N, temperature_C, p2p_m)
+            speed.speed_rad_s, m.load.low_N, m.load.high_N, temperature_C, p2p_m, self._announcements.ahead(now_ns))
 
     def _situation(self, cycle: Cycle, gap: bool) -> Situation:
         m, a, now_ns = self._memory, self._acquire, cycle.now_ns
@@ -258,6 +262,11 @@ class GuardCore:
                 situation.tripped = self._protection.tripped
                 replies.append(CommandReply(request.seq, not left, left))
                 notices.append(Notice(Severity.INFO, "command", f"reset from {request.origin}: {len(left)} trips left"))
+            elif request.verb == "announce":
+                refused = self._announcements.request(request, situation.now_ns)
+                replies.append(CommandReply(request.seq, not refused, refused))
+                notices += [] if refused else [Notice(Severity.INFO, "command", (
+                    f"announce accepted from {request.origin}: {len(self._announcements.state)} ramps ahead"))]
             else:
                 reply, told = self._arming.request(request, situation)
                 replies.append(reply)

@@ -1,7 +1,7 @@
 """Static bearing load from where the shaft floats, as an interval that honours the sensors' errors.
 
 The mean shaft position gives the eccentricity; the short-bearing closed form with side leakage
-(:mod:`firmware_py.guard.shield`) turns it into load, given speed, clearance and viscosity.  Position also
+(:mod:`firmware_py.guard.bearing_laws`) turns it into load, given speed, clearance and viscosity.  Position also
 shows the *direction* of the load: where it disagrees with the attitude that belongs to the eccentricity,
 the zero reference (or the bearing) is not what it was, and the declared range is all that is known.
 """
@@ -14,7 +14,7 @@ from typing import Final
 import msgspec
 
 from firmware_py.config import Config
-from firmware_py.guard.shield import CLEARANCE_ERROR_M, TEMPERATURE_ERROR_C, load_per_viscous_speed
+from firmware_py.guard.bearing_laws import CLEARANCE_ERROR_M, TEMPERATURE_ERROR_C, load_per_viscous_speed
 from firmware_py.guard.viscosity import ViscosityTable
 
 ZERO_ERROR_M: Final = 2.9e-6

@@ -1,61 +1,70 @@
-"""The shield: which radial clearances are admissible, by closed forms alone.
+"""The shield: which radial clearances are admissible, by closed forms alone (:mod:`~firmware_py.guard.bearing_laws`).
 
-Two laws bound the clearance ``c`` of a plain journal bearing (radius ``R``, length ``L``, ``lam = L/2R``):
+Two laws bound the clearance ``c``:
 
 * **film** (upper and lower): at the largest credible load and the thinnest credible oil the minimum film
-  must be at least ``h``.  Ocvirk's short bearing with pi-film carries, at eccentricity ``eps = 1 - h/c``,
-  ``W = mu w R L^3 eps sqrt(16 eps^2 + pi^2 (1 - eps^2)) / (4 c^2 (1 - eps^2)^2)`` (Dubois & Ocvirk, NACA
-  Report 1157, 1953); the side leakage of a finite length is ``kappa = 1 / (1 + lam^2 (0.38 + eps^2) /
-  (1 - eps^2))``, fitted from below to the Reynolds solution for ``lam <= 1``.
+  must be at least ``h``.
 * **whirl** (upper): a rigid rotor of effective mass ``m`` on the film is stable while
-  ``w sqrt(c m / W) < Omega(eps)``; over all eccentricities and ``lam <= 1`` the Reynolds film never has
-  ``Omega`` below 2.50 (short bearing: Lund 1966, Holmes 1960), so the smallest credible load decides.
+  ``w sqrt(c m / W) < Omega(eps)``; the smallest credible load decides, for ``W Omega(eps)^2`` rises with ``W``.
 
 The minimum film is not monotone in clearance, so film admits the connected run of clearances around the
-safe one.  **Reachability**: a clearance is admissible only if, while the declared fastest ramps pull speed
-and load to their worst, the actuator can still run back to the safe clearance ahead of both laws.
-
-Only + - * / and sqrt in a fixed order: the same bits on every machine.
+safe one.  **Reachability**: a clearance is admissible only if the actuator can still run back to the safe
+clearance ahead of both laws, while speed and load go the worst way that the declared range lets them: the
+fastest *unannounced* ramps from where the machine is, and each ramp that was announced.  An announcement
+narrows what is admissible before its ramp, and never widens it.
 """
 
 from __future__ import annotations
 
 from bisect import bisect_right
-from math import pi, sqrt
+from collections.abc import Sequence
+from math import pi
 from typing import Final
 
+import msgspec
+
 from firmware_py.config import Config, ConfigFile
+from firmware_py.guard.bearing_laws import (
+    CLEARANCE_ERROR_M,
+    LENGTH_OVER_DIAMETER_MAX,
+    TEMPERATURE_ERROR_C,
+    eccentricity_above,
+    load_per_viscous_speed,
+    whirl_number,
+)
 from firmware_py.guard.viscosity import ViscosityTable
 
 GRID_M: Final = 1e-6
-WHIRL_NUMBER: Final = 2.50
-"""Smallest ``w sqrt(c m / W)`` at which a plain Reynolds film of ``L/D <= 1`` loses stability."""
-
 SPEED_MARGIN: Final = 0.95
-"""Share of the whirl threshold speed that is used (feed pressure and coupling shift it by a few percent)."""
+"""Share of the whirl threshold speed that is used (pedestal, coupling and gyroscopic moments shift it)."""
 
-CLEARANCE_ERROR_M: Final = 2e-6
-"""A built bearing differs from its drawing by this much (radial)."""
+MASS_ERROR: Final = 0.05
+"""A built rotor is heavier than its drawing by at most this share."""
 
-TEMPERATURE_ERROR_C: Final = 1.0
-LENGTH_OVER_DIAMETER_MAX: Final = 1.0
-STEP_S: Final = 0.1
-"""Step of the reachability test; each step takes the worst of its end."""
+PERIOD_S: Final = 0.05
+"""An interval is this old at most before the next one replaces it."""
 
-
-def leakage_factor(eccentricity: float, length_over_diameter: float) -> float:
-    """Finite-length load as a share of the short bearing's, from below (module docstring)."""
-    lam2 = length_over_diameter * length_over_diameter
-    e2 = eccentricity * eccentricity
-    return 1.0 / (1.0 + lam2 * (0.38 + e2) / (1.0 - e2))
+STEP_S: Final = 0.05
+FINE_S: Final = 0.3
+"""Steps of the reachability test, twice as long after the first ``FINE_S``; each takes the worst of its end."""
 
 
-def load_per_viscous_speed(eccentricity: float, clearance_m: float, radius_m: float, length_m: float) -> float:
-    """Static load carried at ``eccentricity`` per viscosity and speed, ``W / (mu w)`` in m^2."""
-    e2 = eccentricity * eccentricity
-    short = (radius_m * length_m * length_m * length_m * eccentricity * sqrt(16.0 * e2 + pi * pi * (1.0 - e2))
-             / (4.0 * clearance_m * clearance_m * (1.0 - e2) * (1.0 - e2)))
-    return short * leakage_factor(eccentricity, 0.5 * length_m / radius_m)
+class Ramp(msgspec.Struct, frozen=True):
+    """A ramp of the machine known ahead: it starts and ends so many seconds from now, at this speed and load."""
+
+    start_s: float
+    end_s: float
+    speed_rad_s: float
+    load_N: float
+
+
+class Box(msgspec.Struct, frozen=True):
+    """All speeds and static loads that the machine may have at one instant."""
+
+    slow_rad_s: float
+    fast_rad_s: float
+    light_N: float
+    heavy_N: float
 
 
 class Shield:
@@ -78,18 +87,33 @@ class Shield:
         self._viscosity = ViscosityTable(config.oil)
         self._safe_m = a.safe_radial_clearance_um * 1e-6
         self._rate_m_s = a.rate_um_s * 1e-6
-        self._delay_s = a.time_to_live_ms * 1e-3 + 3.0 * a.time_constant_s
+        self._delay_s = PERIOD_S + a.time_to_live_ms * 1e-3 + a.time_constant_s
         self._speeds = (o.speed_min_rpm * pi / 30, o.speed_max_rpm * pi / 30)
         self._loads = (o.load_min_N, o.load_max_N)
-        self._speed_ramp = o.speed_ramp_max_rpm_s * pi / 30
-        self._load_ramp = o.load_ramp_max_N_s
+        self._speed_ramp = o.speed_ramp_unannounced_rpm_s * pi / 30
+        self._load_ramp = o.load_ramp_unannounced_N_s
         self._min_m, self._max_m = b.radial_clearance_min_um * 1e-6, b.radial_clearance_max_um * 1e-6
+        self._steps = self._reachability_steps()
         self._above = self._capacities(self._max_m)
         self._below = self._capacities(self._min_m)
 
+    def _reachability_steps(self) -> list[tuple[float, float]]:
+        """Start and end of each step of the run to the safe clearance, s."""
+        way_s, end_s = self.lead_s - self._delay_s, 0.0
+        steps = []
+        while end_s < way_s:
+            start_s, end_s = end_s, end_s + (STEP_S if end_s < FINE_S else 2.0 * STEP_S)
+            steps.append((start_s, end_s))
+        return steps
+
+    @property
+    def lead_s(self) -> float:
+        """An announced ramp must start this much later: time to run to the safe clearance from anywhere."""
+        return max(self._max_m - self._safe_m, self._safe_m - self._min_m) / self._rate_m_s + self._delay_s
+
     def interval(
         self, speed_rad_s: float, load_low_N: float, load_high_N: float, temperature_C: float,
-        peak_to_peak_m: float = 0.0,
+        peak_to_peak_m: float = 0.0, announced: Sequence[Ramp] = (),
     ) -> tuple[float, float] | None:
         """Admissible radial clearances now, able to retreat in time; None when not even safe is one.
 
@@ -104,27 +128,28 @@ class Shield:
         peak_to_peak_m
             Measured vibration, larger axis; it may fill at most ``limits.clearance_share`` of a clearance
             narrower than the safe one (the safe one itself stays: protection watches it).
+        announced
+            Ramps to come or under way, in the order of their starts.
         """
         if not speed_rad_s > 0.0:
             return None
-        now = self._bounds(speed_rad_s, speed_rad_s, load_low_N, load_high_N, temperature_C, speed_rad_s)
+        present = Box(speed_rad_s, speed_rad_s, load_low_N, load_high_N)
+        now = self._bounds(present, temperature_C, speed_rad_s)
         low_m = max(now[0], self._min_m, min(peak_to_peak_m / self._share, self._safe_m))
         high_m = min(now[1], self._max_m)
         if not low_m <= self._safe_m <= high_m:
             return None
-        reach_s = max(self._max_m - self._safe_m, self._safe_m - self._min_m) / self._rate_m_s + self._delay_s
-        for k in range(int(reach_s / STEP_S) + 1):
-            low_t, high_t = self._bounds_after((k + 1) * STEP_S, speed_rad_s, load_low_N, load_high_N, temperature_C)
-            run_m = self._rate_m_s * max(0.0, k * STEP_S - self._delay_s)
+        for start_s, end_s in self._steps:
+            box = self._box_after(self._delay_s + end_s, present, announced)
+            low_t, high_t = self._bounds(box, temperature_C, speed_rad_s)
+            run_m = self._rate_m_s * start_s
             low_m = max(low_m, min(low_t, self._safe_m) - run_m)
             high_m = min(high_m, max(high_t, self._safe_m) + run_m)
         return low_m, high_m
 
     def fixed_range(self) -> tuple[float, float] | None:
         """Fixed clearances (m) that are admissible over the whole declared speed, load and inlet range."""
-        whirl_m = self._whirl_bound(self._speeds[1], self._loads[0])
-        viscosity = self._viscosity.thinnest(self._oil.inlet_max_C)
-        need = self._film_need(self._speeds, self._loads[1]) / viscosity
+        need, whirl_m = self._over_the_range()
         count = round((self._max_m - self._min_m) / GRID_M)
         fits = [c for c in (self._min_m + i * GRID_M for i in range(count + 1))
                 if self._capacity(c) >= need and c <= whirl_m]
@@ -132,15 +157,30 @@ class Shield:
 
     def admits_fixed(self, clearance_m: float) -> bool:
         """Whether ``clearance_m`` is admissible over the whole declared range."""
-        need = self._film_need(self._speeds, self._loads[1]) / self._viscosity.thinnest(self._oil.inlet_max_C)
-        return self._capacity(clearance_m) >= need and clearance_m <= self._whirl_bound(self._speeds[1], self._loads[0])
+        need, whirl_m = self._over_the_range()
+        return self._capacity(clearance_m) >= need and clearance_m <= whirl_m
+
+    def _over_the_range(self) -> tuple[float, float]:
+        """Film need and whirl bound of the whole declared range."""
+        viscosity = self._viscosity.thinnest(self._oil.inlet_max_C)
+        need = self._film_need(self._speeds, self._loads[1]) / viscosity
+        return need, self._whirl_bound(self._speeds[1], self._loads[0], self._viscosity.thinnest(self._oil.film_max_C))
 
     # ------------------------------------------------------------------ the two laws
 
-    def _whirl_bound(self, speed_rad_s: float, load_N: float) -> float:
-        """Largest stable clearance at the highest speed and smallest load."""
-        number = WHIRL_NUMBER * SPEED_MARGIN
-        return number * number * load_N / (self._mass_kg * speed_rad_s * speed_rad_s) - CLEARANCE_ERROR_M
+    def _whirl_bound(self, speed_rad_s: float, load_N: float, viscosity: float) -> float:
+        """Largest stable clearance at the highest speed and smallest load.
+
+        Judged at the eccentricity in the clearance that the most stable film would bear: any narrower one has
+        less, and the whirl number does not rise with it.
+        """
+        ratio = 0.5 * self._length_m / self._radius_m
+        per_number = load_N / (self._mass_kg * (1.0 + MASS_ERROR) * speed_rad_s * speed_rad_s)
+        number = SPEED_MARGIN * whirl_number(0.0, ratio)
+        widest_m = min(number * number * per_number, self._max_m + CLEARANCE_ERROR_M)
+        eccentricity = eccentricity_above(load_N / (viscosity * speed_rad_s), widest_m, self._radius_m, self._length_m)
+        number = SPEED_MARGIN * whirl_number(eccentricity, ratio)
+        return number * number * per_number - CLEARANCE_ERROR_M
 
     def _film_need(self, speeds: tuple[float, float], load_N: float) -> float:
         """Largest ``W / w`` in the range of speeds; the normal unbalance turns with the load.
@@ -180,10 +220,7 @@ class Shield:
             return self._max_m, self._min_m
         return self._safe_m - (down - 1) * GRID_M, self._safe_m + (up - 1) * GRID_M
 
-    def _bounds(
-        self, slow_rad_s: float, fast_rad_s: float, load_low_N: float, load_high_N: float, temperature_C: float,
-        present_rad_s: float,
-    ) -> tuple[float, float]:
+    def _bounds(self, box: Box, temperature_C: float, present_rad_s: float) -> tuple[float, float]:
         """Both laws over a box of speed and load.
 
         Film heating goes with speed (friction power with its square, side flow with itself), so the
@@ -191,20 +228,46 @@ class Shield:
         """
         outlet_C = temperature_C + TEMPERATURE_ERROR_C
         inlet_C = min(outlet_C, self._oil.inlet_max_C)
-        hottest = min(inlet_C + (outlet_C - inlet_C) * slow_rad_s / present_rad_s, self._oil.film_max_C)
-        need = self._film_need((slow_rad_s, fast_rad_s), load_high_N) / self._viscosity.thinnest(hottest)
+        hottest = min(inlet_C + (outlet_C - inlet_C) * box.slow_rad_s / present_rad_s, self._oil.film_max_C)
+        need = self._film_need((box.slow_rad_s, box.fast_rad_s), box.heavy_N) / self._viscosity.thinnest(hottest)
         low_m, high_m = self._film_bounds(need)
-        return low_m, min(high_m, self._whirl_bound(fast_rad_s, load_low_N))
+        thinnest = self._viscosity.thinnest(max(outlet_C, self._oil.film_max_C))
+        return low_m, min(high_m, self._whirl_bound(box.fast_rad_s, box.light_N, thinnest))
 
-    def _bounds_after(
-        self, t_s: float, speed_rad_s: float, load_low_N: float, load_high_N: float, temperature_C: float,
-    ) -> tuple[float, float]:
-        """Both laws over all that the declared ramps can reach in ``t_s``."""
-        slow = min(speed_rad_s, max(self._speeds[0], speed_rad_s - self._speed_ramp * t_s))
-        fast = max(speed_rad_s, min(self._speeds[1], speed_rad_s + self._speed_ramp * t_s))
-        light = min(load_low_N, max(self._loads[0], load_low_N - self._load_ramp * t_s))
-        heavy = max(load_high_N, min(self._loads[1], load_high_N + self._load_ramp * t_s))
-        return self._bounds(slow, fast, light, heavy, temperature_C, speed_rad_s)
+    def _box_after(self, t_s: float, present: Box, announced: Sequence[Ramp]) -> Box:
+        """All that unannounced ramps from now can reach in ``t_s``, and what has been announced."""
+        box, start = self._drifted(present, t_s), present
+        for ramp in announced:
+            if ramp.start_s >= t_s:
+                break
+            reached, since_s = _along(ramp, start, t_s), max(0.0, t_s - max(ramp.end_s, 0.0))
+            box, start = _hull(box, self._drifted(reached, since_s)), reached
+        return box
+
+    def _drifted(self, box: Box, t_s: float) -> Box:
+        """``box`` after unannounced ramps of ``t_s``, within the declared range."""
+        speed, load = self._speed_ramp * t_s, self._load_ramp * t_s
+        return Box(
+            min(box.slow_rad_s, max(self._speeds[0], box.slow_rad_s - speed)),
+            max(box.fast_rad_s, min(self._speeds[1], box.fast_rad_s + speed)),
+            min(box.light_N, max(self._loads[0], box.light_N - load)),
+            max(box.heavy_N, min(self._loads[1], box.heavy_N + load)),
+        )
+
+
+def _along(ramp: Ramp, start: Box, t_s: float) -> Box:
+    """``start`` moved along ``ramp`` until ``t_s``, which lies after its start."""
+    first_s = max(ramp.start_s, 0.0)
+    share = 1.0 if t_s >= ramp.end_s else (t_s - first_s) / (ramp.end_s - first_s)
+    speed, load = share * ramp.speed_rad_s, share * ramp.load_N
+    rest = 1.0 - share
+    return Box(rest * start.slow_rad_s + speed, rest * start.fast_rad_s + speed,
+               rest * start.light_N + load, rest * start.heavy_N + load)
+
+
+def _hull(a: Box, b: Box) -> Box:
+    return Box(min(a.slow_rad_s, b.slow_rad_s), max(a.fast_rad_s, b.fast_rad_s),
+               min(a.light_N, b.light_N), max(a.heavy_N, b.heavy_N))
 
 
 def check_safe(config: Config, source: ConfigFile) -> None:

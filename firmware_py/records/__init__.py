@@ -14,7 +14,7 @@ import msgspec
 from firmware_py.records.acquired import Block, Quality, RigReading
 from firmware_py.records.base import CHANNELS, INSTANTS_PER_FRAME, N_CHANNELS, Record
 from firmware_py.records.brain import Advice, BrainState, Diagnosis, Forecast
-from firmware_py.records.command import VERBS, CommandReply, CommandRequest, EventAck, Hello
+from firmware_py.records.command import VERBS, CommandReply, CommandRequest, EventAck, Hello, PlannedRamp
 from firmware_py.records.guard import Alarm, Event, GuardState, Severity
 from firmware_py.records.replay import Cycle, CycleRecord, Decision, Snapshot, WindowRecord
 from firmware_py.records.wire import (
@@ -59,6 +59,7 @@ __all__ = [
     "NodeInfo",
     "NodeMode",
     "NodeState",
+    "PlannedRamp",
     "Quality",
     "RawFrame",
     "Record",

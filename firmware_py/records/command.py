@@ -7,6 +7,15 @@ from typing import Final
 from firmware_py.records.base import Record
 
 
+class PlannedRamp(Record, frozen=True):
+    """A ramp of the machine told ahead: start and end in seconds from now, speed and static load at its end."""
+
+    start_s: float
+    end_s: float
+    speed_rpm: float
+    load_N: float
+
+
 class CommandRequest(Record, frozen=True, tag=True):
     """A person's or program's wish: ``verb`` is one of :data:`VERBS`."""
 
@@ -15,9 +24,10 @@ class CommandRequest(Record, frozen=True, tag=True):
     value: float | None = None
     mode: int | None = None
     origin: str = "local"
+    ramp: PlannedRamp | None = None
 
 
-VERBS: Final = ("mode", "arm", "disarm", "reset", "set_clearance", "set_pressure")
+VERBS: Final = ("mode", "arm", "disarm", "reset", "set_clearance", "set_pressure", "announce")
 
 
 class CommandReply(Record, frozen=True, tag=True):

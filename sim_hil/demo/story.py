@@ -34,8 +34,11 @@ BOLT_PRELOADS_PERCENT = (25.0, 0.0)
 TRIPLESS_SHARE = 0.4
 """Share of the highest speed up to which the strongest unbalance alarms without a trip: the story goes on."""
 
-RAMP_SHARE = 0.6
-"""Share of the declared fastest ramp that the duty uses."""
+RAMP_SHARE = 0.9
+"""Share of the declared fastest unannounced ramp that the duty uses."""
+
+LONGEST_RAMP_S = 6.0
+"""Of the duty: over the whole range of load, or of speed."""
 
 Verb = Literal["operating", "inject", "clear", "arm", "kill_brain"]
 
@@ -139,7 +142,7 @@ class _Teller:
         loads = np.array([30, 60, 100, 200, 300])
         in_range = (speeds >= self.operating.speed_min_rpm) & (speeds <= self.operating.speed_max_rpm)
         beats, t = [], start
-        while t < end - 4.0:
+        while t < end - LONGEST_RAMP_S:
             target = _Point(float(self.rng.choice(speeds[in_range])), self._load(float(self.rng.choice(loads))))
             ramp = self._ramp_s(point, target)
             beats.append(Beat(t, "operating", target.speed_rpm, target.load_N, ramp))
@@ -177,6 +180,6 @@ class _Teller:
 
     def _ramp_s(self, start: _Point, end: _Point) -> float:
         """Shortest ramp that keeps within :data:`RAMP_SHARE` of the declared rates, at least 1 s."""
-        speed_s = abs(end.speed_rpm - start.speed_rpm) / (RAMP_SHARE * self.operating.speed_ramp_max_rpm_s)
-        load_s = abs(end.load_N - start.load_N) / (RAMP_SHARE * self.operating.load_ramp_max_N_s)
+        speed_s = abs(end.speed_rpm - start.speed_rpm) / (RAMP_SHARE * self.operating.speed_ramp_unannounced_rpm_s)
+        load_s = abs(end.load_N - start.load_N) / (RAMP_SHARE * self.operating.load_ramp_unannounced_N_s)
         return max(1.0, speed_s, load_s)

@@ -12,7 +12,7 @@ from firmware_py.gate import commands, session
 from firmware_py.gate.client import Client, NoAnswerError
 from firmware_py.gate.commands import ANSWER_WITHIN_NS, MAX_PENDING, CommandDesk, MalformedCommandError, parse
 from firmware_py.gate.session import SessionError
-from firmware_py.records import CommandReply, CommandRequest, Mode
+from firmware_py.records import CommandReply, CommandRequest, Mode, PlannedRamp
 
 
 class Answers(list):
@@ -27,7 +27,14 @@ def test_a_wish_becomes_a_request(verb, payload, value, mode):
     assert parse(3, verb, payload, "here") == CommandRequest(seq=3, verb=verb, value=value, mode=mode, origin="here")
 
 
+def test_an_announcement_becomes_a_request():
+    payload = b'{"start_s": 3, "end_s": 5.5, "speed_rpm": 9000, "load_N": 60}'
+    expected = CommandRequest(seq=3, verb="announce", origin="here", ramp=PlannedRamp(3.0, 5.5, 9000.0, 60.0))
+    assert parse(3, "announce", payload, "here") == expected
+
+
 @pytest.mark.parametrize(("verb", "payload", "cause"), [
+    ("announce", b"", "start_s"), ("announce", b'{"start_s": 3, "end_s": 5, "load_N": 60}', "speed_rpm"),
     ("explode", b"", "use one of mode, arm"), ("arm", b"1", "takes no value"), ("mode", b"2", "monitor, manual, auto"),
     ("mode", b"", "monitor, manual, auto"), ("set_clearance", b"", "um, radial"), ("set_clearance", b"true", "number"),
     ("set_clearance", b'"60"', "number"), ("set_clearance", b"\xff", "no JSON"), ("set_pressure", b"{", "no JSON"),

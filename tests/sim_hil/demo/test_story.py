@@ -27,8 +27,8 @@ def test_operating_points_keep_the_declared_range_and_ramps(seed: int) -> None:
     for before, after in itertools.pairwise(points):
         assert OPERATING.speed_min_rpm <= after.speed_rpm <= OPERATING.speed_max_rpm
         assert OPERATING.load_min_N <= after.load_N <= OPERATING.load_max_N
-        assert abs(after.speed_rpm - before.speed_rpm) <= OPERATING.speed_ramp_max_rpm_s * after.ramp_s
-        assert abs(after.load_N - before.load_N) <= OPERATING.load_ramp_max_N_s * after.ramp_s
+        assert abs(after.speed_rpm - before.speed_rpm) <= OPERATING.speed_ramp_unannounced_rpm_s * after.ramp_s
+        assert abs(after.load_N - before.load_N) <= OPERATING.load_ramp_unannounced_N_s * after.ramp_s
         assert after.t_s >= before.t_s + before.ramp_s
 
 
