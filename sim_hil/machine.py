@@ -33,6 +33,7 @@ MAX_STEP_S = 40e-6
 
 _N_AMBIENT = 4
 _ROUNDING_M = 1e-9
+_NO_FAULTS = np.zeros((0, N_SENSORS))
 
 
 class MachineError(OrbitdError, ValueError):
@@ -185,14 +186,15 @@ class Machine:
             self._plant, self._state, self._table, self._taps, drive, np.array([clearance_m, pressure_Pa]),
             ambient, self.period_s, self._substeps, signals, truth, marks,
         )  # fmt: skip
-        if not (np.isfinite(truth).all() and np.isfinite(signals).all()):
+        if not (math.isfinite(truth.sum()) and math.isfinite(signals.sum())):
             raise MachineError(
                 f"machine {self.rig.name}: no finite answer at {self.time_s:.3f} s with speed {drive[0, 0]:g} rad/s, "
                 f"load {drive[0, 1]:g} N, clearance {clearance_m * 1e6:g} um, faults {self.faults}; use a shorter "
                 f"max_step_s or smaller loads"
             )
         time_s = (self._instants + np.arange(n, dtype=np.float64)) * self.period_s
-        counts = self._chain.counts(signals, normal[:, :N_SENSORS], self._uniform(n), time_s, self._faults)
+        angle = truth[:, 0] - truth[:, 1] * self.delay_s
+        counts = self._chain.counts(signals, normal[:, :N_SENSORS], self._uniform(n), time_s, angle, self._faults)
         self._instants += n
         return Batch(counts, truth, marks)
 
@@ -214,11 +216,11 @@ class Machine:
             )
         if not 0.0 <= pressure_Pa < math.inf:
             raise MachineError(f"pressure = {pressure_Pa:g} Pa: a supply pressure is finite and not negative")
-        if not np.isfinite(drive).all():
+        if not math.isfinite(drive.sum()):
             raise MachineError(f"speed or load at {self.time_s:.3f} s is not finite: {drive[0]} to {drive[-1]}")
 
     def _uniform(self, n: int) -> Floats:
         """Random numbers for sensor faults: a stream of their own, so that a fault changes no other noise."""
         if any(sensor_fault(name) for name in self._faults):
             return self._fault_rng.random((n, N_SENSORS))
-        return np.zeros((n, N_SENSORS))
+        return _NO_FAULTS

@@ -39,6 +39,7 @@ from sim_hil.control_task import (
     targets,
 )
 from sim_hil.duty import Duty
+from sim_hil.faults.machine import worn_bore
 from sim_hil.film.table import FilmTable
 from sim_hil.fleet import FIGURES, STEP_S, Numbers, advance_fleet, measure_orbits, records, static_loads
 from sim_hil.rigs import load_rig
@@ -111,7 +112,9 @@ class RotorVectorEnv(gymnasium.vector.VectorEnv[Observation, Observation, NDArra
             now_s = float(self._step[i] * CONTROL_S)
             self._drive[i] = episode.duty.at(now_s + within)
             self._film["inlet_C"][i] = episode.inlet_at(now_s)
-            self._film["wear"][i] = episode.build.clearance_error_m + episode.wear_m.at(now_s)
+            wear = episode.wear_m.at(now_s)
+            self._film["wear"][i] = episode.build.clearance_error_m + wear
+            self._film["drop"][i] = worn_bore(wear, self.rig.bearing.clearance_nominal_m)[1]
             self._shaft["unbalance"][i] = episode.build.unbalance_kg_m + episode.unbalance_kg_m.at(now_s)
         self._advance(everyone)
         self._step += 1

@@ -33,7 +33,7 @@ from firmware_py.records import CHANNELS
 SHIPPED: Final = Path(__file__).resolve().parents[2] / "models" / "artifacts"
 """Both top-level packages are installed side by side."""
 
-PHYSICS_VERSIONS: Final = ("1",)
+PHYSICS_VERSIONS: Final = ("1", "2")
 """Versions of film, rotor and sensor physics whose models this brain understands."""
 
 MAX_BYTES: Final = 64 * 2**20

@@ -12,6 +12,8 @@ from sim_hil.rotor.parameters import Act, Excite, Film, Floats, Foot, Pickup, Pl
 
 BOLT_STIFFNESS_SHARE = 0.5
 """A bolt that stops a lift, relative to the joint's contact stiffness."""
+RUB_CLEARANCE_M = 150e-6
+"""Radial gap between the shaft and a seal that stands right."""
 _MODE_DAMPING = 0.02
 _MODE_GAIN = 0.2
 _SOUND_PA_S_M = 200.0
@@ -96,6 +98,7 @@ def _film(rig: RigData, build: Build, inlet_C: float, thermal: bool) -> Film:
         jacket_flow=rig.thermal.jacket_flow_m3_s,
         share=1.0,
         wear=build.clearance_error_m,
+        drop=0.0,
         pressure_needed=0.5 * rig.supply.min_Pa,
         windage=rig.windage_W_s3,
         thermal=1.0 if thermal else 0.0,
@@ -112,8 +115,10 @@ def _excite(rig: RigData, build: Build) -> Excite:
         tooth_force=e.tooth_force_N * build.excitation,
         teeth=float(e.teeth),
         ambient=e.ambient_force_rms_N * build.excitation,
-        misalignment=0.0,
+        misaligned_kg_m=0.0,
+        misaligned_N_m=0.0,
         rub_gap=0.0,
+        rub_clearance=RUB_CLEARANCE_M,
         rub_stiffness=0.0,
         rub_friction=0.2,
     )

@@ -17,8 +17,10 @@ import math
 
 from numba import njit
 
+from sim_hil.rotor.bearing import gap
+from sim_hil.rotor.film_law import Law
 from sim_hil.rotor.kernel import relative
-from sim_hil.rotor.parameters import Floats, Plant, Six, State
+from sim_hil.rotor.parameters import Oil, Plant, Six, State
 from sim_hil.rotor.rigid import film_slopes
 
 THETA = 0.55
@@ -31,7 +33,7 @@ _CROSSED_SHARE = 0.5
 
 @njit(cache=True)
 def film_reaction(
-    plant: Plant, st: State, table: Floats, renew: bool, omega: float, c: float, c_rate: float, mu: float, dt: float
+    plant: Plant, st: State, law: Law, renew: bool, omega: float, c: float, c_rate: float, oil: Oil, dt: float
 ) -> Six:
     """``G`` (xx, xy, yx, yy), N s/m, and ``r`` (x, y), N, of ``dF = G dw + r`` over the step to come.
 
@@ -41,15 +43,15 @@ def film_reaction(
     ex, ey = relative(plant, st.q)
     wx, wy = relative(plant, st.v)
     sx, sy = wx + 0.5 * omega * ey, wy - 0.5 * omega * ex
-    gap = c - math.hypot(ex, ey)
+    film = gap(plant.film, ex, ey, c)
     smooth = (
-        gap > NEAR_CONTACT * c
-        and math.hypot(wx, wy) * dt < _CROSSED_SHARE * gap
+        film > NEAR_CONTACT * c
+        and math.hypot(wx, wy) * dt < _CROSSED_SHARE * film
         and math.hypot(sx - held[4], sy - held[5]) < _TURNED_SHARE * math.hypot(held[4], held[5])
     )
     kxx = kxy = kyx = kyy = 0.0
     if renew or not smooth:
-        slopes = film_slopes(table, plant.film, ex, ey, wx, wy, omega, c, mu, c_rate)
+        slopes = film_slopes(law, plant.film, oil, ex, ey, wx, wy, omega, c, c_rate)
         kxx, kxy, kyx, kyy, held[0], held[1], held[2], held[3] = slopes
         held[4], held[5] = sx, sy
     if smooth:

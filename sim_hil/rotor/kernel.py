@@ -20,27 +20,28 @@ import math
 
 from numba import njit
 
-from sim_hil.film.table_kernel import table_force
+from sim_hil.rotor.bearing import bearing_force
+from sim_hil.rotor.film_law import Law
 from sim_hil.rotor.joints import foot_forces
 from sim_hil.rotor.parameters import (
     ANGLE,
     CLEARANCE,
     DEMAND,
     FLOW,
+    MEAN_X,
     MEAN_Y,
-    OIL,
     POSITION,
     POWER,
     PRESSURE,
     TIME,
     Act,
-    Excite,
-    Film,
     Floats,
+    Oil,
     Plant,
     Six,
     State,
 )
+from sim_hil.rotor.stator import rub_force
 
 GRAVITY = 9.81
 _MEAN_RATE = 10.0
@@ -69,34 +70,7 @@ def move_actuator(act: Act, scalar: Floats, clearance: float, pressure: float, d
 
 
 @njit(cache=True)
-def viscosity_now(film: Film, scalar: Floats) -> float:
-    """Effective viscosity, Pa s: temperature law times filled share of the film."""
-    fed = 1.0 if film.pressure_needed <= 0.0 else min(1.0, max(0.3, scalar[PRESSURE] / film.pressure_needed))
-    law = math.exp(-film.viscosity_slope * (scalar[OIL] - film.reference_C))
-    return film.viscosity * law * film.share * fed
-
-
-@njit(cache=True)
-def heat_oil(film: Film, scalar: Floats, dt: float) -> None:
-    """One-node oil temperature: ``C dT/dt = P - rho c_p (Q_jacket + Q_side) (T - T_inlet)``."""
-    carried = film.heat_capacity_per_m3 * (film.jacket_flow + max(0.0, scalar[FLOW]))
-    flow_C = scalar[OIL] - film.inlet_C
-    scalar[OIL] += film.thermal * dt * (scalar[POWER] - carried * flow_C) / film.thermal_capacity
-
-
-@njit(cache=True)
-def rub_force(excite: Excite, dy: float, omega: float) -> tuple[float, float]:
-    """A seal above the shaft, ``rub_gap`` over where it ran before: one-sided contact with dry friction."""
-    depth = dy - excite.rub_gap
-    if excite.rub_stiffness <= 0.0 or depth <= 0.0:
-        return 0.0, 0.0
-    normal = excite.rub_stiffness * depth
-    drag = excite.rub_friction * normal
-    return (drag if omega >= 0.0 else -drag), -normal
-
-
-@njit(cache=True)
-def coupling_force(plant: Plant, q: Floats, v: Floats, angle: float) -> tuple[float, float]:
+def coupling_force(plant: Plant, q: Floats, v: Floats, angle: float, omega: float) -> tuple[float, float]:
     """On the rotor's coupling end: linear spring and damper, alignment preload, misalignment, tooth force."""
     s, e = plant.shaft, plant.excite
     x = q[0] - s.to_coupling * q[2] - (q[7] - plant.motor.axis_height * q[9])
@@ -107,9 +81,10 @@ def coupling_force(plant: Plant, q: Floats, v: Floats, angle: float) -> tuple[fl
     carried = s.mass * GRAVITY * s.to_bearing / (s.to_coupling + s.to_bearing)
     fx = -s.coupling_stiffness * x - s.coupling_damping * vx + 0.5 * tooth
     fy = -s.coupling_stiffness * y - s.coupling_damping * vy + tooth + carried
-    if e.misalignment != 0.0:
-        fx += e.misalignment * (math.cos(2 * angle) + math.cos(angle) / 3)
-        fy += e.misalignment * (math.sin(2 * angle) + math.sin(angle) / 3)
+    if e.misaligned_kg_m != 0.0:
+        spin = 4 * omega * omega * e.misaligned_kg_m
+        fx += spin * math.cos(2 * angle)
+        fy += spin * math.sin(2 * angle)
     return fx, fy
 
 
@@ -167,8 +142,8 @@ def join_film(plant: Plant, a: Floats, reaction: Six, dt: float) -> tuple[float,
 
 @njit(cache=True)
 def substep(
-    plant: Plant, st: State, table: Floats, reaction: Six, omega: float, alpha: float, load: float, c: float,
-    c_rate: float, mu: float, ambient: Floats, dt: float,
+    plant: Plant, st: State, law: Law, reaction: Six, omega: float, alpha: float, load: float, c: float,
+    c_rate: float, oil: Oil, ambient: Floats, dt: float,
 ) -> None:
     """One step of ``dt``: accelerations into ``st.a``, then velocities, positions, angle and time.
 
@@ -178,24 +153,27 @@ def substep(
     b = s.to_bearing
     ex, ey = relative(plant, q)
     wx, wy = relative(plant, v)
-    fx, fy, torque, flow = table_force(
-        table, ex, ey, wx, wy, omega, c, mu, film.radius, film.length, c_rate
-    )
+    fx, fy, torque, flow = bearing_force(law, film, oil, ex, ey, wx, wy, omega, c, c_rate)
+    rub_x = rub_y = drag = 0.0
     if plant.excite.rub_stiffness <= 0.0:
+        scalar[MEAN_X] += _MEAN_RATE * dt * (ex - scalar[MEAN_X])
         scalar[MEAN_Y] += _MEAN_RATE * dt * (ey - scalar[MEAN_Y])
-    rub_x, rub_y = rub_force(plant.excite, ey - scalar[MEAN_Y], omega)
+    else:
+        dx, dy = ex - scalar[MEAN_X], ey - scalar[MEAN_Y]
+        rub_x, rub_y, drag = rub_force(plant.excite, dx, dy, wx, wy, film.radius * omega)
     angle = scalar[ANGLE] + s.unbalance_angle
     cosine, sine = math.cos(angle), math.sin(angle)
     share = s.mass * GRAVITY * s.to_coupling / (s.to_coupling + b)
     at_x = s.unbalance * (omega * omega * cosine + alpha * sine) + rub_x
     at_y = s.unbalance * (omega * omega * sine - alpha * cosine) + rub_y - (load - share)
-    coupling_x, coupling_y = coupling_force(plant, q, v, scalar[ANGLE])
+    coupling_x, coupling_y = coupling_force(plant, q, v, scalar[ANGLE], omega)
     accelerate_motor(plant, st, coupling_x, coupling_y, omega, ambient)
     accelerate_feet(plant, st, fx + rub_x, fy + rub_y, ambient)
 
     a[0] = (fx + at_x + coupling_x) / s.mass
     a[1] = (fy + at_y + coupling_y) / s.mass - GRAVITY
-    a[2] = (b * (fx + at_x) - s.to_coupling * coupling_x - s.polar * alpha * q[3]) / s.diametral
+    turning = plant.excite.misaligned_N_m - s.polar * alpha * q[3]
+    a[2] = (b * (fx + at_x) - s.to_coupling * coupling_x + turning) / s.diametral
     a[3] = (b * (fy + at_y) - s.to_coupling * coupling_y + s.polar * alpha * q[2]) / s.diametral
 
     dfx, dfy = join_film(plant, a, reaction, dt)
@@ -211,7 +189,7 @@ def substep(
     # work of the force that acted, over the way that was gone (mean of the two half-step velocities)
     after_x, after_y = relative(plant, v)
     work = 0.5 * ((fx + dfx) * (wx + after_x) + (fy + dfy) * (wy + after_y))
-    scalar[POWER] = torque * abs(omega) - work + film.windage * abs(omega) ** 3
+    scalar[POWER] = torque * abs(omega) + drag * film.radius * omega - work + film.windage * abs(omega) ** 3
     scalar[FLOW] = flow
     scalar[ANGLE] += (omega + 0.5 * alpha * dt) * dt
     scalar[TIME] += dt

@@ -71,7 +71,11 @@ class Shaft(NamedTuple):
 
 
 class Film(NamedTuple):
-    """Bearing and oil; ``share`` is the part of the film that is filled, ``wear`` adds radial clearance."""
+    """Bearing and oil (:mod:`sim_hil.rotor.bearing`).
+
+    ``share`` is the part of the film that is filled, ``wear`` adds radial clearance, and ``drop`` is how far wear has
+    moved the middle of the bore in the direction of the load.
+    """
 
     radius: float
     length: float
@@ -84,13 +88,25 @@ class Film(NamedTuple):
     jacket_flow: float
     share: float
     wear: float
+    drop: float
     pressure_needed: float
     windage: float
     thermal: float
 
 
+class Oil(NamedTuple):
+    """The oil in the film now: viscosity, Pa s, the share of the film that it fills and that bears."""
+
+    viscosity: float
+    filled: float
+    bears: float
+
+
 class Excite(NamedTuple):
-    """Forces beside the unbalance; misalignment is a rotating force in orders 1 and 2 at the coupling."""
+    """Forces beside the unbalance; ``misaligned_kg_m`` runs round at twice the speed, ``misaligned_N_m`` stands.
+
+    ``rub``: a stator ring around the shaft at the bearing (:mod:`sim_hil.rotor.stator`).
+    """
 
     motor_unbalance: float
     motor_angle: float
@@ -99,8 +115,10 @@ class Excite(NamedTuple):
     tooth_force: float
     teeth: float
     ambient: float
-    misalignment: float
+    misaligned_kg_m: float
+    misaligned_N_m: float
     rub_gap: float
+    rub_clearance: float
     rub_stiffness: float
     rub_friction: float
 
@@ -170,11 +188,12 @@ CLEARANCE: Final = 4
 PRESSURE: Final = 5
 OIL: Final = 6
 RING: Final = 7
-MEAN_Y: Final = 8
-POWER: Final = 9
-FLOW: Final = 10
-TURNS: Final = 11
-N_SCALARS: Final = 12
+MEAN_X: Final = 8
+MEAN_Y: Final = 9
+POWER: Final = 10
+FLOW: Final = 11
+TURNS: Final = 12
+N_SCALARS: Final = 13
 
 
 def three(values: Iterable[float]) -> Three:
@@ -203,7 +222,7 @@ def new_state(taps: int, clearance_m: float, pressure_Pa: float, oil_C: float, a
         slip=np.zeros(8),
         mode=np.zeros(6),
         lag=np.zeros(N_SENSORS),
-        ring=np.zeros((N_SENSORS, 2 * taps)),
+        ring=np.zeros((2 * taps, N_SENSORS)),
         film=np.zeros(6),
         scalar=scalar,
     )

@@ -15,9 +15,10 @@ import math
 
 from numba import njit, prange
 
-from sim_hil.rotor.film_law import Law, film_law
-from sim_hil.rotor.kernel import GRAVITY, heat_oil, move_actuator, viscosity_now
-from sim_hil.rotor.parameters import ANGLE, CLEARANCE, FLOW, OIL, POWER, Act, Film, Floats, Shaft
+from sim_hil.rotor.bearing import bearing_force, gap, heat_oil, oil_now
+from sim_hil.rotor.film_law import Law
+from sim_hil.rotor.kernel import GRAVITY, move_actuator
+from sim_hil.rotor.parameters import ANGLE, CLEARANCE, FLOW, OIL, POWER, Act, Film, Floats, Oil, Shaft
 
 GAMMA = 1 - math.sqrt(0.5)
 RENEW_STEPS = 4
@@ -31,17 +32,16 @@ Eight = tuple[float, float, float, float, float, float, float, float]
 
 @njit(cache=True, error_model="numpy")
 def film_slopes(
-    law: Law, film: Film, ex: float, ey: float, vx: float, vy: float, omega: float, c: float, mu: float, c_rate: float
+    law: Law, film: Film, oil: Oil, ex: float, ey: float, vx: float, vy: float, omega: float, c: float, c_rate: float
 ) -> Eight:
     """Forward differences of the film force: dF/de (xx, xy, yx, yy), then dF/dv."""
-    de = 1e-5 * max(c - math.hypot(ex, ey), 0.01 * c)
+    de = 1e-5 * max(gap(film, ex, ey, c), 0.01 * c)
     dv = 1e-4 * (c * abs(omega) + abs(vx) + abs(vy)) + 1e-9
-    r, length = film.radius, film.length
-    f0 = film_law(law, ex, ey, vx, vy, omega, c, mu, r, length, c_rate)
-    f1 = film_law(law, ex + de, ey, vx, vy, omega, c, mu, r, length, c_rate)
-    f2 = film_law(law, ex, ey + de, vx, vy, omega, c, mu, r, length, c_rate)
-    f3 = film_law(law, ex, ey, vx + dv, vy, omega, c, mu, r, length, c_rate)
-    f4 = film_law(law, ex, ey, vx, vy + dv, omega, c, mu, r, length, c_rate)
+    f0 = bearing_force(law, film, oil, ex, ey, vx, vy, omega, c, c_rate)
+    f1 = bearing_force(law, film, oil, ex + de, ey, vx, vy, omega, c, c_rate)
+    f2 = bearing_force(law, film, oil, ex, ey + de, vx, vy, omega, c, c_rate)
+    f3 = bearing_force(law, film, oil, ex, ey, vx + dv, vy, omega, c, c_rate)
+    f4 = bearing_force(law, film, oil, ex, ey, vx, vy + dv, omega, c, c_rate)
     return (
         (f1[0] - f0[0]) / de, (f2[0] - f0[0]) / de, (f1[1] - f0[1]) / de, (f2[1] - f0[1]) / de,
         (f3[0] - f0[0]) / dv, (f4[0] - f0[0]) / dv, (f3[1] - f0[1]) / dv, (f4[1] - f0[1]) / dv,
@@ -50,8 +50,8 @@ def film_slopes(
 
 @njit(cache=True, error_model="numpy")
 def rates(
-    shaft: Shaft, film: Film, law: Law, w: Eight, angle: float, omega: float, alpha: float, load: float, c: float,
-    c_rate: float, mu: float,
+    shaft: Shaft, film: Film, law: Law, oil: Oil, w: Eight, angle: float, omega: float, alpha: float, load: float,
+    c: float, c_rate: float,
 ) -> tuple[Eight, float, float]:  # fmt: skip
     """Rates of change of ``w``: the coordinates (x, y, A, B) and their rates; dissipated power, W; side flow, m3/s.
 
@@ -60,7 +60,7 @@ def rates(
     s, b, d = shaft, shaft.to_bearing, shaft.to_coupling
     x, y, tilt_x, tilt_y, x_rate, y_rate, tilt_x_rate, tilt_y_rate = w
     ex, ey, vx, vy = x + b * tilt_x, y + b * tilt_y, x_rate + b * tilt_x_rate, y_rate + b * tilt_y_rate
-    fx, fy, torque, flow = film_law(law, ex, ey, vx, vy, omega, c, mu, film.radius, film.length, c_rate)
+    fx, fy, torque, flow = bearing_force(law, film, oil, ex, ey, vx, vy, omega, c, c_rate)
     cosine, sine = math.cos(angle + s.unbalance_angle), math.sin(angle + s.unbalance_angle)
     gravity_share = s.mass * GRAVITY * d / (b + d)
     bx = fx + s.unbalance * (omega * omega * cosine + alpha * sine)
@@ -109,16 +109,15 @@ def mixed(p: float, a: Eight, q: float, b: Eight) -> Eight:
 
 @njit(cache=True)
 def step(
-    shaft: Shaft, film: Film, law: Law, slopes: Eight, w: Eight, angle: float, omega: float, alpha: float, load: float,
-    c: float, c_rate: float, mu: float, dt: float,
+    shaft: Shaft, film: Film, law: Law, oil: Oil, slopes: Eight, w: Eight, angle: float, omega: float, alpha: float,
+    load: float, c: float, c_rate: float, dt: float,
 ) -> tuple[Eight, float, float]:  # fmt: skip
     """State after one step (numbers, not arrays: these stay in registers); power and side flow at its start."""
-    rate, power, flow = rates(shaft, film, law, w, angle, omega, alpha, load, c, c_rate, mu)
+    rate, power, flow = rates(shaft, film, law, oil, w, angle, omega, alpha, load, c, c_rate)
     k1 = solve_stage(shaft, slopes, GAMMA * dt, mixed(dt, rate, 0.0, rate))
     turned = angle + (omega + 0.5 * alpha * dt) * dt
-    rate, _, _ = rates(
-        shaft, film, law, mixed(1.0, w, 1.0, k1), turned, omega + alpha * dt, alpha, load, c, c_rate, mu
-    )
+    probe = mixed(1.0, w, 1.0, k1)
+    rate, _, _ = rates(shaft, film, law, oil, probe, turned, omega + alpha * dt, alpha, load, c, c_rate)
     k2 = solve_stage(shaft, slopes, GAMMA * dt, mixed(dt, rate, -2.0, k1))
     return mixed(1.0, mixed(1.0, w, 1.5, k1), 0.5, k2), power, flow
 
@@ -151,24 +150,24 @@ def advance_rotor(
         load_rate = (drive[n + 1, 1] - drive[n, 1]) / period
         c = scalar[CLEARANCE] + film.wear
         c_rate = move_actuator(act, scalar, target[n, 0], target[n, 1], period)
-        mu = viscosity_now(film, scalar)
+        oil = oil_now(film, scalar)
         power, smallest = 0.0, 1e9
         for i in range(substeps):
             omega, load = drive[n, 0] + alpha * dt * i, drive[n, 1] + load_rate * dt * i
             ex, ey = now[0] + b * now[2], now[1] + b * now[3]
             moved = math.hypot(ex - old_x, ey - old_y)
-            if age >= renew or moved > _RENEW_SHARE * max(c - math.hypot(ex, ey), 0.01 * c):
+            if age >= renew or moved > _RENEW_SHARE * max(gap(film, ex, ey, c), 0.01 * c):
                 vx, vy = now[4] + b * now[6], now[5] + b * now[7]
-                slopes = film_slopes(law, film, ex, ey, vx, vy, omega, c, mu, c_rate)
+                slopes = film_slopes(law, film, oil, ex, ey, vx, vy, omega, c, c_rate)
                 age, old_x, old_y = 0, ex, ey
             age += 1
             now, lost, scalar[FLOW] = step(
-                shaft, film, law, slopes, now, scalar[ANGLE], omega, alpha, load, c, c_rate, mu, dt
+                shaft, film, law, oil, slopes, now, scalar[ANGLE], omega, alpha, load, c, c_rate, dt
             )
             power += lost
             scalar[ANGLE] += (omega + 0.5 * alpha * dt) * dt
             c += c_rate * dt
-            smallest = min(smallest, c - math.hypot(now[0] + b * now[2], now[1] + b * now[3]))
+            smallest = min(smallest, gap(film, now[0] + b * now[2], now[1] + b * now[3], c))
         scalar[POWER] = power / substeps
         heat_oil(film, scalar, period)
         out[n, 0], out[n, 1] = now[0] + b * now[2], now[1] + b * now[3]

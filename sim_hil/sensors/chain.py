@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_hil.build import Build
-from sim_hil.faults.sensor import sensor_fault
+from sim_hil.faults.sensor import Samples, sensor_fault
 from sim_hil.rigs import read_json
 from sim_hil.rotor.parameters import Floats
 
@@ -34,8 +34,9 @@ class SensorChain:
         self._build = build
 
     def counts(
-        self, signals: Floats, normal: Floats, uniform: Floats, time_s: Floats, faults: dict[str, tuple[float, float]]
-    ) -> Counts:
+        self, signals: Floats, normal: Floats, uniform: Floats, time_s: Floats, angle_rad: Floats,
+        faults: dict[str, tuple[float, float]],
+    ) -> Counts:  # fmt: skip
         """Wire counts.
 
         Parameters
@@ -44,8 +45,8 @@ class SensorChain:
             Filtered signals, SI, shape (n, 8).
         normal, uniform
             Random numbers, shape (n, 8): standard normal and uniform on [0, 1).
-        time_s
-            Time of each instant, s, shape (n,).
+        time_s, angle_rad
+            Time of each instant, s, and the shaft's angle, rad, shape (n,).
         faults
             Severity and start time, s, of each sensor fault by name.
         """
@@ -54,9 +55,12 @@ class SensorChain:
             found = sensor_fault(name)
             if found is not None:
                 fault, i = found
-                y[:, i] = fault.apply(y[:, i], time_s - start_s, float(self._high[i]), severity, uniform[:, i])
-        np.clip(y, self._low, self._high, out=y)
-        counts: Counts = np.rint(y / SCALES).astype(np.int16)
+                at = Samples(time_s - start_s, angle_rad, uniform[:, i], float(self._high[i]))
+                y[:, i] = fault.apply(y[:, i], severity, at)
+        np.maximum(y, self._low, out=y)
+        np.minimum(y, self._high, out=y)
+        np.divide(y, SCALES, out=y)
+        counts: Counts = np.rint(y, out=y).astype(np.int16)
         return counts
 
 

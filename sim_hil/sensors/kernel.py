@@ -9,15 +9,10 @@ import math
 
 from numba import njit
 
-from sim_hil.film.table_kernel import table_force
+from sim_hil.rotor.bearing import bearing_force, gap, heat_oil, oil_now
+from sim_hil.rotor.film_law import Law
 from sim_hil.rotor.film_step import film_reaction
-from sim_hil.rotor.kernel import (
-    heat_oil,
-    move_actuator,
-    relative,
-    substep,
-    viscosity_now,
-)
+from sim_hil.rotor.kernel import move_actuator, relative, substep
 from sim_hil.rotor.parameters import (
     ANGLE,
     CLEARANCE,
@@ -29,6 +24,7 @@ from sim_hil.rotor.parameters import (
     TIME,
     TURNS,
     Floats,
+    Oil,
     Pickup,
     Plant,
     State,
@@ -80,7 +76,7 @@ def sense(plant: Plant, st: State, c: float, dt: float) -> None:
     c1, s1 = math.cos(scalar[ANGLE]), math.sin(scalar[ANGLE])
     c2, s2 = c1 * c1 - s1 * s1, 2 * s1 * c1
     c3, s3 = c2 * c1 - s2 * s1, s2 * c1 + c2 * s1
-    taps = st.ring.shape[1] // 2
+    taps = st.ring.shape[0] // 2
     at = int(scalar[RING])
     tooth = math.sin(plant.excite.teeth * scalar[ANGLE])
     ripple = 1 + _PUMP_RIPPLE * math.sin(_PUMP_TEETH_RAD_S * scalar[TIME])
@@ -96,31 +92,28 @@ def sense(plant: Plant, st: State, c: float, dt: float) -> None:
         housing_mode(p, st.mode, 2, a[8], dt),
         p.sound * (v[4] + v[5] + v[7] + v[8]) + p.tooth_sound * tooth,
         scalar[PRESSURE] / _PASCAL_PER_BAR * ripple,
-        contact_voltage(c - math.hypot(ex, ey), p.roughness),
+        contact_voltage(gap(plant.film, ex, ey, c), p.roughness),
     )
     for i in range(8):
         st.lag[i] += p.lag_share[i] * (now[i] - st.lag[i])
-        st.ring[i, at] = st.lag[i]
-        st.ring[i, at + taps] = st.lag[i]
+        st.ring[at, i] = st.ring[at + taps, i] = st.lag[i]
     scalar[RING] = (at + 1) % taps
 
 
-@njit(cache=True, fastmath={"reassoc", "contract"})
+@njit(cache=True, fastmath={"contract"})
 def filtered(ring: Floats, start: int, taps: Floats, out: Floats) -> None:
     """Anti-alias filter: the last ``len(taps)`` instants of each channel against the impulse response."""
-    n = taps.size
-    for channel in range(ring.shape[0]):
-        total = 0.0
-        for k in range(n):
-            total += taps[k] * ring[channel, start + k]
-        out[channel] = total
+    out[:] = 0.0
+    for k in range(taps.size):
+        for channel in range(8):
+            out[channel] += taps[k] * ring[start + k, channel]
 
 
 @njit(cache=True)
 def advance(
-    plant: Plant, st: State, table: Floats, taps: Floats, drive: Floats, target: Floats, ambient: Floats,
+    plant: Plant, st: State, law: Law, taps: Floats, drive: Floats, target: Floats, ambient: Floats,
     period: float, substeps: int, signals: Floats, truth: Floats, marks: Floats,
-) -> None:
+) -> None:  # fmt: skip
     """Advance by ``len(signals)`` sampling periods.
 
     Parameters
@@ -144,15 +137,15 @@ def advance(
         alpha = (drive[n + 1, 0] - drive[n, 0]) / period
         c_rate = move_actuator(plant.act, scalar, target[0], target[1], period)
         c = scalar[CLEARANCE] + film.wear
-        mu = viscosity_now(film, scalar)
+        oil = oil_now(film, scalar)
         marks[n] = -1.0
         power = 0.0
         for k in range(substeps):
             omega = drive[n, 0] + alpha * dt * k
             load = drive[n, 1] + (drive[n + 1, 1] - drive[n, 1]) * k / substeps
             before = scalar[ANGLE]
-            reaction = film_reaction(plant, st, table, k == 0, omega, c, c_rate, mu, dt)
-            substep(plant, st, table, reaction, omega, alpha, load, c, c_rate, mu, ambient[n], dt)
+            reaction = film_reaction(plant, st, law, k == 0, omega, c, c_rate, oil, dt)
+            substep(plant, st, law, reaction, omega, alpha, load, c, c_rate, oil, ambient[n], dt)
             power += scalar[POWER]
             if scalar[ANGLE] >= turn or scalar[ANGLE] < 0.0:
                 sign = 1.0 if scalar[ANGLE] >= turn else -1.0
@@ -164,21 +157,21 @@ def advance(
         scalar[POWER] = power / substeps
         heat_oil(film, scalar, period)
         filtered(st.ring, int(scalar[RING]), taps, signals[n])
-        _write_truth(plant, st, table, drive[n + 1], c, mu, truth[n])
+        _write_truth(plant, st, law, drive[n + 1], c, oil, truth[n])
 
 
 @njit(cache=True)
 def _write_truth(
-    plant: Plant, st: State, table: Floats, drive: Floats, c: float, mu: float, row: Floats
+    plant: Plant, st: State, law: Law, drive: Floats, c: float, oil: Oil, row: Floats
 ) -> None:
     film, scalar = plant.film, st.scalar
     ex, ey = relative(plant, st.q)
     wx, wy = relative(plant, st.v)
-    fx, fy, _, _ = table_force(table, ex, ey, wx, wy, drive[0], c, mu, film.radius, film.length, 0.0)
+    fx, fy, _, _ = bearing_force(law, film, oil, ex, ey, wx, wy, drive[0], c, 0.0)
     row[0] = scalar[ANGLE] + 2 * math.pi * scalar[TURNS]
     row[1], row[2] = drive[0], drive[1]
-    row[3], row[4], row[5], row[6] = c, scalar[PRESSURE], scalar[OIL], mu
-    row[7], row[8], row[9] = ex, ey, c - math.hypot(ex, ey)
+    row[3], row[4], row[5], row[6] = c, scalar[PRESSURE], scalar[OIL], oil.viscosity
+    row[7], row[8], row[9] = ex, ey, gap(film, ex, ey, c)
     row[10], row[11], row[12], row[13] = scalar[POWER], scalar[FLOW], fx, fy
 
 

@@ -9,7 +9,7 @@ import pytest
 from sim_hil.build import Build, unbalance_of_grade
 from sim_hil.duty import Duty
 from sim_hil.faults import MACHINE_FAULTS, SENSOR_FAULTS, UnknownFault, apply_machine_faults, check_fault
-from sim_hil.faults.machine import loosen
+from sim_hil.faults.machine import loosen, worn_bore
 from sim_hil.machine import Machine
 from sim_hil.rigs import load_rig
 from sim_hil.rotor.assembly import assemble
@@ -20,7 +20,7 @@ from sim_hil.sensors.chain import units
 RIG = load_rig("bench")
 BUILD = Build.draw(RIG, np.random.default_rng(7))
 RATE = 5000
-VERTICAL, HORIZONTAL, MOTOR, PRESSURE = 2, 3, 4, 6
+VERTICAL, HORIZONTAL, MOTOR, PRESSURE, CONTACT = 2, 3, 4, 6, 7
 
 
 @cache
@@ -39,6 +39,15 @@ def order(signal: Floats, number: float, rpm: float = 6000) -> float:
     window = np.hanning(len(signal))
     wave = np.exp(-2j * np.pi * number * rpm / 60 * t)
     return float(2 * abs(np.sum((signal - signal.mean()) * window * wave)) / window.sum())
+
+
+def whirl(y: Floats, number: float, rpm: float = 6000) -> tuple[float, float]:
+    """Amplitudes of the forward and the backward turning part of one order of the probes' orbit, m."""
+    orbit = y[:, 0] + 1j * y[:, 1]
+    window = np.hanning(len(orbit)) / np.hanning(len(orbit)).sum()
+    wave = np.exp(-2j * np.pi * number * rpm / 60 * np.arange(len(orbit)) / RATE)
+    moving = (orbit - orbit.mean()) * window
+    return float(abs(np.sum(moving * wave))), float(abs(np.sum(moving * wave.conj())))
 
 
 def joined(y: Floats) -> float:
@@ -64,10 +73,7 @@ def test_unbalance_raises_the_first_order_and_little_else() -> None:
 
 
 def test_unbalance_orbit_turns_forward() -> None:
-    y = measured({"unbalance": 40.0})
-    orbit = (y[:, 0] - y[:, 0].mean()) + 1j * (y[:, 1] - y[:, 1].mean())
-    t = np.arange(len(orbit)) / RATE
-    forward, backward = (abs(np.mean(orbit * np.exp(-s * 2j * np.pi * 100 * t))) for s in (1, -1))
+    forward, backward = whirl(measured({"unbalance": 40.0}), 1)
     assert forward > 1.5 * backward
 
 
@@ -116,28 +122,94 @@ def test_a_foot_that_lifts_truncates_the_wave() -> None:
     assert order(loose[:, VERTICAL], 3, 9000) > 10 * order(tight[:, VERTICAL], 3, 9000)
 
 
-def test_misalignment_shows_at_twice_the_speed() -> None:
+def test_misalignment_shows_at_twice_the_speed_and_loads_the_side() -> None:
     healthy, faulty = measured(), measured({"misalignment": 1.0})
     assert order(faulty[:, HORIZONTAL], 2) > 5 * order(healthy[:, HORIZONTAL], 2)
     assert order(faulty[:, HORIZONTAL], 2) > 2 * order(faulty[:, HORIZONTAL], 1)
+    # the twofold order turns forward, and the probes see the journal pushed to the side
+    forward, backward = whirl(faulty, 2)
+    assert forward > 1.5 * whirl(healthy, 2)[0]
+    assert forward > backward
+    aside = (faulty - healthy)[:, :2].mean(axis=0)
+    assert aside[0] - aside[1] > 3e-6
 
 
-def test_rub_restrains_the_orbit_from_above() -> None:
-    healthy, faulty = (recorded(f, 9000) for f in ((("unbalance", 40.0),), (("unbalance", 40.0), ("rub", 1.0))))
-    before, after = (r.column("eccentricity_y_m") for r in (healthy, faulty))
-    assert np.ptp(after) < 0.8 * np.ptp(before)
-    assert after.max() < before.max() - 3e-6
+def test_misalignment_grows_with_its_severity() -> None:
+    twofold = [order(measured({"misalignment": s})[:, HORIZONTAL], 2) for s in (0.0, 0.25, 0.5, 1.0)]
+    assert (np.diff(twofold) > 0).all()
 
 
-def test_starvation_thins_the_film_and_wear_widens_it() -> None:
-    healthy, starved, worn = (recorded(f) for f in ((), (("starvation", 1.0),), (("wear", 1.0),)))
-    assert starved.column("min_film_m").mean() < 0.8 * healthy.column("min_film_m").mean()
+def test_rub_truncates_the_wave_and_turns_the_orbit_backward() -> None:
+    """Light contact: harmonics where there were none; backward motion, and friction, grow."""
+    healthy, rubbing = ({"unbalance": 16.0, **rub} for rub in ({}, {"rub": 0.8}))
+    free, touched = (measured(f, 9000, 60) for f in (healthy, rubbing))
+    for number in (3, 5, 6):
+        assert order(touched[:, VERTICAL], number, 9000) > 10 * order(free[:, VERTICAL], number, 9000)
+    assert whirl(touched, 1, 9000)[1] > 1.1 * whirl(free, 1, 9000)[1]
+    assert whirl(touched, 1, 9000)[0] < whirl(free, 1, 9000)[0]
+    power = [recorded(tuple(f.items()), 9000, 60).column("shaft_power_W").mean() for f in (healthy, rubbing)]
+    assert power[1] > power[0] + 20
+
+
+def test_a_seal_pressed_on_holds_the_orbit() -> None:
+    before, after = (measured({"unbalance": 16.0, **rub}, 9000, 60) for rub in ({}, {"rub": 1.0}))
+    assert np.ptp(after[:, 1]) < 0.9 * np.ptp(before[:, 1])
+
+
+def test_a_seal_that_does_not_touch_changes_nothing() -> None:
+    np.testing.assert_array_equal(measured({"rub": 0.1}), measured())
+
+
+def test_starvation_thins_the_film_and_lets_the_journal_sink() -> None:
+    steps = [measured({"starvation": s}) for s in (0.0, 0.5, 1.0)]
+    contact = [y[:, CONTACT].mean() for y in steps]
+    height = [y[:, :2].mean(axis=0).sum() for y in steps]
+    assert (np.diff(contact) < -0.02).all()
+    assert (np.diff(height) < -5e-6).all()
+
+
+def test_wear_lowers_the_journal_and_saves_power_by_more_clearance() -> None:
+    healthy, worn = (recorded(f) for f in ((), (("wear", 1.0),)))
+    sunk = (units(worn.counts) - units(healthy.counts))[:, :2].mean(axis=0).sum()
+    assert sunk < -5e-6
     assert worn.column("shaft_power_W").mean() < healthy.column("shaft_power_W").mean()
+    # the actuator does not know
     assert worn.status[:, 3].mean() == pytest.approx(60e-6, abs=1e-6)
 
 
-def test_supply_pressure_is_lost() -> None:
-    assert measured({"pressure_loss": 0.8})[-1000:, PRESSURE].mean() == pytest.approx(0.2, abs=0.02)
+def test_worn_bore_has_mean_and_first_order_of_the_profile() -> None:
+    c = 6e-5
+    psi = np.arange(-np.pi, np.pi, 1e-4)
+    for mean in (1e-7, 2e-6, 6e-6):
+        depth, drop = worn_bore(mean, c)
+        profile = np.maximum(depth - c * (1 - np.cos(psi)), 0.0)
+        assert profile.mean() == pytest.approx(mean, rel=1e-3)
+        assert drop == pytest.approx(2 * (profile * np.cos(psi)).mean(), rel=1e-3)
+    assert worn_bore(0.0, c) == (0.0, 0.0)
+
+
+def test_oil_whirl_arises_by_itself_at_half_the_speed_and_turns_forward() -> None:
+    """No fault: a wide clearance under a light load.  A narrow one at the same point stays quiet."""
+    quiet, whirling = (
+        units(record(RIG, BUILD, Duty.hold(12000, 30), 2.0, clearance=c, seed=11, settle_s=1.0).counts)
+        for c in (50e-6, 100e-6)
+    )
+    numbers = np.arange(0.40, 0.52, 0.005)
+    spectrum = [[whirl(y, n, 12000) for n in numbers] for y in (quiet, whirling)]
+    still, half = (np.array(s).max(axis=0) for s in spectrum)
+    assert half[0] > 10e-6
+    assert half[0] > 3 * half[1]
+    assert half[0] > 20 * still[0]
+    assert half[0] > whirl(whirling, 1, 12000)[0]
+
+
+def test_supply_pressure_is_lost_and_starves_the_film() -> None:
+    healthy, lost = measured(), measured({"pressure_loss": 0.8})
+    assert lost[-1000:, PRESSURE].mean() == pytest.approx(0.2, abs=0.02)
+    assert lost[-1000:, CONTACT].mean() < healthy[-1000:, CONTACT].mean() - 0.005
+    # enough pressure is left: the film does not know
+    half = measured({"pressure_loss": 0.5})
+    assert half[-1000:, CONTACT].mean() == pytest.approx(healthy[-1000:, CONTACT].mean(), abs=1e-3)
 
 
 def test_loosening_nothing_changes_nothing() -> None:
@@ -176,9 +248,24 @@ def test_sensor_faults_change_their_channel_alone(kind: str, check: object) -> N
     np.testing.assert_array_equal(np.delete(a, VERTICAL, 1), np.delete(b, VERTICAL, 1))
 
 
+def test_runout_of_a_probe_is_a_dent_once_a_turn() -> None:
+    healthy, dented = (Machine(RIG, BUILD, 3) for _ in range(2))
+    dented.inject("sensor_runout:disp_x", 0.4)
+    duty = Duty.hold(1500, 100)
+    a, b = (units(run(m, duty, 1.0, clearance=60e-6).counts) for m in (healthy, dented))
+    dent = b[:, 0] - a[:, 0]
+    assert dent.max() == pytest.approx(10e-6, rel=0.02)
+    assert np.count_nonzero((dent[1:] > 5e-6) & (dent[:-1] <= 5e-6)) in (24, 25, 26)
+    assert np.median(dent) == 0.0
+    np.testing.assert_array_equal(a[:, 1:], b[:, 1:])
+
+
 def test_unknown_names_and_severities_are_refused() -> None:
-    assert len(SENSOR_FAULTS) == 7
-    for name, severity in (("bent_shaft", 1.0), ("sensor_gain:disp_z", 1.0), ("sensor_x:disp_x", 1.0)):
+    assert len(SENSOR_FAULTS) == 8
+    for name, severity in (
+        ("bent_shaft", 1.0), ("sensor_gain:disp_z", 1.0), ("sensor_x:disp_x", 1.0),
+        ("sensor_runout:microphone", 1.0),
+    ):  # fmt: skip
         with pytest.raises(UnknownFault, match="choose one of"):
             check_fault(name, severity)
     with pytest.raises(UnknownFault, match=r"outside 0 \.\. 100"):

@@ -9,9 +9,11 @@ from sim_hil.build import Build
 from sim_hil.film.table import FilmTable
 from sim_hil.rigs import load_rig
 from sim_hil.rotor.assembly import assemble
+from sim_hil.rotor.bearing import bearing_force, oil_now
 from sim_hil.rotor.joints import foot_forces, normal_force
-from sim_hil.rotor.kernel import GRAVITY, move_actuator, rub_force, substep
-from sim_hil.rotor.parameters import ANGLE, CLEARANCE, Plant, State, new_state
+from sim_hil.rotor.kernel import GRAVITY, move_actuator, substep
+from sim_hil.rotor.parameters import ANGLE, CLEARANCE, OIL, PRESSURE, Oil, Plant, State, new_state
+from sim_hil.rotor.stator import rub_force
 
 DT = 1e-6
 TABLE = FilmTable.load(0.5).coefficients
@@ -32,7 +34,7 @@ def one_step(
 ) -> State:
     film = plant.film
     substep(
-        plant, state, TABLE, (0.0,) * 6, omega, alpha, load, 60e-6, 0.0, 1e-15 * film.viscosity,
+        plant, state, TABLE, (0.0,) * 6, omega, alpha, load, 60e-6, 0.0, Oil(1e-15 * film.viscosity, 1.0, 1.0),
         np.zeros(4), dt,
     )  # fmt: skip
     return state
@@ -126,12 +128,53 @@ def test_equal_feet_do_not_join_lift_and_roll_but_one_soft_foot_does() -> None:
     assert foot_forces(soft, 0.0, 1e-6, 0.0, 0.0, 0.0, 0.0, np.zeros(8), 0)[2] < -1.0
 
 
-def test_rub_is_one_sided_and_drags_against_the_rotation() -> None:
-    excite = free_plant().excite._replace(rub_stiffness=1e6, rub_gap=1e-5, rub_friction=0.2)
-    assert rub_force(excite, 0.9e-5, 100.0) == (0.0, 0.0)
-    assert rub_force(excite, -9e-5, 100.0) == (0.0, 0.0)
-    assert rub_force(excite, 2e-5, 100.0) == pytest.approx((2.0, -10.0))
-    assert rub_force(excite, 2e-5, -100.0) == pytest.approx((-2.0, -10.0))
+def test_rub_is_one_sided_and_drags_against_the_sliding() -> None:
+    """A ring of 100 um gap that leaves 10 um above the shaft."""
+    excite = free_plant().excite._replace(rub_stiffness=1e6, rub_gap=1e-5, rub_clearance=1e-4, rub_friction=0.2)
+    assert rub_force(excite, 0.0, 0.9e-5, 0.0, 0.0, 10.0) == (0.0, 0.0, 0.0)
+    assert rub_force(excite, 0.0, -9e-5, 0.0, 0.0, 10.0) == (0.0, 0.0, 0.0)
+    assert rub_force(excite, 0.0, 2e-5, 0.0, 0.0, 10.0) == pytest.approx((2.0, -10.0, 2.0))
+    assert rub_force(excite, 0.0, 2e-5, 0.0, 0.0, -10.0) == pytest.approx((-2.0, -10.0, -2.0))
+    # backward whirl faster than the surface: the shaft rolls over and friction turns round
+    assert rub_force(excite, 0.0, 2e-5, 12.0, 0.0, 10.0) == pytest.approx((-2.0, -10.0, -2.0))
+    assert rub_force(excite, 0.0, 2e-5, 10.0, 0.0, 10.0) == pytest.approx((0.0, -10.0, 0.0))
+    # the ring is round: pressed to the side, it pushes back from there
+    fx, fy, _ = rub_force(excite, 1.2e-4, -9e-5, 0.0, 0.0, 0.0)
+    assert (fx, fy) == pytest.approx((-20.0, 0.0))
+
+
+def test_misaligned_coupling_turns_twice_a_turn_and_pushes_aside() -> None:
+    plant, omega = free_plant(), 300.0
+    plant = plant._replace(shaft=plant.shaft._replace(unbalance=0.0))
+    off = plant._replace(excite=plant.excite._replace(misaligned_kg_m=4e-5, misaligned_N_m=15.0))
+    state, base = rest(), rest()
+    state.scalar[ANGLE] = base.scalar[ANGLE] = math.pi / 4
+    change = one_step(off, state, omega).a - one_step(plant, base, omega).a
+    r = RIG.rotor
+    # 2 theta = 90 degrees: the whirling force points up, at the coupling
+    assert change[:2] * r.mass_kg == pytest.approx([0.0, 4 * omega**2 * 4e-5], abs=1e-9)
+    assert change[2] * r.diametral_inertia_kg_m2 == pytest.approx(15.0)
+
+
+def test_narrow_film_bears_less_shears_less_and_sheds_less() -> None:
+    film = free_plant().film
+    full, half = (
+        np.array(bearing_force(TABLE, film, Oil(0.01, s, s**2.5), 1e-5, -3e-5, 0.0, 0.0, 600.0, 6e-5, 0.0))
+        for s in (1.0, 0.5)
+    )
+    assert half[:2] == pytest.approx(full[:2] * 0.5**2.5)
+    assert half[3] == pytest.approx(full[3] * 0.5)
+    pressure_part = 0.5 * (1e-5 * full[1] + 3e-5 * full[0])
+    assert half[2] - 0.5**2.5 * pressure_part == pytest.approx(0.5 * (full[2] - pressure_part))
+
+
+def test_oil_thins_with_heat_and_fills_with_pressure() -> None:
+    film = free_plant().film
+    scalar = rest().scalar
+    assert oil_now(film, scalar) == pytest.approx((0.01, 1.0, 1.0))
+    scalar[OIL] = 60.0
+    scalar[PRESSURE] = 0.6 * film.pressure_needed
+    assert oil_now(film, scalar) == pytest.approx((0.01 * math.exp(-0.6), 0.6, 0.6**2.5))
 
 
 def test_actuator_keeps_its_rate_and_its_backlash() -> None:

@@ -42,7 +42,7 @@ def test_contact_voltage_falls_as_the_film_thins_and_ends_at_zero() -> None:
 def chain_output(build: Build, signals: Floats, seed: int = 0) -> Floats:
     n = len(signals)
     normal = np.random.default_rng(seed).standard_normal((n, 8))
-    return units(SensorChain(build).counts(signals, normal, np.zeros((n, 8)), np.zeros(n), {}))
+    return units(SensorChain(build).counts(signals, normal, np.zeros((n, 8)), np.zeros(n), np.zeros(n), {}))
 
 
 def test_noise_of_each_channel_is_that_of_its_data_sheet() -> None:

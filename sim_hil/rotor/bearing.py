@@ -1,0 +1,63 @@
+"""The bearing with its oil: what the film law says once supply, wear and temperature have had their share.
+
+Starvation.  A feed that covers only the share ``s`` of what runs off at the ends fills a band of width ``s L``
+(streamlets between, as in the ruptured part of a fed film).  A film this narrow carries ``s^2.5``: the exponent of
+the load in the length of the full Reynolds film, 2.8 to 2.2 at eccentricity ratios 0.3 to 0.9 and L/D from 1/4 to
+1/2 (`sim_hil.film.equilibrium`).  Shear and outflow go with the wetted band, ``s``.  The band's place within the
+arc is not modelled.
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+from sim_hil.film.table_kernel import EPS_TABLE
+from sim_hil.rotor.film_law import Forces, Law, film_law
+from sim_hil.rotor.parameters import FLOW, OIL, POWER, PRESSURE, Film, Floats, Oil
+
+LENGTH_EXPONENT = 2.5
+LEAST_FED = 0.5
+"""Share of the film that draws its oil itself from a feed without pressure."""
+
+
+@njit(cache=True)
+def oil_now(film: Film, scalar: Floats) -> Oil:
+    """The oil at its present temperature and supply."""
+    fed = 1.0
+    if film.pressure_needed > 0.0:
+        fed = min(1.0, max(LEAST_FED, scalar[PRESSURE] / film.pressure_needed))
+    filled = film.share * fed
+    law = math.exp(-film.viscosity_slope * (scalar[OIL] - film.reference_C))
+    return Oil(film.viscosity * law, filled, filled**LENGTH_EXPONENT)
+
+
+@njit(cache=True)
+def heat_oil(film: Film, scalar: Floats, dt: float) -> None:
+    """One-node oil temperature: ``C dT/dt = P - rho c_p (Q_jacket + Q_side) (T - T_inlet)``."""
+    carried = film.heat_capacity_per_m3 * (film.jacket_flow + max(0.0, scalar[FLOW]))
+    flow_C = scalar[OIL] - film.inlet_C
+    scalar[OIL] += film.thermal * dt * (scalar[POWER] - carried * flow_C) / film.thermal_capacity
+
+
+@njit(cache=True)
+def gap(film: Film, ex: float, ey: float, c: float) -> float:
+    """Smallest film, m, of a journal at ``(ex, ey)`` from the middle of the unworn bore."""
+    return c - math.hypot(ex, ey + film.drop)
+
+
+@njit(cache=True)
+def bearing_force(
+    law: Law, film: Film, oil: Oil, ex: float, ey: float, vx: float, vy: float, omega: float, c: float, c_rate: float
+) -> Forces:
+    """Force (fx, fy), N, friction torque, N m, and side flow, m3/s; arguments as `table_force`."""
+    y, r = ey + film.drop, film.radius
+    fx, fy, torque, flow = film_law(
+        law, ex, y, vx, vy, omega, c, oil.viscosity * oil.bears, r, film.length, c_rate
+    )  # fmt: skip
+    if oil.filled != 1.0:
+        eps = min(math.hypot(ex, y) / c, EPS_TABLE)
+        shear = 2 * math.pi * oil.viscosity * abs(omega) * r * r * r * film.length / (c * math.sqrt(1 - eps * eps))
+        torque += (oil.filled - oil.bears) * shear
+    return fx, fy, torque, flow * oil.filled
