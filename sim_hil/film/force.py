@@ -124,14 +124,12 @@ def evaluate(
     film = solve_film(bearing, position, velocity, memory)
     mesh = film.mesh
     scale = bearing.pressure_scale_Pa_s
-    after, before = mesh.theta_face, np.roll(mesh.theta_face, 1)
-    line = film.pressure @ mesh.z_weight * (mesh.copies * scale * bearing.radius_m**2)
-    force = np.array([-line @ (np.sin(after) - np.sin(before)), line @ (np.cos(after) - np.cos(before))])
+    force = pressure_force(film) * (scale * bearing.radius_m**2)
     pressure, fill, z = _whole_length(film)
     return FilmForce(
         force_N=force,
         friction_torque_N_m=np.asarray(_friction(bearing, film, position, force)),
-        side_flow_m3_s=np.asarray(_side_flow(bearing, film)),
+        side_flow_m3_s=np.asarray(side_flow(bearing, film)),
         inflow_m3_s=np.asarray(_port_flow(bearing, film)),
         min_film_m=bearing.clearance_m - np.hypot(*position),
         max_pressure_Pa=film.pressure.max() * scale,
@@ -141,6 +139,14 @@ def evaluate(
         theta_rad=np.remainder(mesh.theta, 2 * np.pi) if fields else None,
         z_m=z * bearing.radius_m if fields else None,
     )
+
+
+def pressure_force(film: Film) -> Floats:
+    """Integral of the scaled pressure over the journal (x, y)."""
+    mesh = film.mesh
+    after, before = mesh.theta_face, np.roll(mesh.theta_face, 1)
+    line = film.pressure @ mesh.z_weight * mesh.copies
+    return np.array([-line @ (np.sin(after) - np.sin(before)), line @ (np.cos(after) - np.cos(before))])
 
 
 def _friction(bearing: Bearing, film: Film, position: Floats, force: Floats) -> float:
@@ -158,7 +164,7 @@ def _friction(bearing: Bearing, film: Film, position: Floats, force: Floats) -> 
     return float(gain * abs(bearing.speed_rad_s) * shear + sense * pressure_part)
 
 
-def _side_flow(bearing: Bearing, film: Film) -> float:
+def side_flow(bearing: Bearing, film: Film) -> float:
     """Flow out of both ends, m3/s."""
     mesh, p = film.mesh, film.pressure
     unit = mesh.copies * bearing.clearance_m * bearing.radius_m**2

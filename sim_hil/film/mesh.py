@@ -8,8 +8,10 @@ import numpy as np
 
 from .records import Feed, FilmError, Floats
 
-# Euler-Maclaurin end correction of the trapezoidal rule: exact for the parabola of a short bearing.
-_END_WEIGHTS = np.array([23 / 24, 7 / 6, 3 / 8])
+# The flow is singular at the corners of a port (pressure as r^(2/3)): cells there are this much thinner than even.
+_EDGE_GRADING = 0.9
+# Axial intervals on either side of a port's end, at least.
+_PORT_INTERVALS = 6
 
 
 @dataclass(frozen=True)
@@ -63,7 +65,7 @@ def build_mesh(
     edges = [a + s * w / 2 for (a, w, _) in ports if w < 2 * np.pi for s in (-1, 1)]
     if inlet_Pa is not None or not edges:
         edges.append(hmax_rad)
-    theta = _ring_nodes(edges, nodes[0], hmax_rad, (1 - eccentricity_ratio) ** -0.25)
+    theta = _ring_nodes(edges, nodes[0], hmax_rad, (1 - eccentricity_ratio) ** -0.25, bool(ports))
     symmetric = end_pressure_Pa[0] == end_pressure_Pa[1]
     z = _axial_nodes([half for (_, _, half) in ports], length_m / radius_m, nodes[1], symmetric)
     fixed, fixed_Pa, port = _fixed_pressures(theta, z, ports, feed, end_pressure_Pa, hmax_rad, inlet_Pa)
@@ -78,7 +80,7 @@ def build_mesh(
         z=z,
         z_gap=z_gap,
         z_width=z_width,
-        z_weight=_axial_weights(z_gap, z_width, symmetric),
+        z_weight=_parabola_weights(z_gap),
         copies=2 if symmetric else 1,
         fixed=fixed,
         fixed_Pa=fixed_Pa,
@@ -99,8 +101,8 @@ def _port_extent(feed: Feed, radius_m: float, length_m: float) -> tuple[float, f
     return feed.angle_rad, feed.width_rad * shrink, feed.length_m * shrink / (2 * radius_m)
 
 
-def _ring_nodes(edges: list[float], count: int, hmax_rad: float, stretch: float) -> Floats:
-    """Nodes of the ring: the edges, and between them nodes even in the stretched angle.
+def _ring_nodes(edges: list[float], count: int, hmax_rad: float, stretch: float, ports: bool) -> Floats:
+    """Nodes of the ring: the edges, and between them nodes even (or denser at the edges) in the stretched angle.
 
     The stretched angle `g` with `tan(psi / 2) = k tan(g / 2)`, `psi` from the thickest film, packs nodes at
     the smallest film k^2 times closer than at the thickest (Sommerfeld's substitution, another exponent).
@@ -116,7 +118,8 @@ def _ring_nodes(edges: list[float], count: int, hmax_rad: float, stretch: float)
         first = _stretch(start + offset - hmax_rad, 1 / k)
         last = _stretch(start + offset + span - hmax_rad, 1 / k)
         last = last + turn if last <= first else last
-        nodes.append(_stretch(first + (last - first) * np.arange(n) / n, k) + hmax_rad)
+        part = _packed(np.arange(n) / n, ports, ports)
+        nodes.append(_stretch(first + (last - first) * part, k) + hmax_rad)
     return np.concatenate(nodes)
 
 
@@ -129,22 +132,38 @@ def _stretch(angle: Floats | float, k: float) -> Floats:
 
 
 def _axial_nodes(half_ports: list[float], length: float, intervals: int, symmetric: bool) -> Floats:
-    """Nodes along the axis, on every port end; one half (from the middle plane) when symmetric."""
-    edges = sorted({0.0, length / 2, *(min(h, length / 2) for h in half_ports)})
+    """Nodes along the axis, on every port end and denser there; one half (from the middle plane) when symmetric."""
+    ends = {min(h, length / 2) for h in half_ports} - {length / 2}
+    edges = sorted({0.0, length / 2, *ends})
     parts = []
     for a, b in pairwise(edges):
-        n = max(3, round(intervals * (b - a) / length))
-        parts.append(a + (b - a) * np.arange(n) / n)
+        n = max(_PORT_INTERVALS if ends else 3, round(intervals * (b - a) / length))
+        parts.append(a + (b - a) * _packed(np.arange(n) / n, a in ends, b in ends))
     half = np.append(np.concatenate(parts), length / 2)
     return half if symmetric else np.concatenate([-half[:0:-1], half])
 
 
-def _axial_weights(z_gap: Floats, z_width: Floats, symmetric: bool) -> Floats:
-    """Quadrature weights along the axis."""
-    weight = z_width.copy()
-    weight[-3:] = _END_WEIGHTS * z_gap[-1]
-    if not symmetric:
-        weight[:3] = _END_WEIGHTS[::-1] * z_gap[0]
+def _packed(even: Floats, first: bool, last: bool) -> Floats:
+    """Places in [0, 1] that lie closer at the ends asked for."""
+    if first and last:
+        return even - _EDGE_GRADING * np.sin(2 * np.pi * even) / (2 * np.pi)
+    one_side = _EDGE_GRADING * np.sin(np.pi * even) / np.pi * (int(last) - int(first))
+    return np.asarray(even + one_side)
+
+
+def _parabola_weights(gap: Floats) -> Floats:
+    """Quadrature weights on uneven nodes: every interval under the mean of its two neighbouring parabolas.
+
+    Exact for the parabola of a short bearing; on even nodes the trapezoidal rule with end correction.
+    """
+    a, b = gap[:-1], gap[1:]
+    first = np.array([a * (2 * a + 3 * b) / (a + b), a * (a + 3 * b) / b, -(a**3) / (b * (a + b))]) / 6
+    second = np.array([-(b**3) / (a * (a + b)), b * (b + 3 * a) / a, b * (2 * b + 3 * a) / (a + b)]) / 6
+    share_first, share_second = np.full(a.size, 0.5), np.full(a.size, 0.5)
+    share_first[0] = share_second[-1] = 1.0
+    weight = np.zeros(gap.size + 1)
+    for k in range(3):
+        weight[k : k + a.size] += share_first * first[k] + share_second * second[k]
     return weight
 
 

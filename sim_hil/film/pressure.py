@@ -27,6 +27,21 @@ class Film:
 
 def solve_film(bearing: Bearing, position: Floats, velocity: Floats, memory: FilmMemory | None = None) -> Film:
     """Pressure and fill of one state, position and velocity of shape (2,), SI."""
+    film = unsolved_film(bearing, position, velocity, memory)
+    if bearing.rupture == "jfo":
+        sweeps = _conserve(bearing, film, _film_rate(bearing, film.mesh, velocity), memory)
+    else:
+        sweeps = _rupture(bearing, film)
+    if sweeps == 0:
+        eps = float(np.hypot(*position)) / bearing.clearance_m
+        raise FilmNotConverged(
+            f"rupture boundary not settled after {solver.MAX_SWEEPS} sweeps at eccentricity ratio {eps:.6g}"
+        )
+    return film
+
+
+def unsolved_film(bearing: Bearing, position: Floats, velocity: Floats, memory: FilmMemory | None = None) -> Film:
+    """The film of one state before its pressure is known: only the fixed pressures are filled in."""
     x, y = position / bearing.clearance_m
     eps = float(np.hypot(x, y))
     if eps >= 1:
@@ -48,7 +63,6 @@ def solve_film(bearing: Bearing, position: Floats, velocity: Floats, memory: Fil
     thickness_face = 1 - x * np.cos(mesh.theta_face) - y * np.sin(mesh.theta_face)
     # Rotation and squeeze act only through v_s, so a pure whirl at omega/2 vanishes exactly.
     squeeze = velocity - bearing.speed_rad_s / 2 * np.array([-position[1], position[0]])
-    rate = _film_rate(bearing, mesh, velocity)
     supply = -_film_rate(bearing, mesh, squeeze)[:, None] * mesh.z_width
     around = solver.around_conductance(thickness_face, mesh.theta_gap, mesh.z_width)
     axial = solver.axial_conductance(thickness, mesh.theta_width, mesh.z_gap)
@@ -56,7 +70,7 @@ def solve_film(bearing: Bearing, position: Floats, velocity: Floats, memory: Fil
     axial[mesh.port[:, -1], -1] = 0.0
     if mesh.copies == 1:
         axial[mesh.port[:, 0], 0] = 0.0
-    film = Film(
+    return Film(
         mesh=mesh,
         thickness=thickness,
         thickness_face=thickness_face,
@@ -66,12 +80,6 @@ def solve_film(bearing: Bearing, position: Floats, velocity: Floats, memory: Fil
         around=around,
         axial=axial,
     )
-    sweeps = _conserve(bearing, film, rate, memory) if bearing.rupture == "jfo" else _rupture(bearing, film)
-    if sweeps == 0:
-        raise FilmNotConverged(
-            f"rupture boundary not settled after {solver.MAX_SWEEPS} sweeps at eccentricity ratio {eps:.6g}"
-        )
-    return film
 
 
 def _rupture(bearing: Bearing, film: Film) -> int:
