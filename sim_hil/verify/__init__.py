@@ -1,4 +1,10 @@
-"""`orbitd verify`: this project beside closed forms, published tables and the properties a film must have."""
+"""`orbitd verify`: this project beside closed forms, published tables and the properties a film must have.
+
+With `--json` one object goes to standard output: `failed`, the number of rows outside their tolerance, and `rows`,
+each with `group`, `quantity`, `value` (this project's), `reference`, `source`, `difference` (value less reference; over
+the reference where `kind` is `relative`, in the quantity's unit where it is `absolute`), `tolerance` (of the
+difference) and `pass`; numbers that are not finite are null.  The exit code is 1 when a row fails, else 0.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +13,7 @@ import json
 import math
 from collections.abc import Callable, Iterator
 
+from rich.box import SIMPLE
 from rich.console import Console
 from rich.table import Table
 
@@ -17,7 +24,7 @@ Group = Callable[[], Iterator[Row]]
 
 def groups(quick: bool) -> dict[str, Group]:
     """The groups of rows by title; `quick` leaves out the integrated rotor and the larger tables."""
-    from sim_hil.verify import closed_forms, properties, published, rotor
+    from sim_hil.verify import closed_forms, facts, properties, published, rotor
 
     short = {
         "Short bearing": closed_forms.short_bearing,
@@ -32,7 +39,9 @@ def groups(quick: bool) -> dict[str, Group]:
         "Table and direct film": properties.fast_films,
         "Flow balance": properties.flow_balance,
         "Rigid-rotor modes": rotor.rigid_modes,
-        "Facts of the rig bench": rotor.bench_facts,
+        "Facts of the rig bench": facts.bench,
+        "Facts of the rig seed": facts.seed,
+        "Duty and sensors": facts.duty_and_sensors,
     }
     if quick:
         return short
@@ -47,7 +56,8 @@ def groups(quick: bool) -> dict[str, Group]:
 
 def main(argv: list[str]) -> int:
     """Print the table; 1 when a row is outside its tolerance."""
-    parser = argparse.ArgumentParser(prog="orbitd verify", description=__doc__)
+    what, _, report = str(__doc__).partition("\n\n")
+    parser = argparse.ArgumentParser(prog="orbitd verify", description=what, epilog=report)
     parser.add_argument("--quick", action="store_true", help="without the integrated rotor and the larger tables")
     parser.add_argument("--json", action="store_true", help="for programs")
     options = parser.parse_args(argv)
@@ -72,18 +82,25 @@ def _record(title: str, row: Row) -> dict[str, object]:
 
 
 def _print(results: dict[str, list[Row]]) -> None:
-    console = Console(width=None if Console().is_terminal else 200)
+    """The groups as tables; sources stand below, where they may be long."""
+    console = Console(width=None if Console().is_terminal else 100)
     for title, rows in results.items():
-        table = Table(title=title, title_justify="left", show_edge=False)
-        table.add_column("quantity", overflow="fold", ratio=5)
-        for name in ("this project", "reference"):
-            table.add_column(name, justify="right")
-        table.add_column("source", overflow="fold", ratio=3)
-        for name in ("difference", "tolerance", "pass"):
-            table.add_column(name, justify="right")
+        table = Table(title=title, title_justify="left", box=SIMPLE, pad_edge=False, padding=(0, 1, 0, 0))
+        table.add_column("quantity", overflow="fold", ratio=1)
+        for name in ("this project", "reference", "difference", "tolerance", "pass", "src"):
+            table.add_column(name, justify="right", no_wrap=True)
+        sources = list(dict.fromkeys(row.source for row in rows))
         for row in rows:
-            table.add_row(row.quantity, f"{row.value:.6g}", f"{row.reference:.6g}", row.source, *_judgement(row))
-        console.print(table, "")
+            value, reference, letter = f"{row.value:.6g}", f"{row.reference:.6g}", _letter(sources.index(row.source))
+            table.add_row(row.quantity, value, reference, *_judgement(row), letter)
+        console.print(table)
+        for i, source in enumerate(sources):
+            console.print(f" {_letter(i)}  {source}", markup=False, highlight=False)
+        console.print()
+
+
+def _letter(i: int) -> str:
+    return chr(ord("a") + i)
 
 
 def _judgement(row: Row) -> tuple[str, str, str]:

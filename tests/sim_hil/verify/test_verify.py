@@ -8,6 +8,7 @@ import math
 import pytest
 
 from sim_hil import verify
+from sim_hil.verify.closed_forms import _side_leakage
 from sim_hil.verify.row import Row, reference, residual
 
 
@@ -43,6 +44,22 @@ def test_a_row_outside_its_tolerance_ends_with_one(monkeypatch, capsys):
     monkeypatch.setattr(verify, "groups", lambda quick: {"g": lambda: iter([Row("q", 2.0, 1.0, "s", 0.1)])})
     assert verify.main([]) == 1
     assert "0 of 1 within tolerance" in capsys.readouterr().out
+
+
+def test_a_table_of_hundred_columns_shows_every_row_and_its_source(monkeypatch, capsys):
+    rows = [Row("minimum film, um", 26.2, 26.1, "a table", 0.02), Row("power, W", 9.0, 9.5, "another book", None)]
+    monkeypatch.setattr(verify, "groups", lambda quick: {"Group": lambda: iter(rows)})
+    assert verify.main([]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= 100
+    first = next(line for line in lines if "minimum film, um" in line)
+    assert first.split()[3:] == ["26.2", "26.1", "0.383", "%", "2", "%", "yes", "a"]
+    assert " b  another book" in lines
+
+
+def test_side_leakage_is_exact_for_a_light_load():
+    for ratio in (0.5, 1.0, 8.0):
+        assert _side_leakage(1e-4, ratio) == pytest.approx(1 - math.tanh(ratio) / ratio, rel=1e-5)
 
 
 def test_every_reference_row_is_in_the_quick_table(quick):
