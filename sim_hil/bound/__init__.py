@@ -19,16 +19,19 @@ from firmware_py.errors import OrbitdError
 if TYPE_CHECKING:
     from sim_hil.bound.case import Case, Plan
     from sim_hil.bound.disturbances import Disturbances
+    from sim_hil.bound.episodes import episode_references
     from sim_hil.bound.reference import Reference, References, references
     from sim_hil.bound.study import Entry
 
-__all__ = ["Disturbances", "DutyFileError", "Plan", "Reference", "References", "main", "references"]
+__all__ = [
+    "Disturbances", "DutyFileError", "Plan", "Reference", "References", "episode_references", "main", "references",
+]  # fmt: skip
 
 KINDS = {"isothermal": False, "thermal": True}
 SPACING_UM, QUICK_SPACING_UM = 4, 12
 
 _HOMES = {"Disturbances": "disturbances", "Plan": "case", "Reference": "reference", "References": "reference",
-          "references": "reference"}  # fmt: skip
+          "episode_references": "episodes", "references": "reference"}  # fmt: skip
 
 
 def __getattr__(name: str) -> Any:

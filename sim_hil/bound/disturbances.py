@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sim_hil.bound.case import BIN_S, Case
-from sim_hil.bound.maps import Map, Mapper, build_map
+from sim_hil.bound.maps import Map, Mapper, build_map, judged_alone
 from sim_hil.duty import RAD_S_PER_RPM, Duty
 from sim_hil.rigs import RigData
 from sim_hil.rotor.parameters import Floats
 
-_POINTS = 5
+_POINTS, _SPACING_UM = 5, 8
 _HOLD_S, _RAMP_S = 1.2, 0.3
 _LOOK_BINS = 4
 _REACTION_S = 0.25
@@ -75,13 +75,14 @@ class Surroundings:
         return np.asarray((grid >= low) & (grid <= high))
 
 
-def surroundings(case: Case, spacing_um: int, pressures_Pa: tuple[float, ...], mapper: Mapper = map) -> Surroundings:
+def surroundings(case: Case, pressures_Pa: tuple[float, ...], mapper: Mapper = map) -> Surroundings:
     """Admissible clearances over the rig's speeds and loads, from runs that visit a grid and the duty's corners.
 
     With several pressures a clearance is admissible if it is with one of them: pressure follows in 0.1 s.
     """
     tour, speed, load = _tour(case.rig, case.duty)
-    found = build_map(replace(case, duty=tour), spacing_um, pressures_Pa, mapper)
+    round_trip = replace(case, duty=tour)
+    found = build_map(round_trip, _SPACING_UM, pressures_Pa, judged_alone(round_trip, mapper))
     ends = np.floor((np.arange(speed.size) * (_HOLD_S + _RAMP_S) + _HOLD_S) / BIN_S + 1e-6).astype(np.int64)
     look = ends[:, None] - 1 - np.arange(_LOOK_BINS)
     allowed = np.asarray(found.admissible[..., look].all(axis=-1).any(axis=0))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import product
@@ -10,10 +10,13 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from sim_hil.bound.case import Case, Plan
+from sim_hil.bound.case import Case, Plan, Profile
 from sim_hil.bound.kept import kept_profile
 from sim_hil.bound.limits import ORBIT_SHARE
 from sim_hil.rotor.parameters import Floats
+
+Judge = Callable[[Sequence[Plan]], Sequence[Profile]]
+"""Runs plans of one duty and tells what each came to, bin by bin."""
 
 
 class Mapper(Protocol):
@@ -21,6 +24,11 @@ class Mapper(Protocol):
 
     def __call__(self, work: Callable[[Any], Any], items: Iterable[Any], /) -> Iterable[Any]:
         """`work` over `items`, in order."""
+
+
+def judged_alone(case: Case, mapper: Mapper = map) -> Judge:
+    """By the rotor alone on the table film; profiles are kept in the user's cache."""
+    return lambda plans: list(mapper(partial(kept_profile, case), plans))
 
 
 @dataclass(frozen=True)
@@ -42,13 +50,13 @@ class Map:
         return np.asarray((self.film_margin_m >= 0) & (self.orbit_margin >= 0))
 
 
-def build_map(case: Case, spacing_um: int, pressures_Pa: Iterable[float], mapper: Mapper = map) -> Map:
+def build_map(case: Case, spacing_um: int, pressures_Pa: Iterable[float], judge: Judge) -> Map:
     """Run each pressure with a clearance every `spacing_um`, and interpolate the clearances to 1 um."""
     b, pressures = case.rig.bearing, np.array(list(pressures_Pa), dtype=np.float64)
     low, high = round(b.clearance_min_m * 1e6), round(b.clearance_max_m * 1e6)
     known = sorted({*range(low, high + 1, spacing_um), high})
     plans = [Plan.fixed(c * 1e-6, p) for p, c in product(pressures.tolist(), known)]
-    profiles = list(mapper(partial(kept_profile, case), plans))
+    profiles = judge(plans)
     grid = np.arange(low, high + 1, dtype=np.float64)
 
     def spread(name: str) -> Floats:

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from scipy.ndimage import binary_dilation
 
-from sim_hil.bound.case import Case, Plan, Profile, Verdict
-from sim_hil.bound.disturbances import Disturbances, in_sight, surroundings
-from sim_hil.bound.kept import kept_profile
+from sim_hil.bound.case import Case, Plan, Verdict
+from sim_hil.bound.disturbances import Disturbances, Surroundings, in_sight, surroundings
 from sim_hil.bound.limits import Limits
-from sim_hil.bound.maps import Map, Mapper, build_map
+from sim_hil.bound.maps import Judge, Map, Mapper, build_map, judged_alone
 from sim_hil.bound.schedules import NoSchedule, causal, preview
 from sim_hil.build import Build
 from sim_hil.duty import RAD_S_PER_RPM, Duty
@@ -23,9 +20,6 @@ from sim_hil.rigs import RigData, read_json
 MOST_UM = 12
 """Margins beyond this are not tried."""
 _AROUND_BINS = 4
-
-Judge = Callable[[Plan], Profile]
-"""Runs a plan and tells what it came to in each bin of 0.1 s."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +45,8 @@ class References:
 def references(
     rig: RigData, duty: Duty, *, build: Build | None = None, thermal: bool = True, inlet_C: float | None = None,
     seconds: float | None = None, start_m: float | None = None, limits: Limits | None = None,
-    expected: Disturbances | None = None, spacing_um: int = 8, judge: Judge | None = None, mapper: Mapper = map,
+    expected: Disturbances | None = None, spacing_um: int = 8, mapper: Mapper = map, judge: Judge | None = None,
+    held_s: float = 0.0,
 ) -> References:  # fmt: skip
     """Preview and causal reference of any duty of any build, clearance alone, each feasible in the time domain.
 
@@ -79,12 +74,14 @@ def references(
         The declared set of disturbances, for the causal reference.
     spacing_um
         Clearances of the map that are run; between them it is interpolated to 1 um.
-    judge
-        Runs a plan (`Plan.clearance(time_s)` is the target, m) in the caller's own simulation and gives its `Profile`
-        in bins of 0.1 s; the rotor alone on the table film, at least 50 samples a turn, when None. Compare watts only
-        within one simulation.
     mapper
         A pool's `map`, for several cores.
+    judge
+        Runs plans, fixed ones and schedules, in the caller's own simulation (`Plan.clearance(time_s)` is the target,
+        m) and gives their profiles; the rotor alone on the table film, at least 50 samples a turn, when None. Compare
+        watts only within one simulation: `sim_hil.bound.episode_references` does so for the environments.
+    held_s
+        How long that simulation holds a target; preview reads its plan that much further ahead.
 
     Returns
     -------
@@ -94,10 +91,12 @@ def references(
     """
     limits = Limits.of(read_json("duty_bench.json")) if limits is None else limits
     case = Case(rig, duty if seconds is None else cut(duty, seconds), limits, thermal, build, inlet_C)
-    found = build_map(case, spacing_um, (rig.supply.nominal_Pa,), mapper)
-    judge = partial(kept_profile, case) if judge is None else judge
-    blind = best_causal(case, found, expected or Disturbances(), spacing_um, judge, start_m, mapper)
-    return References(found, best_preview(case, found, judge, start_m, blind), blind)
+    judge = judged_alone(case, mapper) if judge is None else judge
+    found = build_map(case, spacing_um, (rig.supply.nominal_Pa,), judge)
+    around = surroundings(case, (rig.supply.nominal_Pa,), mapper)
+    blind = best_causal(case, found, around, expected or Disturbances(), judge, start_m)
+    lead_s = rig.actuator.time_constant_s + held_s
+    return References(found, best_preview(case, found, judge, lead_s, start_m, blind), blind)
 
 
 def cut(duty: Duty, seconds: float) -> Duty:
@@ -117,7 +116,7 @@ def rate_of(case: Case) -> float:
 
 
 def best_preview(
-    case: Case, found: Map, judge: Judge, start_m: float | None = None, blind: Reference | None = None
+    case: Case, found: Map, judge: Judge, lead_s: float, start_m: float | None = None, blind: Reference | None = None
 ) -> Reference | None:  # fmt: skip
     """The cheapest path that keeps the limits in time, or the causal one `blind` if that is cheaper still.
 
@@ -126,8 +125,8 @@ def best_preview(
     margin, best = np.zeros(found.power_W.shape[-1], dtype=np.int64), blind
     with suppress(NoSchedule):
         while margin.max() <= MOST_UM:
-            plan = preview(found, margin, rate_of(case), case.rig.actuator.time_constant_s, start_m)
-            profile = judge(plan)
+            plan = preview(found, margin, rate_of(case), lead_s, start_m)
+            (profile,) = judge([plan])
             way = Reference(plan, Verdict.of(profile))
             if way.verdict.feasible:
                 cheaper = best is None or way.verdict.mean_power_W < best.verdict.mean_power_W
@@ -137,17 +136,16 @@ def best_preview(
 
 
 def best_causal(
-    case: Case, found: Map, expected: Disturbances, spacing_um: int, judge: Judge, start_m: float | None = None,
-    mapper: Mapper = map,
+    case: Case, found: Map, around: Surroundings, expected: Disturbances, judge: Judge, start_m: float | None = None
 ) -> Reference | None:  # fmt: skip
     """The causal path of the smallest margin that keeps the limits in time."""
-    around = surroundings(case, spacing_um, tuple(found.pressure_Pa.tolist()), mapper)
     ready = around.ready(case, expected, rate_of(case), found.clearance_m.size)
     ramps = in_sight(found, expected, case.duty)
     for margin in range(MOST_UM + 1):
         with suppress(NoSchedule):
             plan = causal(found, margin, ready, ramps, rate_of(case), start_m)
-            way = Reference(plan, Verdict.of(judge(plan)))
+            (profile,) = judge([plan])
+            way = Reference(plan, Verdict.of(profile))
             if way.verdict.feasible:
                 return way
     return None

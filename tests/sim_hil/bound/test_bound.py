@@ -20,6 +20,7 @@ from sim_hil.duty import Duty
 from sim_hil.response import Trajectory
 from sim_hil.rigs import load_rig, read_json
 from sim_hil.rotor.rigid import COLUMNS
+from sim_hil.vector_environment import RotorVectorEnv
 
 LIMITS = Limits(10e-6, 50e-6)
 NO_MARGIN = np.zeros(1, dtype=int)
@@ -226,3 +227,18 @@ def test_references_of_a_build_from_where_it_stands():
         assert way.plan.clearance(0.0) == pytest.approx(50e-6, abs=3e-6)
     assert found.preview.verdict.mean_power_W <= 1.005 * found.causal.verdict.mean_power_W
     assert found.preview.verdict.mean_power_W < found.map.power_W[0, 10].mean()
+
+
+@pytest.mark.slow
+def test_references_of_an_episode_are_its_own_environments():
+    episode, found = bound.episode_references(3, episode_s=6.0, spacing_um=20)
+    env = RotorVectorEnv(1, episode_s=6.0)
+    env.reset(seed=[3])
+    assert env.episodes[0].clearance_m == episode.clearance_m
+    power = []
+    for step in range(60):
+        share = (found.preview.plan.clearance(0.1 * step) - 40e-6) / 120e-6
+        power.append(env.step(np.array([[2 * share - 1]], dtype=np.float32))[4]["power_W"][0])
+    assert np.mean(power) == pytest.approx(found.preview.verdict.mean_power_W, rel=1e-6)
+    assert found.preview.verdict.feasible
+    assert found.preview.verdict.mean_power_W <= found.causal.verdict.mean_power_W

@@ -1,0 +1,81 @@
+"""The references of an episode of the environments, found and judged in the environment itself."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from sim_hil import control_task
+from sim_hil.bound.case import Plan, Profile
+from sim_hil.bound.disturbances import Disturbances
+from sim_hil.bound.maps import Mapper
+from sim_hil.bound.reference import References, references
+from sim_hil.control_task import CONTROL_S, Episode
+from sim_hil.rotor.parameters import Floats
+from sim_hil.vector_environment import RotorVectorEnv
+
+
+def episode_references(
+    seed: int, *, rig: str = "bench", episode_s: float = 30.0, disturbances: control_task.Disturbances | None = None,
+    spacing_um: int = 8, mapper: Mapper = map,
+) -> tuple[Episode, References]:  # fmt: skip
+    """Preview and causal reference of the episode that the environments draw from `seed`, from its own start.
+
+    Watts and violations are those of `RotorVectorEnv` (the episode of `RotorEnv` is the same): every fixed clearance
+    and every schedule runs in it, with drifting inlet and growing faults.  The causal reference is ready for load and
+    speed ramps as fast as the declared ones; it knows the build at its end of the episode, with the warmer inlet.
+    An episode whose `preview` is None breaks a limit under any schedule found, and is not to be counted.
+
+    Some 10 s a call on one core: `ProcessPoolExecutor.map(episode_references, seeds)`.
+    """
+    declared = disturbances or control_task.Disturbances()
+    runner = _Runner(seed, rig, episode_s, declared)
+    episode, loaded = runner.episode, runner.environment(1).rig
+    end = replace(
+        episode.build, unbalance_kg_m=episode.build.unbalance_kg_m + episode.unbalance_kg_m.at(episode_s),
+        clearance_error_m=episode.build.clearance_error_m + episode.wear_m.at(episode_s),
+    )  # fmt: skip
+    expected = Disturbances(declared.load_rate_N_s, declared.speed_rate_rpm_s)
+    return episode, references(
+        loaded, episode.duty, build=end, inlet_C=max(episode.inlet_C), seconds=episode_s, start_m=episode.clearance_m,
+        expected=expected, spacing_um=spacing_um, mapper=mapper, judge=runner, held_s=CONTROL_S,
+    )  # fmt: skip
+
+
+class _Runner:
+    """Runs plans side by side in copies of one episode; a thin film ends none of them."""
+
+    def __init__(self, seed: int, rig: str, episode_s: float, disturbances: control_task.Disturbances) -> None:
+        self._seed, self._rig, self._disturbances = seed, rig, disturbances
+        self._episode_s, self._steps = episode_s, round(episode_s / CONTROL_S)
+        environment = self.environment(1)
+        environment.reset(seed=[seed])
+        self.episode = environment.episodes[0]
+
+    def environment(self, copies: int) -> RotorVectorEnv:
+        """That many rotors."""
+        limits = replace(control_task.Limits(), trip_film_m=-1.0)
+        return RotorVectorEnv(
+            copies, self._rig, self._episode_s, limits=limits, disturbances=self._disturbances
+        )  # fmt: skip
+
+    def __call__(self, plans: Sequence[Plan]) -> list[Profile]:
+        """What each plan came to."""
+        environment = self.environment(len(plans))
+        environment.reset(seed=[self._seed] * len(plans))
+        rows = []
+        for step in range(self._steps):
+            wish_m = np.array([plan.clearance(step * CONTROL_S) for plan in plans])
+            infos = environment.step(_actions(environment, wish_m))[4]
+            share = infos["peak_to_peak_m"] / infos["clearance_m"]
+            rows.append([infos["power_W"], infos["min_film_m"], share, CONTROL_S * infos["violated"]])
+        return [Profile(*figures) for figures in np.array(rows).transpose(2, 1, 0)]
+
+
+def _actions(environment: RotorVectorEnv, wish_m: Floats) -> np.ndarray:
+    """Actions in [-1, 1] that ask for clearances, m."""
+    b = environment.rig.bearing
+    share = (wish_m - b.clearance_min_m) / (b.clearance_max_m - b.clearance_min_m)
+    return (2 * share - 1).astype(np.float32)[:, None]
