@@ -1,19 +1,19 @@
 """Static equilibrium of the journal and the linear coefficients of the film around it."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Unpack
+from dataclasses import dataclass, fields
+from typing import Unpack, overload
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from .balance import REST, direction, position_of_load, position_of_ratio
 from .bearing import Bearing
-from .force import evaluate
-from .records import FilmArguments, FilmError, FilmForce, FilmNotConverged, Floats
+from .force import evaluate, stack
+from .records import FilmArguments, FilmError, FilmForce, FilmRules, Floats
 
-_MAX_STEPS = 60
-_RING_STARTS = 36
-_TOLERANCE = 1e-8
-_REST = np.zeros(2)
+_POSITION_STEP = 0.01
+_VELOCITY_STEP = 0.05
 
 
 @dataclass(frozen=True)
@@ -62,13 +62,63 @@ class Equilibrium:
         return float(self.film.side_flow_m3_s)
 
 
+@dataclass(frozen=True)
+class Equilibria:
+    """The numbers of `Equilibrium` for a batch, which is their leading axes (attitude_rad: from -pi to pi)."""
+
+    eccentricity_ratio: Floats
+    attitude_rad: Floats
+    position_m: Floats
+    load_N: Floats
+    sommerfeld: Floats
+    friction_variable: Floats
+    film: FilmForce
+    stiffness_N_m: Floats
+    damping_N_s_m: Floats
+    stiffness: Floats
+    damping: Floats
+    whirl_ratio: Floats
+    threshold: Floats
+
+    @property
+    def side_flow_m3_s(self) -> Floats:
+        """Flow out of both ends, m3/s."""
+        return self.film.side_flow_m3_s
+
+
+@overload
 def equilibrium(
     *,
     load_N: float | None = None,
     eccentricity_ratio: float | None = None,
     load_angle_rad: float = -np.pi / 2,
     **film: Unpack[FilmArguments],
-) -> Equilibrium:
+) -> Equilibrium: ...
+
+
+@overload
+def equilibrium(
+    *,
+    clearance_m: ArrayLike,
+    viscosity_Pa_s: ArrayLike,
+    speed_rad_s: ArrayLike,
+    load_N: ArrayLike | None = None,
+    eccentricity_ratio: ArrayLike | None = None,
+    load_angle_rad: ArrayLike = -np.pi / 2,
+    **film: Unpack[FilmRules],
+) -> Equilibria: ...
+
+
+def equilibrium(
+    *,
+    clearance_m: ArrayLike,
+    viscosity_Pa_s: ArrayLike,
+    speed_rad_s: ArrayLike,
+    load_N: ArrayLike | None = None,
+    eccentricity_ratio: ArrayLike | None = None,
+    load_angle_rad: ArrayLike = -np.pi / 2,
+    **film: Unpack[FilmRules],
+) -> Equilibrium | Equilibria:
     """Equilibrium under a given load, or at a given eccentricity ratio, with a load of given direction.
 
     Parameters
@@ -77,52 +127,93 @@ def equilibrium(
         One of the two: the static load on the journal, N, or the eccentricity over the clearance.
     load_angle_rad
         Direction of the load, rad; the default is downwards.
-    **film
-        Bearing, oil and rules as in `film_force`.
+    clearance_m, viscosity_Pa_s, speed_rad_s, **film
+        Bearing, oil and rules as in `film_force`. These three, the load, its angle and the eccentricity ratio may
+        be arrays that broadcast: the answer is then `Equilibria`.
 
     Raises
     ------
     FilmError
         Both or neither given, out of range, or a film that carries no load.
     FilmNotConverged
-        No equilibrium found.
+        No equilibrium found, as for a load that is more than the film carries.
     """
-    bearing = Bearing.of(film)
-    bearing.check_memory(None)
     if (load_N is None) == (eccentricity_ratio is None):
         raise FilmError("give either load_N or eccentricity_ratio")
+    asked = load_N if load_N is not None else eccentricity_ratio
+    arrays = [
+        np.asarray(a, dtype=np.float64) for a in (asked, load_angle_rad, clearance_m, viscosity_Pa_s, speed_rad_s)
+    ]
+    states = [_one(load_N is not None, film, *numbers) for numbers in np.broadcast(*arrays)]
+    shape = np.broadcast_shapes(*(a.shape for a in arrays))
+    return _stacked(states, shape) if shape else states[0]
+
+
+def _one(
+    by_load: bool,
+    rules: FilmRules,
+    asked: float,
+    load_angle_rad: float,
+    clearance_m: float,
+    viscosity_Pa_s: float,
+    speed_rad_s: float,
+) -> Equilibrium:
+    arguments: FilmArguments = {
+        **rules,
+        "clearance_m": float(clearance_m),
+        "viscosity_Pa_s": float(viscosity_Pa_s),
+        "speed_rad_s": float(speed_rad_s),
+    }
+    bearing = Bearing.of(arguments)
+    bearing.check_memory(None)
     if not np.isfinite(load_angle_rad):
         raise FilmError(f"load_angle_rad = {load_angle_rad}: must be finite")
-    if eccentricity_ratio is not None:
-        if not 0 < eccentricity_ratio < 1:
-            raise FilmError(f"eccentricity_ratio = {eccentricity_ratio}: must be above 0 and below 1")
-        position = _position_of_ratio(bearing, eccentricity_ratio, load_angle_rad)
+    if by_load:
+        if not (np.isfinite(asked) and asked > 0):
+            raise FilmError(f"load_N = {asked}: must be finite and above zero")
+        position = position_of_load(bearing, asked * direction(load_angle_rad))
     else:
-        assert load_N is not None
-        if not (np.isfinite(load_N) and load_N > 0):
-            raise FilmError(f"load_N = {load_N}: must be finite and above zero")
-        position = _position_of_load(bearing, load_N * _direction(load_angle_rad))
+        if not 0 < asked < 1:
+            raise FilmError(f"eccentricity_ratio = {asked}: must be above 0 and below 1")
+        position = position_of_ratio(bearing, asked, load_angle_rad)
     return _describe(bearing, position, load_angle_rad)
+
+
+def _stacked(states: list[Equilibrium], batch: tuple[int, ...]) -> Equilibria:
+    """The numbers of many states as arrays."""
+    if not states:
+        raise FilmError(f"a batch of shape {batch} holds no state")
+    numbers = {}
+    for field in fields(Equilibria):
+        if field.name != "film":
+            values = np.stack([np.asarray(getattr(one, field.name)) for one in states])
+            numbers[field.name] = values.reshape(batch + values.shape[1:])
+    return Equilibria(film=stack([one.film for one in states], batch, False), **numbers)
 
 
 def linear_coefficients(bearing: Bearing, position: Floats, axes: Floats) -> tuple[Floats, Floats]:
     """Stiffness and damping of the film at rest there, along the two orthonormal rows of `axes`, SI.
 
-    Central differences. The step spans several cells of the rupture boundary: smaller ones show its graininess.
+    Central differences, of second order in position and of fourth in velocity: with velocity the rupture boundary
+    moves across the grid, whose grain a long step evens out (0.1 % of the largest coefficient at the standard grid).
     """
-    gap = bearing.clearance_m - np.hypot(*position)
-    step = 0.01 * gap
-    rate = step * (abs(bearing.speed_rad_s) or 1.0)
+    c, e = bearing.clearance_m, float(np.hypot(*position))
+    reach = _POSITION_STEP * min(c - e, max(4 * e, 1e-3 * c))
+    supply = max((abs(f.pressure_Pa) for f in bearing.feed), default=0.0) / bearing.pressure_scale_Pa_s
+    rate = _VELOCITY_STEP * max(e, 1e-3 * c) * (abs(bearing.speed_rad_s) or supply or 1.0)
 
-    def slope(axis: Floats, reach: float, moves: bool) -> Floats:
-        forces = [
-            evaluate(bearing, position + s * (not moves) * axis, s * moves * axis).force_N for s in (-reach, reach)
-        ]
-        return axes @ (forces[0] - forces[1]) / (2 * reach)
+    def displaced(shift: Floats) -> Floats:
+        return axes @ evaluate(bearing, position + shift, REST).force_N
 
-    stiffness = np.column_stack([slope(axis, step, False) for axis in axes])
-    damping = np.column_stack([slope(axis, rate, True) for axis in axes])
-    return stiffness, damping
+    def moving(velocity: Floats) -> Floats:
+        return axes @ evaluate(bearing, position, velocity).force_N
+
+    def drop(at: Callable[[Floats], Floats], step: Floats) -> Floats:
+        return (at(-step) - at(step)) / 2
+
+    stiffness = [drop(displaced, reach * a) / reach for a in axes]
+    damping = [(4 * drop(moving, rate * a) - drop(moving, 2 * rate * a) / 2) / (3 * rate) for a in axes]
+    return np.column_stack(stiffness), np.column_stack(damping)
 
 
 def whirl_threshold(stiffness: Floats, damping: Floats) -> tuple[float, float]:
@@ -136,116 +227,16 @@ def whirl_threshold(stiffness: Floats, damping: Floats) -> tuple[float, float]:
     return float(np.sqrt(squared)), float(np.sqrt(effective / squared))
 
 
-def _direction(angle: float) -> Floats:
-    return np.array([np.cos(angle), np.sin(angle)])
-
-
 def _wrapped(angle: float) -> float:
     return float(np.remainder(angle + np.pi, 2 * np.pi) - np.pi)
 
 
-def _root(function: Callable[[float], float], low: float, high: float) -> float:
-    """Root between two points of different sign (regula falsi, Illinois variant)."""
-    f_low, f_high = function(low), function(high)
-    while abs(high - low) > _TOLERANCE and f_low != f_high:
-        middle = high - f_high * (high - low) / (f_high - f_low)
-        value = function(middle)
-        if value == 0 or abs(middle - high) < _TOLERANCE:
-            return middle
-        if value * f_high < 0:
-            low, f_low = high, f_high
-        else:
-            f_low /= 2
-        high, f_high = middle, value
-    return high
-
-
-def _position_of_ratio(bearing: Bearing, ratio: float, load_angle: float) -> Floats:
-    """Turn the journal around the ring until the film opposes the load.
-
-    Unfed the force turns with the journal: one turn. Feeds break that; then every attitude of the ring is tried
-    and of several the one that carries most is taken.
-    """
-
-    def place(angle: float) -> Floats:
-        return ratio * bearing.clearance_m * _direction(angle)
-
-    def along_and_across(angle: float) -> Floats:
-        force = evaluate(bearing, place(angle), _REST).force_N
-        if not np.any(force):
-            raise FilmError("the film carries no load: it has neither speed nor feed")
-        x, y = _direction(load_angle)
-        return np.array([[-x, -y], [-y, x]]) @ force
-
-    if not bearing.feed:
-        carried, across = along_and_across(load_angle)
-        return place(load_angle + np.arctan2(across, carried))
-    angles = load_angle + np.linspace(0, 2 * np.pi, _RING_STARTS + 1)
-    across = [along_and_across(a)[1] for a in angles]
-    roots = [
-        _root(lambda a: float(along_and_across(a)[1]), angles[i], angles[i + 1])
-        for i in range(_RING_STARTS)
-        if across[i] * across[i + 1] <= 0
-    ]
-    carried, angle = max((along_and_across(a)[0], a) for a in roots)
-    if carried <= 0:
-        raise FilmNotConverged(f"no attitude carries a load at eccentricity ratio {ratio}: the feeds outweigh it")
-    return place(angle)
-
-
-def _position_of_load(bearing: Bearing, load: Floats) -> Floats:
-    """Damped Newton iteration on the balance of film force and load."""
-    c = bearing.clearance_m
-    size = float(np.hypot(*load))
-    position = _short_bearing_guess(bearing, load)
-    balance = evaluate(bearing, position, _REST).force_N + load
-    for _ in range(_MAX_STEPS):
-        if np.hypot(*balance) < _TOLERANCE * size:
-            return position
-        axes = np.eye(2)
-        reach = 1e-4 * (c - np.hypot(*position))
-        columns = [evaluate(bearing, position + reach * a, _REST).force_N + load - balance for a in axes]
-        step = _solved(np.column_stack(columns) / reach, -balance)
-        gap = c - np.hypot(*position)
-        step *= min(1.0, 0.6 * gap / max(np.hypot(*step), 1e-300))
-        for _ in range(12):
-            trial = evaluate(bearing, position + step, _REST).force_N + load
-            if np.hypot(*trial) < np.hypot(*balance):
-                break
-            step = step / 2
-        position, balance = position + step, trial
-    raise FilmNotConverged(
-        f"no equilibrium found for a load of {size:.6g} N: {np.hypot(*balance):.3g} N out of balance at "
-        f"eccentricity ratio {np.hypot(*position) / c:.6g}"
-    )
-
-
-def _solved(jacobian: Floats, right: Floats) -> Floats:
-    try:
-        return np.asarray(np.linalg.solve(jacobian, right), dtype=np.float64)
-    except np.linalg.LinAlgError as error:
-        raise FilmError("the film carries no load: it has neither speed nor feed") from error
-
-
-def _short_bearing_guess(bearing: Bearing, load: Floats) -> Floats:
-    """Equilibrium of the short bearing with pi film, a start for any length (Ocvirk 1952)."""
-    ratio = np.linspace(0.01, 0.97, 97)
-    scale = bearing.viscosity_Pa_s * abs(bearing.speed_rad_s) * bearing.radius_m / (4 * bearing.clearance_m**2)
-    shape = 1 / bearing.length_m**2 + 1 / (2 * bearing.radius_m) ** 2
-    root = np.sqrt(16 * ratio**2 + np.pi**2 * (1 - ratio**2))
-    carried = scale * bearing.length_m / shape * ratio / (1 - ratio**2) ** 2 * root
-    eps = float(np.interp(np.hypot(*load), carried, ratio))
-    attitude = np.arctan2(np.pi * np.sqrt(1 - eps**2), 4 * eps)
-    sense = -1.0 if bearing.speed_rad_s < 0 else 1.0
-    return eps * bearing.clearance_m * _direction(np.arctan2(load[1], load[0]) + sense * attitude)
-
-
 def _describe(bearing: Bearing, position: Floats, load_angle: float) -> Equilibrium:
-    film = evaluate(bearing, position, _REST)
+    film = evaluate(bearing, position, REST)
     c, omega = bearing.clearance_m, abs(bearing.speed_rad_s)
     sense = -1.0 if bearing.speed_rad_s < 0 else 1.0
     load = float(np.hypot(*film.force_N))
-    along = _direction(load_angle)
+    along = direction(load_angle)
     axes = np.array([along, sense * np.array([-along[1], along[0]])])
     stiffness, damping = linear_coefficients(bearing, position, axes)
     whirl_ratio, threshold = whirl_threshold(stiffness * c / load, damping * c * omega / load)

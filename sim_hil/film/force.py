@@ -88,7 +88,7 @@ def film_force(
     batch = position.shape[:-1]
     states = zip(position.reshape(-1, 2), velocity.reshape(-1, 2), _memories(memory, batch), strict=True)
     results = [evaluate(bearing, e, v, m, fields) for e, v, m in states]
-    return _stack(results, batch, fields)
+    return stack(results, batch, fields)
 
 
 def _states(position_m: ArrayLike, velocity_m_s: ArrayLike) -> tuple[Floats, Floats]:
@@ -206,7 +206,7 @@ def _whole_length(film: Film) -> tuple[Floats, Floats, Floats]:
     return both(film.pressure), both(film.fill), z
 
 
-def _stack(results: list[FilmForce], batch: tuple[int, ...], fields: bool) -> FilmForce:
+def stack(results: list[FilmForce], batch: tuple[int, ...], fields: bool) -> FilmForce:
     """Put the batch axes back."""
 
     def stacked(name: str) -> Floats:

@@ -54,14 +54,11 @@ class Feed:
     pressure_Pa: float
 
 
-class FilmArguments(TypedDict, total=False):
-    """The film arguments of `film_force` that describe bearing, oil and rules, for functions that pass them on."""
+class FilmRules(TypedDict, total=False):
+    """The film arguments of `film_force` that stay the same over a batch of equilibria."""
 
     radius_m: Required[float]
     length_m: Required[float]
-    clearance_m: Required[float]
-    viscosity_Pa_s: Required[float]
-    speed_rad_s: Required[float]
     rupture: Rupture
     inlet: Inlet
     feed: Sequence[Feed]
@@ -70,6 +67,14 @@ class FilmArguments(TypedDict, total=False):
     couette: Couette
     clearance_rate_m_s: float
     grid: tuple[int, int]
+
+
+class FilmArguments(FilmRules, total=False):
+    """The film arguments of `film_force` that describe bearing, oil and rules, for functions that pass them on."""
+
+    clearance_m: Required[float]
+    viscosity_Pa_s: Required[float]
+    speed_rad_s: Required[float]
 
 
 @dataclass(frozen=True)

@@ -10,14 +10,14 @@ def line_coefficients(values: Floats, axis: int) -> Floats:
     rows = np.moveaxis(values, axis, 0)
     padded = np.pad(rows, ((1, 1), *((0, 0),) * (rows.ndim - 1)))
     solved = np.linalg.solve(_not_a_knot(rows.shape[0]), padded.reshape(padded.shape[0], -1))
-    return np.moveaxis(solved.reshape(padded.shape), 0, axis)
+    return np.moveaxis(np.asarray(solved, dtype=np.float64).reshape(padded.shape), 0, axis)
 
 
 def ring_coefficients(values: Floats, axis: int) -> Floats:
     """Coefficients along a periodic axis, as many as values: the collocation is a product of their waves."""
     rows = np.moveaxis(values, axis, -1)
     smoothing = (2 + np.cos(2 * np.pi * np.arange(rows.shape[-1]) / rows.shape[-1])) / 3
-    ring = np.fft.ifft(np.fft.fft(rows, axis=-1) / smoothing, axis=-1).real
+    ring: Floats = np.fft.ifft(np.fft.fft(rows, axis=-1) / smoothing, axis=-1).real
     return np.moveaxis(ring, -1, axis)
 
 
