@@ -8,10 +8,10 @@ from functools import partial
 
 import numpy as np
 
-from sim_hil.bound.limits import ORBIT_SHARE, SAMPLES_PER_TURN, Limits, orbit_share
+from sim_hil.bound.limits import ORBIT_SHARE, Limits, orbit_share
 from sim_hil.build import Build
 from sim_hil.duty import Duty
-from sim_hil.response import Trajectory, simulate
+from sim_hil.response import SAMPLES_PER_TURN, Trajectory, simulate
 from sim_hil.rigs import RigData
 from sim_hil.rotor.parameters import Floats
 

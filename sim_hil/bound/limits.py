@@ -12,7 +12,6 @@ from sim_hil.duty import Duty
 from sim_hil.response import Trajectory
 from sim_hil.rotor.parameters import Floats
 
-SAMPLES_PER_TURN = 50
 WINDOW_TURNS = 20
 ORBIT_SHARE = 0.5
 """Largest peak-to-peak over the present radial clearance."""
