@@ -17,11 +17,10 @@ import math
 
 from numba import njit
 
-from sim_hil.rotor.bearing import gap
+from sim_hil.rotor.bearing import bearing_force, gap
 from sim_hil.rotor.film_law import Law
 from sim_hil.rotor.kernel import relative
-from sim_hil.rotor.parameters import Oil, Plant, Six, State
-from sim_hil.rotor.rigid import film_slopes
+from sim_hil.rotor.parameters import Eight, Film, Oil, Plant, Six, State
 
 THETA = 0.55
 """Share of the new velocity in the film force: 1/2 is centred, a little more damps the stiffest modes."""
@@ -29,6 +28,36 @@ NEAR_CONTACT = 0.02
 """Gap, relative to the clearance, below which a step is Euler's."""
 _TURNED_SHARE = 0.5
 _CROSSED_SHARE = 0.5
+
+
+@njit(cache=True, error_model="numpy")
+def film_slopes(
+    law: Law, film: Film, oil: Oil, ex: float, ey: float, vx: float, vy: float, omega: float, c: float, c_rate: float
+) -> Eight:
+    """Forward differences of the film force: dF/de (xx, xy, yx, yy), then dF/dv."""
+    de = 1e-5 * max(gap(film, ex, ey, c), 0.01 * c)
+    dv = 1e-4 * (c * abs(omega) + abs(vx) + abs(vy)) + 1e-9
+    f0 = bearing_force(law, film, oil, ex, ey, vx, vy, omega, c, c_rate)
+    f1 = bearing_force(law, film, oil, ex + de, ey, vx, vy, omega, c, c_rate)
+    f2 = bearing_force(law, film, oil, ex, ey + de, vx, vy, omega, c, c_rate)
+    f3 = bearing_force(law, film, oil, ex, ey, vx + dv, vy, omega, c, c_rate)
+    f4 = bearing_force(law, film, oil, ex, ey, vx, vy + dv, omega, c, c_rate)
+    return (
+        (f1[0] - f0[0]) / de, (f2[0] - f0[0]) / de, (f1[1] - f0[1]) / de, (f2[1] - f0[1]) / de,
+        (f3[0] - f0[0]) / dv, (f4[0] - f0[0]) / dv, (f3[1] - f0[1]) / dv, (f4[1] - f0[1]) / dv,
+    )  # fmt: skip
+
+
+@njit(cache=True)
+def crossing(film: float, wx: float, wy: float, c: float, dt: float) -> bool:
+    """Whether the journal is near contact, or crosses its smallest ``film`` within a step."""
+    return film <= NEAR_CONTACT * c or math.hypot(wx, wy) * dt >= _CROSSED_SHARE * film
+
+
+@njit(cache=True)
+def turned(sx: float, sy: float, held_x: float, held_y: float) -> bool:
+    """Whether the squeeze velocity is no longer the one of the held slopes."""
+    return math.hypot(sx - held_x, sy - held_y) >= _TURNED_SHARE * math.hypot(held_x, held_y)
 
 
 @njit(cache=True)
@@ -43,12 +72,7 @@ def film_reaction(
     ex, ey = relative(plant, st.q)
     wx, wy = relative(plant, st.v)
     sx, sy = wx + 0.5 * omega * ey, wy - 0.5 * omega * ex
-    film = gap(plant.film, ex, ey, c)
-    smooth = (
-        film > NEAR_CONTACT * c
-        and math.hypot(wx, wy) * dt < _CROSSED_SHARE * film
-        and math.hypot(sx - held[4], sy - held[5]) < _TURNED_SHARE * math.hypot(held[4], held[5])
-    )
+    smooth = not crossing(gap(plant.film, ex, ey, c), wx, wy, c, dt) and not turned(sx, sy, held[4], held[5])
     kxx = kxy = kyx = kyy = 0.0
     if renew or not smooth:
         slopes = film_slopes(law, plant.film, oil, ex, ey, wx, wy, omega, c, c_rate)

@@ -6,7 +6,9 @@ is ROS2 (Verwer, Spee, Blom and Hundsdorfer 1999), second order and L-stable wit
     (I - gamma dt J) k1 = dt f(w),   (I - gamma dt J) k2 = dt f(w + k1) - 2 k1,   w += 3/2 k1 + 1/2 k2
 
 J holds the film alone (the rest is not stiff) and is renewed every few steps, and when the journal has moved by a
-share of its gap since: ROS2 keeps its order with any J, its stability needs one that is near.
+share of its gap since, or its squeeze has turned: ROS2 keeps its order with any J, its stability needs one that is
+near.  Near contact, where the film is not smooth over a step, the step is linearly implicit Euler's
+(:mod:`sim_hil.rotor.film_step`).
 """
 
 from __future__ import annotations
@@ -17,35 +19,15 @@ from numba import njit, prange
 
 from sim_hil.rotor.bearing import bearing_force, gap, heat_oil, oil_now
 from sim_hil.rotor.film_law import Law
+from sim_hil.rotor.film_step import crossing, film_slopes, turned
 from sim_hil.rotor.kernel import GRAVITY, move_actuator
-from sim_hil.rotor.parameters import ANGLE, CLEARANCE, FLOW, OIL, POWER, Act, Film, Floats, Oil, Shaft
+from sim_hil.rotor.parameters import ANGLE, CLEARANCE, FLOW, OIL, POWER, Act, Eight, Film, Floats, Oil, Shaft
 
 GAMMA = 1 - math.sqrt(0.5)
 RENEW_STEPS = 4
 _RENEW_SHARE = 0.1
 COLUMNS = ("x_m", "y_m", "vx_m_s", "vy_m_s", "min_film_m", "clearance_m", "power_W", "oil_C", "angle_rad")
 """Columns of the output: journal at the bearing, smallest film and mean power since the row before."""
-
-Four = tuple[float, float, float, float]
-Eight = tuple[float, float, float, float, float, float, float, float]
-
-
-@njit(cache=True, error_model="numpy")
-def film_slopes(
-    law: Law, film: Film, oil: Oil, ex: float, ey: float, vx: float, vy: float, omega: float, c: float, c_rate: float
-) -> Eight:
-    """Forward differences of the film force: dF/de (xx, xy, yx, yy), then dF/dv."""
-    de = 1e-5 * max(gap(film, ex, ey, c), 0.01 * c)
-    dv = 1e-4 * (c * abs(omega) + abs(vx) + abs(vy)) + 1e-9
-    f0 = bearing_force(law, film, oil, ex, ey, vx, vy, omega, c, c_rate)
-    f1 = bearing_force(law, film, oil, ex + de, ey, vx, vy, omega, c, c_rate)
-    f2 = bearing_force(law, film, oil, ex, ey + de, vx, vy, omega, c, c_rate)
-    f3 = bearing_force(law, film, oil, ex, ey, vx + dv, vy, omega, c, c_rate)
-    f4 = bearing_force(law, film, oil, ex, ey, vx, vy + dv, omega, c, c_rate)
-    return (
-        (f1[0] - f0[0]) / de, (f2[0] - f0[0]) / de, (f1[1] - f0[1]) / de, (f2[1] - f0[1]) / de,
-        (f3[0] - f0[0]) / dv, (f4[0] - f0[0]) / dv, (f3[1] - f0[1]) / dv, (f4[1] - f0[1]) / dv,
-    )  # fmt: skip
 
 
 @njit(cache=True, error_model="numpy")
@@ -109,15 +91,17 @@ def mixed(p: float, a: Eight, q: float, b: Eight) -> Eight:
 
 @njit(cache=True)
 def step(
-    shaft: Shaft, film: Film, law: Law, oil: Oil, slopes: Eight, w: Eight, angle: float, omega: float, alpha: float,
-    load: float, c: float, c_rate: float, dt: float,
+    shaft: Shaft, film: Film, law: Law, oil: Oil, slopes: Eight, rough: bool, w: Eight, angle: float, omega: float,
+    alpha: float, load: float, c: float, c_rate: float, dt: float,
 ) -> tuple[Eight, float, float]:  # fmt: skip
     """State after one step (numbers, not arrays: these stay in registers); power and side flow at its start."""
     rate, power, flow = rates(shaft, film, law, oil, w, angle, omega, alpha, load, c, c_rate)
+    if rough:
+        return mixed(1.0, w, 1.0, solve_stage(shaft, slopes, dt, mixed(dt, rate, 0.0, rate))), power, flow
     k1 = solve_stage(shaft, slopes, GAMMA * dt, mixed(dt, rate, 0.0, rate))
-    turned = angle + (omega + 0.5 * alpha * dt) * dt
+    ahead = angle + (omega + 0.5 * alpha * dt) * dt
     probe = mixed(1.0, w, 1.0, k1)
-    rate, _, _ = rates(shaft, film, law, oil, probe, turned, omega + alpha * dt, alpha, load, c, c_rate)
+    rate, _, _ = rates(shaft, film, law, oil, probe, ahead, omega + alpha * dt, alpha, load, c, c_rate)
     k2 = solve_stage(shaft, slopes, GAMMA * dt, mixed(dt, rate, -2.0, k1))
     return mixed(1.0, mixed(1.0, w, 1.5, k1), 0.5, k2), power, flow
 
@@ -143,7 +127,7 @@ def advance_rotor(
     dt = period / substeps
     now = (w[0], w[1], w[2], w[3], w[4], w[5], w[6], w[7])
     slopes = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    age, old_x, old_y = renew, 0.0, 0.0
+    age, old_x, old_y, old_sx, old_sy = renew, 0.0, 0.0, 0.0, 0.0
     b = shaft.to_bearing
     for n in range(out.shape[0]):
         alpha = (drive[n + 1, 0] - drive[n, 0]) / period
@@ -154,15 +138,17 @@ def advance_rotor(
         power, smallest = 0.0, 1e9
         for i in range(substeps):
             omega, load = drive[n, 0] + alpha * dt * i, drive[n, 1] + load_rate * dt * i
-            ex, ey = now[0] + b * now[2], now[1] + b * now[3]
-            moved = math.hypot(ex - old_x, ey - old_y)
-            if age >= renew or moved > _RENEW_SHARE * max(gap(film, ex, ey, c), 0.01 * c):
-                vx, vy = now[4] + b * now[6], now[5] + b * now[7]
+            ex, ey, vx, vy = now[0] + b * now[2], now[1] + b * now[3], now[4] + b * now[6], now[5] + b * now[7]
+            thin = gap(film, ex, ey, c)
+            rough = crossing(thin, vx, vy, c, dt)
+            sx, sy = vx + 0.5 * omega * ey, vy - 0.5 * omega * ex
+            moved = math.hypot(ex - old_x, ey - old_y) > _RENEW_SHARE * max(thin, 0.01 * c)
+            if rough or moved or age >= renew or turned(sx, sy, old_sx, old_sy):
                 slopes = film_slopes(law, film, oil, ex, ey, vx, vy, omega, c, c_rate)
-                age, old_x, old_y = 0, ex, ey
+                age, old_x, old_y, old_sx, old_sy = 0, ex, ey, sx, sy
             age += 1
             now, lost, scalar[FLOW] = step(
-                shaft, film, law, oil, slopes, now, scalar[ANGLE], omega, alpha, load, c, c_rate, dt
+                shaft, film, law, oil, slopes, rough, now, scalar[ANGLE], omega, alpha, load, c, c_rate, dt
             )
             power += lost
             scalar[ANGLE] += (omega + 0.5 * alpha * dt) * dt
