@@ -59,6 +59,19 @@ ACTOR = Prose(
 )
 
 
+PREDICTOR = Prose(
+    "Predictor",
+    "Factors that stretch the intervals of the surrogate-based forecasts (power, peak-to-peak, smallest film, whirl "
+    "margin) so that they cover what they say, by regime and by state of the probes.",
+    (
+        "Fitted on simulated episodes of one rig: a start at the slowest speed, a run-up, forecasts of two seconds.",
+        "The start matters: the slow shaft is what tells the power channel's offset from the oil's viscosity.",
+        "The contact channel's law is known to 2 % here; the rig's data file gives no error for it.",
+        "Growing faults are fast (seconds); slower ones are easier to follow and harder to see in ten seconds.",
+    ),
+)
+
+
 def write(run: Run, report: Mapping[str, object], prose: Prose) -> None:
     """Write ``<kind>.md`` beside the model."""
     settings = json.dumps(msgspec.to_builtins(run.settings), indent=2, sort_keys=True)

@@ -45,17 +45,17 @@ STATES: Final = PARAMETERS + 2
 LOAD_DRIFT: Final = 0.5
 """Random walk of ``ln`` load per root second."""
 VISCOSITY_DRIFT: Final = 0.003
-CLEARANCE_DRIFT_UM: Final = 0.03
-RATE_DRIFT: Final = (0.01, 0.15)
+CLEARANCE_DRIFT_UM: Final = 0.05
+RATE_DRIFT: Final = (0.01, 0.2)
 """Random walk of the two rates: 1/s, um/s, per root second."""
 RATE_MEMORY_S: Final = 30.0
-MODEL_MEMORY_S: Final = 1.0
+MODEL_MEMORY_S: Final = 2.0
 """Readings within this time share their model error."""
 REFUSED_SIGMAS: Final = 4.0
 """A reading further off than this counts for less."""
 
 _FIRST_ITERATIONS: Final = 8
-_ITERATIONS: Final = 2
+_ITERATIONS: Final = 1
 _STEP_MAX: Final = 0.7
 
 
@@ -149,6 +149,7 @@ class Synchroniser:
         drift[VISCOSITY_RATE:] = RATE_DRIFT
         self._drift = np.diag(drift**2)
         self._t_ns: int | None = None
+        self._start_m: Floats | None = None
 
     @property
     def clearance_error_m(self) -> float:
@@ -168,15 +169,24 @@ class Synchroniser:
             self._t_ns = measured.t_ns
         return self._estimate(measured)
 
+    def static_film(self, measured: Measured) -> tuple[float, float]:
+        """Film (m) at the mean shaft position and its deviation: the root of the Cramer-Rao bound of these readings.
+
+        The bound is the posterior one (Tichavsky et al. 1998) at the estimate: of the filter's own noise model.
+        """
+        film_m, slopes = self._instruments.static_film(self._mean[:PARAMETERS], measured)
+        covariance = self._covariance[: CLEARANCE + 1, : CLEARANCE + 1]
+        return film_m, float(np.sqrt(slopes @ covariance @ slopes))
+
     def _update(self, measured: Measured, weight: float, iterations: int) -> None:
         """Iterated update: each pass linearises at the newest mean."""
         observed = np.array([measured.mean_x_m / UM, measured.mean_y_m / UM, measured.shaft_power_W,
                              measured.contact_V])
         used = np.isfinite(observed) & np.array([True, True, True, self._instruments.has_contact])
-        prior, mean, start_m = self._mean, self._mean, None
+        prior, mean = self._mean, self._mean
         for _ in range(iterations):
-            values, slopes, start_m = self._instruments.predict(mean[:PARAMETERS], measured, start_m)
-            noise = weight * self._instruments.noise(values, slopes)[np.ix_(used, used)]
+            values, slopes, self._start_m = self._instruments.predict(mean[:PARAMETERS], measured, self._start_m)
+            noise = weight * self._instruments.noise(values, slopes, measured)[np.ix_(used, used)]
             h = np.zeros((int(used.sum()), STATES))
             h[:, :PARAMETERS] = slopes[used]
             rest = (observed - values)[used] - h @ (prior - mean)

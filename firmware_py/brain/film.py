@@ -57,6 +57,8 @@ class Steady:
         Shape (n, 2), complex: x and y at 1X per unit of unbalance.
     damping_ratio
         Shape (n,): of the least damped mode; below zero the shaft whirls.
+    orbit_power_W_per_kg2_m2
+        Shape (n,): what the 1X orbit dissipates in the film, per squared unbalance.
     """
 
     position_m: Floats
@@ -64,6 +66,7 @@ class Steady:
     power_W: Floats
     response_m_per_kg_m: NDArray[np.complex128]
     damping_ratio: Floats
+    orbit_power_W_per_kg2_m2: Floats
 
     def min_film_m(self, clearance_m: Floats, unbalance_kg_m: Floats) -> Floats:
         """Smallest film over one turn, shape (n,)."""
@@ -137,7 +140,9 @@ class Film:
         dynamic = stiffness - inertia + 1j * speed[:, None, None] * damping
         rotating = speed[:, None, None] ** 2 * np.array([[1.0], [-1.0j]])
         response = np.linalg.solve(dynamic, rotating)[:, :, 0]
-        return Steady(position, found, torque * speed, response, _damping_ratio(stiffness, damping, mass))
+        work = np.einsum("ni,nij,nj->n", response.conj(), damping, response).real
+        return Steady(position, found, torque * speed, response, _damping_ratio(stiffness, damping, mass),
+                      0.5 * speed**2 * work)
 
     def _linear(self, points: Points, position: Floats) -> tuple[Floats, Floats]:
         """Stiffness and damping matrices, shape (n, 2, 2): ``K = -dF/dx``, ``C = -dF/dv``."""

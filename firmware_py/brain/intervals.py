@@ -10,6 +10,8 @@ from typing import Final
 
 import msgspec
 
+from firmware_py.config import Config
+
 REGIMES: Final = ("steady", "ramp", "near_whirl", "fault")
 QUANTITIES: Final = ("power_W", "peak_to_peak_m", "min_film_m", "whirl_margin")
 NEAR_WHIRL: Final = 0.15
@@ -21,11 +23,18 @@ SIGMA_90: Final = 1.645
 
 
 class IntervalFactors(msgspec.Struct, frozen=True):
-    """Deviations below and above the expected value, by regime and quantity; without a model file the Gaussian's."""
+    """Deviations below and above the expected value, by state of the probes, regime and quantity.
 
-    factors: dict[str, dict[str, tuple[float, float]]] = {}
-    physics_version: str = ""
+    What is not there is the Gaussian's.
+    """
 
-    def of(self, regime: str, quantity: str) -> tuple[float, float]:
+    factors: dict[str, dict[str, dict[str, tuple[float, float]]]] = {}
+
+    def of(self, state: str, regime: str, quantity: str) -> tuple[float, float]:
         """Low and high factor."""
-        return self.factors.get(regime, {}).get(quantity, (SIGMA_90, SIGMA_90))
+        return self.factors.get(state, {}).get(regime, {}).get(quantity, (SIGMA_90, SIGMA_90))
+
+
+def state_of(config: Config) -> str:
+    """``zeroed`` after the slow-roll and zero procedure of the probes, else ``as_built``."""
+    return "zeroed" if all(channel.zeroed for channel in config.channel[:2]) else "as_built"

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from firmware_py.acquire.windows import ChannelMap
 from firmware_py.brain.film import Film, Points
+from firmware_py.brain.intervals import state_of
 from firmware_py.config import Config
 from firmware_py.config.schema import Contact
 
@@ -39,6 +40,8 @@ ASPERITY_OHM: Final = 10.0
 CLEARANCE_NOISE_UM: Final = 0.2
 POSITION_MODEL_UM: Final = 0.15
 """Mean of an orbit against the static position, and the surrogate's own error."""
+ORBIT_CURVATURE: Final = 0.5
+"""Shift of the mean by an orbit, as a share of its amplitude squared over the clearance."""
 POWER_MODEL: Final = (0.3, 0.01)
 """Deviation of the modelled power: W, and share."""
 CONTACT_NOISE_V: Final = 0.003
@@ -82,8 +85,7 @@ class Errors:
     @classmethod
     def of(cls, config: Config) -> Errors:
         """Those that hold for the configured probes: smaller after the zero and slow-roll procedure."""
-        zeroed = all(channel.zeroed for channel in config.channel[:2])
-        return cls(zero_um=0.5 / _FLAT, gain=0.01 / _FLAT) if zeroed else cls()
+        return cls(zero_um=0.5 / _FLAT, gain=0.01 / _FLAT) if state_of(config) == "zeroed" else cls()
 
     def log_viscosity(self, slope_per_K: float) -> float:
         """Deviation of ``ln`` viscosity over the law at the measured temperature: batch of oil and thermometer."""
@@ -110,11 +112,8 @@ class Instruments:
 
     def predict(self, theta: Floats, measured: Measured, start_m: Floats | None) -> tuple[Floats, Floats, Floats]:
         """Values (4,) of :data:`ROWS` at ``theta`` (9,), their slopes (4, 9), and positions (4, 2) to start from."""
-        steps = _LOG_STEP * np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
-        base = np.array([theta[LOAD], theta[VISCOSITY] + math.log(self._oil.viscosity_Pa_s(measured.oil_outlet_C)),
-                         math.log(measured.clearance_m + theta[CLEARANCE] * UM)])
-        load, viscosity, clearance = np.exp(base + steps).T
-        points = Points(np.full(4, measured.speed_rad_s), clearance, viscosity, load)
+        points = self._around(theta, measured)
+        clearance = points.clearance_m
         position, _, torque = self._film.equilibrium(points, start_m)
         gain = np.eye(2) + np.tensordot(theta[GAIN_1 : GAIN_2 + 1], self._gains, 1)
         shown_um = position @ gain.T / UM + theta[ZERO_X : ZERO_Y + 1]
@@ -131,13 +130,30 @@ class Instruments:
         slopes[3, CONTACT] = (self._volt(film_m[:1] * math.exp(theta[CONTACT] + _LOG_STEP))[0] - volt[0]) / _LOG_STEP
         return columns[0], slopes, position
 
-    def noise(self, values: Floats, slopes: Floats) -> Floats:
-        """Covariance (4, 4) of what varies from reading to reading: model, noise, reported clearance."""
-        rough = self._roughness_V(values[3])
-        own = np.array([POSITION_MODEL_UM, POSITION_MODEL_UM, math.hypot(POWER_MODEL[0], POWER_MODEL[1] * values[2]),
-                        math.hypot(CONTACT_NOISE_V, rough)])
+    def noise(self, values: Floats, slopes: Floats, measured: Measured) -> Floats:
+        """Covariance (4, 4) of what varies from reading to reading: model, noise, orbit, reported clearance."""
+        curved_um = ORBIT_CURVATURE * (0.5 * measured.peak_to_peak_m) ** 2 / measured.clearance_m / UM
+        position = math.hypot(POSITION_MODEL_UM, curved_um)
+        volt = math.hypot(CONTACT_NOISE_V, self._roughness_V(values[3]))
+        own = np.array([position, position, math.hypot(POWER_MODEL[0], POWER_MODEL[1] * values[2]),
+                        math.hypot(volt, curved_um * slopes[3, CLEARANCE])])
         reported = CLEARANCE_NOISE_UM * slopes[:, CLEARANCE]
         return np.asarray(np.diag(own**2) + np.outer(reported, reported))
+
+    def static_film(self, theta: Floats, measured: Measured) -> tuple[float, Floats]:
+        """Film (m) at the mean position, and its slopes (3,) by ``ln`` load, ``ln`` viscosity, clearance (um)."""
+        points = self._around(theta, measured)
+        position, _, _ = self._film.equilibrium(points)
+        film_m = points.clearance_m - np.hypot(*position.T)
+        return float(film_m[0]), (film_m[1:] - film_m[0]) / _LOG_STEP * [1.0, 1.0, UM / points.clearance_m[0]]
+
+    def _around(self, theta: Floats, measured: Measured) -> Points:
+        """The operating point at ``theta``, and one step of ``ln`` load, ``ln`` viscosity, ``ln`` clearance each."""
+        steps = _LOG_STEP * np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+        base = np.array([theta[LOAD], theta[VISCOSITY] + math.log(self._oil.viscosity_Pa_s(measured.oil_outlet_C)),
+                         math.log(measured.clearance_m + theta[CLEARANCE] * UM)])
+        load, viscosity, clearance = np.exp(base + steps).T
+        return Points(np.full(4, measured.speed_rad_s), clearance, viscosity, load)
 
     @property
     def has_contact(self) -> bool:
@@ -179,7 +195,7 @@ def information(
     values, slopes, _ = instruments.predict(theta, measured, None)
     constant = np.array([errors.zero_um, errors.zero_um, errors.gain, errors.gain, errors.power_W, contact_share])
     bias = slopes[:, ZERO_X:] * constant
-    variance = instruments.noise(values, slopes) + bias @ bias.T
+    variance = instruments.noise(values, slopes, measured) + bias @ bias.T
     found = {}
     for name, rows in {"position": [0, 1], "shaft_power": [2], "contact": [3]}.items():
         part = slopes[rows, : CLEARANCE + 1]

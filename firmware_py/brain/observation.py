@@ -9,7 +9,8 @@ from typing import Final
 
 import numpy as np
 
-from firmware_py.acquire.windows import ChannelMap
+from firmware_py.acquire.orders import Orders
+from firmware_py.acquire.windows import ChannelMap, Window
 from firmware_py.brain.measurement import Measured
 from firmware_py.records import N_CHANNELS, Block, Quality, RigReading
 
@@ -99,6 +100,17 @@ class Observer:
             clearance_m=status.clearance_actual_um * 1e-6, shaft_power_W=status.shaft_power_W,
             oil_outlet_C=status.oil_outlet_C, channel_ok=ok,
             contact_V=float(mean[7]) if ok >> 7 & 1 else math.nan)
+
+
+def window_measured(window: Window, orders: Orders) -> tuple[Measured, complex] | None:
+    """Means over a window, and the orbit's forward first order from the mark; None without readings or probes."""
+    readings = (window.clearance_m, window.shaft_power_W, window.oil_outlet_C)
+    if not np.isfinite(readings).all() or window.channel_ok & 3 != 3:
+        return None
+    x, y = orders.harmonics[:2, 0].tolist()
+    half_m = math.hypot(orders.half_forward, orders.half_backward)
+    return Measured(orders.speed_rad_s, window.clearance_m, float(orders.mean[0]), float(orders.mean[1]), 0.0,
+                    window.shaft_power_W, window.oil_outlet_C, half_m=half_m, t_ns=window.end_ns), 0.5 * (x + 1j * y)
 
 
 def _instants(block: Block) -> int:

@@ -20,8 +20,7 @@ from firmware_py.acquire.orders import Orders
 from firmware_py.acquire.windows import Window
 from firmware_py.brain.errors import ModelAnswerError
 from firmware_py.brain.estimate import Estimate
-from firmware_py.brain.measurement import Measured
-from firmware_py.brain.observation import Present
+from firmware_py.brain.observation import Present, window_measured
 from firmware_py.brain.prediction import CANDIDATES, HORIZON_S, Outlook, Predictor
 from firmware_py.brain.store import OBSERVATION, Model, Models
 from firmware_py.config import Config
@@ -72,7 +71,7 @@ class Policy:
     def __init__(self, models: Models, config: Config) -> None:
         self._config = config
         self._models = models
-        self._predictor = Predictor(models.surrogate, config) if models.surrogate else None
+        self._predictor = Predictor(models.surrogate, config, models.factors) if models.surrogate else None
         self.counters = {"proposals": 0, "proposals_overruled": 0, "proposals_withheld": 0,
                          "forecasts_refused": 0}
 
@@ -84,15 +83,11 @@ class Policy:
 
     def learn(self, window: Window, orders: Orders) -> None:
         """Let a window with whole turns and readings improve the predictor's unbalance and runout."""
-        readings = (window.clearance_m, window.shaft_power_W, window.oil_outlet_C)
-        if self._predictor is None or not np.isfinite(readings).all() or window.channel_ok & 3 != 3:
+        seen = window_measured(window, orders)
+        if self._predictor is None or seen is None:
             return
-        measured = Measured(orders.speed_rad_s, window.clearance_m, float(orders.mean[0]), float(orders.mean[1]),
-                            0.0, window.shaft_power_W, window.oil_outlet_C, t_ns=window.end_ns,
-                            half_m=float(np.hypot(orders.half_forward, orders.half_backward)))
-        x, y = orders.harmonics[:2, 0].tolist()
         try:
-            self._predictor.learn(window.end_ns, measured, 0.5 * (x + 1j * y))
+            self._predictor.learn(*seen)
         except (ModelAnswerError, np.linalg.LinAlgError):
             self.counters["forecasts_refused"] += 1
 

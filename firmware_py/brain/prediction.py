@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from firmware_py.acquire.windows import MAX_SECONDS, MIN_SECONDS, TURNS, ChannelMap
 from firmware_py.brain.estimate import Estimate, Synchroniser
 from firmware_py.brain.film import Film, Points, Steady
-from firmware_py.brain.intervals import GROWING_SIGMAS, NEAR_WHIRL, SIGMA_90, IntervalFactors
+from firmware_py.brain.intervals import GROWING_SIGMAS, NEAR_WHIRL, SIGMA_90, IntervalFactors, state_of
 from firmware_py.brain.measurement import CLEARANCE, UM, VISCOSITY, Measured
 from firmware_py.brain.store import Model
 from firmware_py.brain.unbalance import RESIDUAL_RUNOUT_M, RUNOUT_PRIOR_M, Imbalance, ImbalanceFilter
@@ -35,6 +35,7 @@ SWING_ERROR: Final = 0.1
 SWING_ERROR_M: Final = 2e-7
 FILM_ERROR_M: Final = 3e-7
 MARGIN_ERROR: Final = 0.02
+OIL_SLOPE_S: Final = 1.0
 DAMPING_LEAST: Final = 0.01
 LIMIT_TIMES_S: Final = (0.0, 1.0, 2.0, 4.0, 8.0, 15.0, 30.0, 60.0)
 """Where a growing fault is looked for beyond its limit; farther is called never (infinite)."""
@@ -97,7 +98,7 @@ class Predictor:
         self._film = Film(model.session, config.bearing.journal_radius_m, config.bearing.length_m,
                           config.rotor.effective_mass_at_bearing_kg)
         self._synchroniser = Synchroniser(self._film, config)
-        self._factors = factors or IntervalFactors()
+        self._factors, self._state = factors or IntervalFactors(), state_of(config)
         self._oil, self._windage_W_s3 = config.oil, config.rotor.windage_W_s3
         angles = np.radians([channel.angle_deg for channel in config.channel[:2]])
         self._probes = np.column_stack([np.cos(angles), np.sin(angles)])
@@ -105,7 +106,7 @@ class Predictor:
         self._load_range_N = (config.operating.load_min_N, config.operating.load_max_N)
         bearing = config.bearing
         self._imbalance = ImbalanceFilter(config.rotor.unbalance_normal_kg_m,
-                                          RESIDUAL_RUNOUT_M if config.channel[0].zeroed else RUNOUT_PRIOR_M)
+                                          RESIDUAL_RUNOUT_M if self._state == "zeroed" else RUNOUT_PRIOR_M)
         self._history: deque[tuple[int, float, float, float]] = deque(maxlen=25)
         self._half_m, self._half_damping = 0.0, 1.0
         self.candidates_m: Floats = 1e-6 * np.linspace(bearing.radial_clearance_min_um,
@@ -118,21 +119,19 @@ class Predictor:
         self._history.append((measured.t_ns, estimate.load_N, estimate.viscosity_Pa_s, measured.oil_outlet_C))
         return estimate
 
-    def learn(self, t_ns: int, measured: Measured, forward_m: complex) -> None:
+    def learn(self, measured: Measured, forward_m: complex) -> None:
         """Let a window speak about unbalance and runout, by its forward first order and its half-order band.
 
         Parameters
         ----------
-        t_ns
-            End of the window.
         measured
-            Means over the window.
+            Means over the window; ``t_ns`` is its end.
         forward_m
             Complex amplitude, phase from the mark.
         """
         turns_s = TURNS * 2.0 * math.pi / max(measured.speed_rad_s, 1.0)
-        start_ns = t_ns - round(1e9 * min(max(turns_s, MIN_SECONDS), MAX_SECONDS))
-        inside = [row[1:3] for row in self._history if start_ns <= row[0] <= t_ns]
+        start_ns = measured.t_ns - round(1e9 * min(max(turns_s, MIN_SECONDS), MAX_SECONDS))
+        inside = [row[1:3] for row in self._history if start_ns <= row[0] <= measured.t_ns]
         if not inside:
             inside = [(e.load_N, e.viscosity_Pa_s) for e in (self._synchroniser.step(measured),)]
         load_N, viscosity = np.mean(inside, axis=0).tolist()
@@ -140,8 +139,12 @@ class Predictor:
         steady = self._film.steady(Points(*(np.array([v]) for v in (measured.speed_rad_s, clearance_m, viscosity,
                                                                    load_N))))
         x, y = steady.response_m_per_kg_m[0].tolist()
-        self._imbalance.step(t_ns, forward_m - self._slow_roll_m, 0.5 * (x + 1j * y))
+        self._imbalance.step(measured.t_ns, forward_m - self._slow_roll_m, 0.5 * (x + 1j * y))
         self._half_m, self._half_damping = measured.half_m, float(steady.damping_ratio[0])
+
+    def static_film(self, measured: Measured) -> tuple[float, float]:
+        """See :meth:`firmware_py.brain.estimate.Synchroniser.static_film`."""
+        return self._synchroniser.static_film(measured)
 
     @property
     def unbalance_interval_kg_m(self) -> tuple[float, float, float]:
@@ -204,11 +207,12 @@ class Predictor:
         return float(torque[0]) * measured.speed_rad_s
 
     def _oil_slope_K_s(self) -> float:
-        """Slope of the oil's temperature over the kept readings."""
-        t, _, _, oil = np.array(self._history).T if self._history else np.zeros((4, 1))
+        """Slope of the oil's temperature over the newest :data:`OIL_SLOPE_S`."""
+        newest_ns = self._history[-1][0]
+        t, oil = np.array([(row[0], row[3]) for row in self._history if row[0] >= newest_ns - OIL_SLOPE_S * 1e9]).T
         t_s = (t - t.mean()) * 1e-9
         spread = float(t_s @ t_s)
-        return float(t_s @ oil) / spread if spread > 0.1 else 0.0
+        return float(t_s @ oil) / spread if spread > 0.05 else 0.0
 
     def _outlook(self, measured: Measured, every: Floats, points: Points, steady: Steady, imbalance: Imbalance,
                  regime: str) -> Outlook:
@@ -220,7 +224,8 @@ class Predictor:
         uncertain = math.hypot(SWING_ERROR, imbalance.size_sd_kg_m / imbalance.size_kg_m)
         orbit = motion.reshape(shape)[:, 0]
         windage = self._windage_W_s3 * points.speed_rad_s**3
-        values = [(steady.power_W + windage).reshape(shape), (motion + 2.0 * half_m).reshape(shape),
+        friction = steady.power_W + steady.orbit_power_W_per_kg2_m2 * unbalance**2
+        values = [(friction + windage).reshape(shape), (motion + 2.0 * half_m).reshape(shape),
                   film.reshape(shape), steady.damping_ratio.reshape(shape)]
         model = [POWER_ERROR * values[0][:, 0], np.hypot(uncertain * orbit, SWING_ERROR_M),
                  np.hypot(0.5 * uncertain * orbit, FILM_ERROR_M), np.full(len(every), MARGIN_ERROR)]
@@ -228,13 +233,13 @@ class Predictor:
         whirling = (values[3][:, 0] < NEAR_WHIRL) & (regime != "fault")
         regimes = tuple("near_whirl" if near else regime for near in whirling)
         power, swing, least, margin = (
-            _interval(values[i][:, 0], deviation[:, i], [self._factors.of(r, name) for r in regimes])
+            _interval(values[i][:, 0], deviation[:, i], [self._factors.of(self._state, r, name) for r in regimes])
             for i, name in enumerate(("power_W", "peak_to_peak_m", "min_film_m", "whirl_margin")))
         possible = np.asarray(steady.converged.reshape(shape).all(axis=1))
         residual_m = max(0.0, measured.peak_to_peak_m - float(swing[-1, 1]))
-        friction = power - windage.reshape(shape)[:, :1]
+        film_power = power - windage.reshape(shape)[:, :1]
         return Outlook(every[:-1], np.maximum(swing[:-1], 0.0), power[:-1], least[:-1], margin[:-1], possible[:-1],
-                       residual_m, friction[:-1], deviation[:-1], regimes[:-1])
+                       residual_m, film_power[:-1], deviation[:-1], regimes[:-1])
 
     def _half_order(self, damping_ratio: Floats) -> Floats:
         """Half-order amplitude: what was measured, more where the damping falls (response of a mode to noise)."""

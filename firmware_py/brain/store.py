@@ -26,6 +26,7 @@ import msgspec
 from firmware_py.acquire.features import FEATURE_NAMES
 from firmware_py.acquire.windows import WINDOW_LAYOUT
 from firmware_py.brain.errors import ModelError, ModelMissingError, ModelTrustError, ModelUnfitError
+from firmware_py.brain.intervals import IntervalFactors
 from firmware_py.brain.session import Session
 from firmware_py.config import Config
 from firmware_py.records import CHANNELS
@@ -109,11 +110,12 @@ class Models:
     classifier: Model | None = None
     actor: Model | None = None
     surrogate: Model | None = None
+    factors: IntervalFactors = field(default_factory=IntervalFactors)
     refusals: dict[str, str] = field(default_factory=dict)
 
 
 def load_models(config: Config) -> Models:
-    """Load the three models of the configured directory; a refused one is absent, with its reason."""
+    """Load the models of the configured directory; a refused one is absent, with its reason."""
     found: dict[str, Model] = {}
     refusals: dict[str, str] = {}
     for kind in _INTERFACES:
@@ -121,7 +123,30 @@ def load_models(config: Config) -> Models:
             found[kind] = load_model(kind, config)
         except ModelError as error:
             refusals[kind] = str(error)
-    return Models(found.get("classifier"), found.get("actor"), found.get("surrogate"), refusals)
+    factors = IntervalFactors()
+    try:
+        factors = load_factors(config)
+    except ModelError as error:
+        refusals["predictor"] = str(error)
+    return Models(found.get("classifier"), found.get("actor"), found.get("surrogate"), factors, refusals)
+
+
+def load_factors(config: Config) -> IntervalFactors:
+    """``predictor.json`` of the configured directory, vouched for like a model; without one the Gaussian factors.
+
+    Raises
+    ------
+    ModelTrustError, ModelUnfitError
+        Changed after packaging, unsigned, or of the wrong form.
+    """
+    path = _directory(config) / "predictor.json"
+    if not path.is_file():
+        return IntervalFactors()
+    data = _trusted(path, config)
+    try:
+        return msgspec.json.decode(data, type=IntervalFactors)
+    except msgspec.DecodeError as error:
+        raise ModelUnfitError(f"{path.name}: {error}; fit it again with `orbitd train predictor`") from error
 
 
 def load_model(kind: str, config: Config) -> Model:
@@ -132,18 +157,26 @@ def load_model(kind: str, config: Config) -> Model:
     ModelMissingError, ModelTrustError, ModelUnfitError
         See their docstrings.
     """
-    directory = Path(config.models.directory) if config.models.directory else SHIPPED
-    path = directory / f"{kind}.onnx"
-    data = _read(path)
-    digest = hashlib.sha256(data).hexdigest()
-    if config.models.directory:
-        _check_signature(path, data, config.models.public_keys)
-    else:
-        _check_manifest(path, data, digest)
+    path = _directory(config) / f"{kind}.onnx"
+    data = _trusted(path, config)
     session = Session(path.name, data)
     card = read_card(path.name, session.metadata)
     _check_fit(kind, path.name, card, session, config)
-    return Model(card, session, digest)
+    return Model(card, session, hashlib.sha256(data).hexdigest())
+
+
+def _directory(config: Config) -> Path:
+    return Path(config.models.directory) if config.models.directory else SHIPPED
+
+
+def _trusted(path: Path, config: Config) -> bytes:
+    """The file's bytes, vouched for by manifest or signature."""
+    data = _read(path)
+    if config.models.directory:
+        _check_signature(path, data, config.models.public_keys)
+    else:
+        _check_manifest(path, data, hashlib.sha256(data).hexdigest())
+    return data
 
 
 def _read(path: Path) -> bytes:

@@ -21,6 +21,8 @@ RUNOUT_PRIOR_M: Final = 4e-6
 """Root mean square of the runout's forward amplitude before anything was seen."""
 RESIDUAL_RUNOUT_M: Final = 3e-7
 """The same after the slow-roll procedure."""
+UNBALANCE_PRIOR: Final = 0.7
+"""Root mean square of a healthy build's unbalance, in normal unbalances."""
 RUNOUT_DRIFT_M_S: Final = 2e-8
 """Random walk per root second."""
 UNBALANCE_DRIFT: Final = 0.05
@@ -48,8 +50,8 @@ class Imbalance:
 
     @property
     def size_kg_m(self) -> float:
-        """Expected magnitude of the unbalance (of a Rice distribution, to a few percent)."""
-        return math.hypot(abs(self.unbalance_kg_m), 0.5 * math.sqrt(math.pi) * self.sd_kg_m)
+        """Typical magnitude of the unbalance: between the mode and the mean of its Rice distribution."""
+        return math.hypot(abs(self.unbalance_kg_m), 0.5 * self.sd_kg_m)
 
     @property
     def size_sd_kg_m(self) -> float:
@@ -71,7 +73,7 @@ class ImbalanceFilter:
     def __init__(self, normal_kg_m: float, runout_m: float = RUNOUT_PRIOR_M) -> None:
         self._normal_kg_m = max(normal_kg_m, 1e-7)
         self._mean: Complexes = np.zeros(3, np.complex128)
-        self._covariance: Complexes = np.diag([runout_m**2, 1.0, 0.0]).astype(np.complex128)
+        self._covariance: Complexes = np.diag([runout_m**2, UNBALANCE_PRIOR**2, 0.0]).astype(np.complex128)
         self._t_ns: int | None = None
 
     @property
