@@ -19,13 +19,13 @@ def direction(angle: float) -> Floats:
     return np.array([np.cos(angle), np.sin(angle)])
 
 
-def _root(function: Callable[[float], float], low: float, high: float) -> float:
+def bracketed_root(function: Callable[[float], float], low: float, high: float, tolerance: float = _TOLERANCE) -> float:
     """Root between two points of different sign (regula falsi, Illinois variant)."""
     f_low, f_high = function(low), function(high)
-    while abs(high - low) > _TOLERANCE and f_low != f_high:
+    while abs(high - low) > tolerance and f_low != f_high:
         middle = high - f_high * (high - low) / (f_high - f_low)
         value = function(middle)
-        if value == 0 or abs(middle - high) < _TOLERANCE:
+        if value == 0 or abs(middle - high) < tolerance:
             return middle
         if value * f_high < 0:
             low, f_low = high, f_high
@@ -58,7 +58,7 @@ def position_of_ratio(bearing: Bearing, ratio: float, load_angle: float) -> Floa
     angles = load_angle + np.linspace(0, 2 * np.pi, _RING_STARTS + 1)
     across = [along_and_across(a)[1] for a in angles]
     roots = [
-        _root(lambda a: float(along_and_across(a)[1]), angles[i], angles[i + 1])
+        bracketed_root(lambda a: float(along_and_across(a)[1]), angles[i], angles[i + 1])
         for i in range(_RING_STARTS)
         if across[i] * across[i + 1] <= 0
     ]
