@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import msgspec
 
+from models import PHYSICS_VERSION
 from models.runs import Run
 
 
@@ -47,14 +48,17 @@ CLASSIFIER = Prose(
 
 
 ACTOR = Prose(
-    "Clearance agent",
+    "Clearance policy",
     "Radial bearing clearance of least power from what a rig can measure; a proposal that the predictor checks "
     "and the guard's shield clamps.",
     (
-        "Trained by DDPG on one simulated rig, one seed; not compared over ten seeds yet.",
-        "It chooses the clearance alone; supply pressure stays as it is.",
-        "A figure of saving means nothing without its baseline: the table names each, and beside it a lookup table "
-        "and `widest`, a constant wish for the largest clearance, which the shield alone makes safe.",
+        "Behind the shield nearly every wish that is wide enough gives the same power: the shield's upper bound is "
+        "where the power is least, and `widest`, a constant wish, shows what it gives alone.",
+        "DDPG ships as the actor only if it needs less power than the lookup table at no more violation (`shipped` "
+        "says which did); `actor_ddpg.onnx` is the agent beside it.",
+        "Trained and judged on one simulated rig; it chooses the clearance alone, supply pressure stays as it is.",
+        "A figure of saving means nothing without its baseline: gap shares stand against the one fixed clearance "
+        "that keeps every limit in all judged episodes, and against the two reference schedules.",
     ),
 )
 
@@ -72,8 +76,20 @@ PREDICTOR = Prose(
 )
 
 
+DATA = {
+    "surrogate": "Solutions of the Reynolds equation (`sim_hil.film`) at points drawn from the seed; judged on a finer "
+    "mesh at points of another seed.",
+    "predictor": "Episodes of the whole machine in software: builds, sensor errors, duties and growing faults drawn "
+    "from the seed within `sensors.json` and `classes.json`; judged on episodes of another seed.",
+    "classifier": "Recordings of builds of the machine in software, one group a build, severities of `classes.json`; "
+    "judged on builds of another seed.  Measured recordings: see `DATASET.md`.",
+    "actor": "Episodes of the machine in software, drawn as the agent learns; judged on episodes of other seeds.",
+}
+"""Where each model's data come from."""
+
+
 def write(run: Run, report: Mapping[str, object], prose: Prose) -> None:
-    """Write ``<kind>.md`` beside the model."""
+    """Write ``<kind>.md``, the model card, and ``data.md``, the data card, beside the model."""
     settings = json.dumps(msgspec.to_builtins(run.settings), indent=2, sort_keys=True)
     lines = [
         f"# {prose.title}", "", prose.purpose, "", "Status: **provisional**.", "",
@@ -83,3 +99,11 @@ def write(run: Run, report: Mapping[str, object], prose: Prose) -> None:
         "## Settings", "", "```json", settings, "```", "",
     ]  # fmt: skip
     (run.folder / f"{run.kind}.md").write_text("\n".join(lines), encoding="utf-8")
+    data = [
+        f"# Data of {prose.title.lower()}", "", DATA[run.kind], "",
+        f"Seed {run.seed}, physics version {PHYSICS_VERSION}; every number follows from them and the settings.", "",
+        "Nothing was measured on a machine unless the settings name a folder of recordings.", "",
+        "## Settings", "", "```json", settings, "```", "",
+        "## Made again by", "", f"    {run.command}", "",
+    ]  # fmt: skip
+    (run.folder / "data.md").write_text("\n".join(data), encoding="utf-8")

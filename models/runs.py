@@ -1,4 +1,4 @@
-"""The runs folder: settings beside the weights, metrics as they come, a report, figures and the model's card."""
+"""The runs folder: settings beside the weights, metrics as they come, checkpoints, a report, figures and cards."""
 
 from __future__ import annotations
 
@@ -6,15 +6,16 @@ import csv
 import json
 import shutil
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import msgspec
+import numpy as np
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
-from models import ARTIFACTS
+from models import ARTIFACTS, checkpoint
 from models.manifest import write_manifest
 
 
@@ -27,6 +28,7 @@ class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 S = TypeVar("S", bound=Settings)
+T = TypeVar("T")
 
 
 def load_settings(kind: type[S], path: Path | None) -> S:
@@ -53,15 +55,34 @@ class Run:
         What is trained; a smoke run has its own folder.
     settings
         Saved as ``config.json``.
+    resume
+        Go on from the checkpoints of the same folder, which must have been made with the same settings.
+    config
+        The file that the settings came from, for the line that reproduces the run.
     """
 
-    def __init__(self, out: Path, kind: str, seed: int, settings: Settings, *, smoke: bool) -> None:
-        self.kind, self.seed, self.settings, self.smoke = kind, seed, settings, smoke
+    def __init__(self, out: Path, kind: str, seed: int, settings: Settings, *, smoke: bool, resume: bool = False,
+                 config: Path | None = None) -> None:
+        self.kind, self.seed, self.settings, self.smoke, self._config = kind, seed, settings, smoke, config
         self.folder = out / f"{kind}-seed{seed}{'-smoke' if smoke else ''}"
         self.folder.mkdir(parents=True, exist_ok=True)
-        config = {"model": kind, "seed": seed, "smoke": smoke, **msgspec.to_builtins(settings)}
-        self.write_json("config.json", config)
+        self._board: Any = None
+        self._logged = 0
+        content = {"model": kind, "seed": seed, "smoke": smoke, **msgspec.to_builtins(settings)}
+        if resume:
+            self._check_same(content)
+        else:
+            for name in ("checkpoints", "tensorboard"):
+                shutil.rmtree(self.folder / name, ignore_errors=True)
         (self.folder / "metrics.csv").unlink(missing_ok=True)
+        self.write_json("config.json", content)
+
+    def _check_same(self, content: object) -> None:
+        path = self.folder / "config.json"
+        if not path.is_file():
+            raise SettingsError(f"{path}: not there, so there is nothing to resume; train without --resume")
+        if json.loads(path.read_text(encoding="utf-8")) != json.loads(json.dumps(content)):
+            raise SettingsError(f"{path}: made with other settings; give the same ones, or train without --resume")
 
     @property
     def model(self) -> Path:
@@ -71,10 +92,32 @@ class Run:
     @property
     def command(self) -> str:
         """Exact line that reproduces this run."""
-        return f"orbitd train {self.kind} --seed {self.seed}{' --smoke' if self.smoke else ''}"
+        config = f" --config {self._config}" if self._config else ""
+        return f"orbitd train {self.kind} --seed {self.seed}{config}{' --smoke' if self.smoke else ''}"
+
+    def kept(self, name: str, work: Callable[[], T], rng: np.random.Generator | None = None) -> T:
+        """The result of ``work``, done once: a resumed training takes it from the checkpoint ``name``.
+
+        ``rng`` goes on as if the work had been done now, so that what follows draws the same numbers.
+
+        Raises
+        ------
+        checkpoint.CheckpointError
+            The checkpoint is damaged; nothing is overwritten.
+        """
+        path = self.folder / "checkpoints" / f"{name}.ckpt"
+        if path.is_file():
+            result, state = checkpoint.load(path)
+            if rng is not None:
+                rng.bit_generator.state = state
+        else:
+            result = work()
+            checkpoint.save(path, (result, rng.bit_generator.state if rng is not None else None))
+        done: T = result
+        return done
 
     def log(self, row: Mapping[str, object]) -> None:
-        """Append a row to ``metrics.csv``; the first row names the columns."""
+        """Append a row to ``metrics.csv`` (the first names the columns) and its numbers to the TensorBoard events."""
         path = self.folder / "metrics.csv"
         first = not path.exists()
         with path.open("a", newline="", encoding="utf-8") as stream:
@@ -82,6 +125,25 @@ class Run:
             if first:
                 writer.writeheader()
             writer.writerow(row)
+        numbers = {name: float(value) for name, value in row.items() if isinstance(value, (int, float))}
+        self._logged += 1
+        step = int(numbers.pop("step", self._logged))
+        for name, value in numbers.items():
+            self._tensorboard().add_scalar(name, value, step)
+        self._tensorboard().flush()
+
+    def _tensorboard(self) -> Any:
+        """Writer of the events, made with the first row."""
+        if self._board is None:
+            from torch.utils.tensorboard import SummaryWriter
+
+            self._board = SummaryWriter(str(self.folder / "tensorboard"))
+        return self._board
+
+    def close(self) -> None:
+        """Finish the TensorBoard events."""
+        if self._board is not None:
+            self._board.close()
 
     def write_json(self, name: str, content: object) -> None:
         """Write ``content`` beside the model."""
@@ -91,7 +153,9 @@ class Run:
     def ship(self) -> None:
         """Copy model, report and card to ``models/artifacts`` and renew the manifest."""
         for suffix in ("onnx", "json", "md"):
-            shutil.copyfile(self.folder / f"{self.kind}.{suffix}", ARTIFACTS / f"{self.kind}.{suffix}")
+            path = self.folder / f"{self.kind}.{suffix}"
+            if path.is_file():
+                shutil.copyfile(path, ARTIFACTS / path.name)
         write_manifest(ARTIFACTS)
 
 

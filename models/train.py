@@ -7,6 +7,7 @@ import importlib
 import json
 import sys
 from collections.abc import Sequence
+from contextlib import closing
 from pathlib import Path
 
 from models.runs import Run, load_settings
@@ -16,13 +17,14 @@ EXIT_BAD_INPUT = 2
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="orbitd train", description=__doc__)
-    parser.add_argument("model", choices=("surrogate", "predictor", "classifier", "actor"),
-                        help="predictor is another name for surrogate: the predictor's only learned part")  # fmt: skip
+    parser.add_argument("model", choices=("surrogate", "predictor", "classifier", "actor"))
     parser.add_argument("--seed", type=int, default=0, help="every random number follows from it")
     parser.add_argument("--smoke", action="store_true", help="the same steps in seconds, a model for tests only")
     parser.add_argument("--config", type=Path, help="TOML file with training settings")
     parser.add_argument("--out", type=Path, default=Path("runs"), help="folder for the run (default: runs)")
-    parser.add_argument("--ship", action="store_true", help="make the result the shipped model")
+    parser.add_argument("--resume", action="store_true", help="go on where the same training was interrupted")
+    parser.add_argument("--ship", action="store_true",
+                        help="make the result the shipped model, provisional (`orbitd evaluate --qualify` judges it)")  # fmt: skip
     return parser
 
 
@@ -33,7 +35,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print("orbitd train: --ship with --smoke: a smoke model is for tests only; drop one", file=sys.stderr)
         return EXIT_BAD_INPUT
     try:
-        report = _train("surrogate" if args.model == "predictor" else args.model, args)
+        report = _train(args)
     except ValueError as error:
         print(f"orbitd train: {error}", file=sys.stderr)
         return EXIT_BAD_INPUT
@@ -41,12 +43,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     return 0
 
 
-def _train(kind: str, args: argparse.Namespace) -> dict[str, object]:
-    trainer = importlib.import_module(f"models.{kind}")  # brings torch: only the one that is asked for
+def _train(args: argparse.Namespace) -> dict[str, object]:
+    trainer = importlib.import_module(f"models.{args.model}")  # brings torch: only the one that is asked for
     settings = load_settings(trainer.SETTINGS, args.config)
     settings = settings.smoked() if args.smoke else settings
-    run = Run(args.out, kind, args.seed, settings, smoke=args.smoke)
-    report: dict[str, object] = trainer.train(run, settings)
+    run = Run(args.out, args.model, args.seed, settings, smoke=args.smoke, resume=args.resume, config=args.config)
+    with closing(run):
+        report: dict[str, object] = trainer.train(run, settings)
     if args.ship:
         run.ship()
     return report

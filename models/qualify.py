@@ -1,0 +1,165 @@
+"""``orbitd evaluate MODEL --qualify``: judge a model on the frozen evaluation against bars that training never reads.
+
+A model is called qualified only when every bar of ``bars.toml`` holds, and takes the shipped one's place only when
+it was made for this physics and is not worse than the shipped one on the same evaluation.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import tomllib
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import msgspec
+
+from firmware_py.brain.errors import ModelError
+from firmware_py.brain.session import Session
+from models import ARTIFACTS, PHYSICS_VERSION
+from models.manifest import write_manifest, write_whole
+
+Evaluate = Callable[[Path, int, int], dict[str, object]]
+"""File, seed and size to the report of the evaluation."""
+
+
+class QualifyError(ValueError):
+    """A model cannot be judged or shipped; the text names file, value, limit and next step."""
+
+
+class Bar(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """One figure of the report (dots between the keys) and its limit."""
+
+    figure: str
+    least: float | None = None
+    most: float | None = None
+
+    def holds(self, value: float | None) -> bool:
+        """Whether ``value`` keeps the limit; a figure that the report lacks does not."""
+        if value is None:
+            return False
+        return (self.least is None or value >= self.least) and (self.most is None or value <= self.most)
+
+
+class Better(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The figure that two models are compared by."""
+
+    figure: str
+    good: Literal["least", "most"]
+
+
+class Bars(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The frozen evaluation of one kind of model."""
+
+    seed: int
+    size: int
+    better: Better
+    bar: list[Bar]
+
+
+@dataclass(frozen=True)
+class Judged:
+    """One bar, what was reached, and whether it holds."""
+
+    figure: str
+    reached: float | None
+    least: float | None
+    most: float | None
+    holds: bool
+
+
+def load_bars() -> dict[str, Bars]:
+    """Bars by kind of model, from ``bars.toml`` beside this file."""
+    text = Path(__file__).with_name("bars.toml").read_text(encoding="utf-8")
+    return msgspec.convert(tomllib.loads(text), dict[str, Bars])
+
+
+def qualify(kind: str, path: Path, evaluate: Evaluate, *, ship: bool, artifacts: Path = ARTIFACTS,
+            bars: Bars | None = None) -> dict[str, object]:
+    """Judge ``path``, write its status into it, and with ``ship`` put it in the place of the shipped model.
+
+    Raises
+    ------
+    QualifyError
+        Made for another physics, damaged, or (with ``ship``) worse than the shipped model; nothing was changed.
+    """
+    bars = bars or load_bars()[kind]
+    _check_physics(path)
+    report = evaluate(path, bars.seed, bars.size)
+    rows = [Judged(bar.figure, value, bar.least, bar.most, bar.holds(value))
+            for bar in bars.bar for value in (figure(report, bar.figure),)]
+    qualified = all(row.holds for row in rows)
+    shipped = artifacts / path.name
+    if ship and shipped.is_file() and shipped.resolve() != path.resolve():
+        _check_not_worse(path, bars.better, report, evaluate(shipped, bars.seed, bars.size))
+    _mark(path, "qualified" if qualified else "provisional")
+    if ship:
+        _replace(path, artifacts)
+    return {"qualified": qualified, "seed": bars.seed, "size": bars.size, "bars": [asdict(row) for row in rows],
+            "shipped": ship, "report": report}
+
+
+def figure(report: Mapping[str, Any], dotted: str) -> float | None:
+    """The number under ``dotted`` keys; None when the report has none there."""
+    value: Any = report
+    for key in dotted.split("."):
+        value = value.get(key) if isinstance(value, Mapping) else None
+    return float(value) if isinstance(value, (int, float)) else None
+
+
+def _check_physics(path: Path) -> None:
+    made_for = metadata(path).get("physics_version")
+    if made_for != PHYSICS_VERSION:
+        raise QualifyError(f"{path}: physics_version {made_for!r}, this checkout simulates {PHYSICS_VERSION!r}: "
+                           "train it again; nothing was changed")
+
+
+def metadata(path: Path) -> dict[str, str]:
+    """What a model file says about itself.
+
+    Raises
+    ------
+    QualifyError
+        The file cannot be read as a model.
+    """
+    try:
+        if path.suffix == ".json":
+            return dict(json.loads(path.read_text(encoding="utf-8")))
+        return Session(path.name, path.read_bytes()).metadata
+    except (OSError, ValueError, ModelError) as error:
+        raise QualifyError(f"{path}: no model that can be read ({error}); train and export it again") from error
+
+
+def _check_not_worse(path: Path, better: Better, report: Mapping[str, Any], shipped: Mapping[str, Any]) -> None:
+    new, old = figure(report, better.figure), figure(shipped, better.figure)
+    if new is None:
+        raise QualifyError(f"{path}: the evaluation gives no {better.figure}; nothing was changed")
+    if old is not None and (new > old if better.good == "least" else new < old):
+        raise QualifyError(f"{path}: {better.figure} = {new:g}, the shipped model reaches {old:g} on the same "
+                           "evaluation: it stays; nothing was changed")
+
+
+def _mark(path: Path, status: str) -> None:
+    """Write the status into the file's own metadata."""
+    import onnx
+
+    if metadata(path).get("status") == status:
+        return
+    if path.suffix == ".json":
+        content = json.loads(path.read_text(encoding="utf-8")) | {"status": status}
+        write_whole(path, (json.dumps(content, indent=2, sort_keys=True) + "\n").encode())
+        return
+    model = onnx.load(str(path))
+    onnx.helper.set_model_props(model, metadata(path) | {"status": status})
+    write_whole(path, model.SerializeToString())
+
+
+def _replace(path: Path, artifacts: Path) -> None:
+    """Copy the model with its report and card, and renew the manifest."""
+    for suffix in dict.fromkeys((path.suffix, ".json", ".md")):
+        source = path.with_suffix(suffix)
+        if source.is_file() and source.resolve() != (artifacts / source.name).resolve():
+            shutil.copyfile(source, artifacts / source.name)
+    write_manifest(artifacts)

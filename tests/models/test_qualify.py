@@ -1,0 +1,141 @@
+"""Bars apart from training: what qualifies, what may replace the shipped model, what is refused untouched."""
+
+import json
+
+import numpy as np
+import pytest
+import torch
+
+from models import PHYSICS_VERSION, checkpoint, export
+from models.qualify import Bar, Bars, Better, QualifyError, figure, load_bars, metadata, qualify
+from models.runs import Run, Settings, SettingsError
+
+BARS = Bars(seed=7, size=3, better=Better("error", "least"),
+            bar=[Bar("error", most=1.0), Bar("share.right", least=0.9)])
+
+
+def model(path, error, physics=PHYSICS_VERSION):
+    """An exported file whose own metrics say how good it is."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    about = export.Metadata(kind="actor", version="0", inputs=("a",), outputs=("b",), domain={}, rigs=(), data_hash="",
+                            metrics={"error": error}, units=(), physics_version=physics)
+    module = torch.nn.Linear(1, 1)
+    export.export(module, torch.zeros(2, 1), path, input_name="a", output_names=("b",), metadata=about)
+    return path
+
+
+def evaluate(path, seed, size):
+    assert (seed, size) == (7, 3)  # the frozen evaluation, whatever the caller had in mind
+    return {"error": json.loads(metadata(path)["metrics"])["error"], "share": {"right": 0.95}}
+
+
+@pytest.mark.parametrize(("error", "qualified"), [(0.99, True), (1.01, False)])
+def test_every_bar_decides_the_status_in_the_file(tmp_path, error, qualified):
+    path = model(tmp_path / "actor.onnx", error)
+    verdict = qualify("actor", path, evaluate, ship=False, bars=BARS)
+    assert verdict["qualified"] is qualified
+    assert metadata(path)["status"] == ("qualified" if qualified else "provisional")
+    assert [bar["holds"] for bar in verdict["bars"]] == [qualified, True]
+
+
+def test_a_qualified_file_still_answers_alike(tmp_path):
+    path = model(tmp_path / "actor.onnx", 0.5)
+    x = np.linspace(-1, 1, 5, dtype=np.float32)[:, None]
+    before = export.session(path).run(None, {"a": x})[0]
+    qualify("actor", path, evaluate, ship=False, bars=BARS)
+    assert np.array_equal(export.session(path).run(None, {"a": x})[0], before)
+
+
+def test_it_replaces_the_shipped_model_only_if_not_worse(tmp_path):
+    shipped = model(tmp_path / "artifacts" / "actor.onnx", 0.5)
+    worse, better = (model(tmp_path / str(error) / "actor.onnx", error) for error in (0.6, 0.4))
+    bytes_before = shipped.read_bytes()
+    with pytest.raises(QualifyError, match=r"error = 0\.6, the shipped model reaches 0\.5"):
+        qualify("actor", worse, evaluate, ship=True, artifacts=shipped.parent, bars=BARS)
+    assert shipped.read_bytes() == bytes_before
+    assert metadata(worse)["status"] == "provisional"
+    qualify("actor", better, evaluate, ship=True, artifacts=shipped.parent, bars=BARS)
+    assert metadata(shipped)["status"] == "qualified"
+    listed = json.loads((shipped.parent / "manifest.json").read_text())["files"]["actor.onnx"]
+    assert listed["bytes"] == shipped.stat().st_size
+
+
+def test_another_physics_and_damaged_files_are_refused(tmp_path):
+    with pytest.raises(QualifyError, match="physics_version '0'"):
+        qualify("actor", model(tmp_path / "actor.onnx", 0.5, physics="0"), evaluate, ship=False, bars=BARS)
+    torn = tmp_path / "torn.onnx"
+    torn.write_bytes(b"\x08\x01torn")
+    with pytest.raises(QualifyError, match=r"torn\.onnx: no model that can be read"):
+        qualify("actor", torn, evaluate, ship=False, bars=BARS)
+
+
+def test_a_figure_that_the_report_lacks_does_not_pass():
+    assert figure({"a": {"b": 1}}, "a.b") == 1.0
+    assert figure({"a": 1}, "a.b") is None
+    assert not Bar("a.b", most=1.0).holds(None)
+
+
+def test_bars_name_every_kind_and_a_limit_each():
+    bars = load_bars()
+    assert set(bars) == {"surrogate", "predictor", "classifier", "actor"}
+    assert all((bar.least is None) != (bar.most is None) for kind in bars.values() for bar in kind.bar)
+
+
+class Some(Settings, frozen=True):
+    points: int = 3
+
+
+def test_kept_work_is_done_once_and_draws_on(tmp_path):
+    """A killed run continued makes the same numbers as one that was left alone."""
+    done = []
+
+    def train(run, stop_after=None):
+        rng = np.random.default_rng(run.seed)
+        parts = []
+        for name in ("a", "b", "c"):
+            if name == stop_after:
+                raise KeyboardInterrupt
+            parts.append(run.kept(name, lambda n=name: (done.append(n), rng.normal(size=2))[1], rng))
+        return np.concatenate(parts)
+
+    whole = train(Run(tmp_path / "one", "some", 5, Some(), smoke=False))
+    done.clear()
+    with pytest.raises(KeyboardInterrupt):
+        train(Run(tmp_path / "two", "some", 5, Some(), smoke=False), stop_after="c")
+    assert np.array_equal(train(Run(tmp_path / "two", "some", 5, Some(), smoke=False, resume=True)), whole)
+    assert done == ["a", "b", "c"]
+    assert np.array_equal(train(Run(tmp_path / "two", "some", 5, Some(), smoke=False)), whole)
+    assert done == ["a", "b", "c"] * 2  # without --resume everything is done again
+
+
+def test_a_damaged_checkpoint_is_named_and_left_alone(tmp_path):
+    run = Run(tmp_path, "some", 0, Some(), smoke=False)
+    run.kept("films", lambda: [1, 2, 3])
+    path = run.folder / "checkpoints" / "films.ckpt"
+    damaged = path.read_bytes()[:-1]
+    path.write_bytes(damaged)
+    with pytest.raises(checkpoint.CheckpointError, match=r"films\.ckpt.*damaged.*--resume"):
+        Run(tmp_path, "some", 0, Some(), smoke=False, resume=True).kept("films", lambda: [1, 2, 3])
+    assert path.read_bytes() == damaged
+
+
+def test_resuming_wants_the_same_settings(tmp_path):
+    with pytest.raises(SettingsError, match="nothing to resume"):
+        Run(tmp_path, "some", 0, Some(), smoke=False, resume=True)
+    Run(tmp_path, "some", 0, Some(), smoke=False)
+    with pytest.raises(SettingsError, match="other settings"):
+        Run(tmp_path, "some", 0, Some(points=4), smoke=False, resume=True)
+
+
+def test_metrics_go_to_csv_and_tensorboard(tmp_path):
+    from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+    run = Run(tmp_path, "some", 0, Some(), smoke=False, config=tmp_path / "mine.toml")
+    run.log({"step": 10, "return": 1.5, "why": "patience"})
+    run.log({"step": 20, "return": 2.5, "why": "patience"})
+    run.close()
+    events = EventAccumulator(str(run.folder / "tensorboard"))
+    events.Reload()
+    assert [(e.step, e.value) for e in events.Scalars("return")] == [(10, 1.5), (20, 2.5)]
+    assert (run.folder / "metrics.csv").read_text().splitlines()[0] == "step,return,why"
+    assert run.command == f"orbitd train some --seed 0 --config {tmp_path / 'mine.toml'}"
