@@ -93,7 +93,7 @@ def judge(fitted: Fitted, rig_name: str, seed: int, episodes: int, workers: int)
 
 
 def evaluate(path: Path, seed: int, size: int | None, out: Path) -> dict[str, object]:
-    """``orbitd evaluate predictor``: the fitted file at ``path`` on ``size`` (300) episodes, one core; ``out`` is not used."""
+    """``orbitd evaluate predictor``: the file at ``path`` on ``size`` (300) episodes, one core; keeps nothing."""
     return judge(of_file(path), PredictorSettings().rig, seed, size or 300, workers=1)
 
 

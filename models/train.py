@@ -24,7 +24,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--out", type=Path, default=Path("runs"), help="folder for the run (default: runs)")
     parser.add_argument("--resume", action="store_true", help="go on where the same training was interrupted")
     parser.add_argument("--ship", action="store_true",
-                        help="make the result the shipped model, provisional (`orbitd evaluate --qualify` judges it)")  # fmt: skip
+                        help="make it the shipped model, provisional; `orbitd evaluate --qualify` judges it")  # fmt: skip
     return parser
 
 
