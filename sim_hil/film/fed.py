@@ -35,13 +35,13 @@ class FedTable:
     length_over_diameter, width_rad, length_share
         The bearing, and the extent of its groove: around, rad, and along, as a share of the bearing.
     groove
-        As in `FedLaw`, single precision.
+        As in `FedLaw`; the file holds it in single precision.
     """
 
     length_over_diameter: float
     width_rad: float
     length_share: float
-    groove: NDArray[np.float32]
+    groove: Floats
 
     @classmethod
     def build(
@@ -82,12 +82,14 @@ class FedTable:
                 f"{length_share:g} of the length (shipped: {shipped}); make one with FedTable.build"
             )
         with np.load(path) as stored:
-            return cls(length_over_diameter, width_rad, length_share, np.ascontiguousarray(stored["groove"]))
+            return cls(
+                length_over_diameter, width_rad, length_share, np.ascontiguousarray(stored["groove"], dtype=np.float64)
+            )
 
     def save(self, folder: Path = _DATA) -> Path:
         """Write the table where `load` finds it; returns the file."""
         path = folder / _file_name(self.length_over_diameter, self.width_rad, self.length_share)
-        np.savez_compressed(path, groove=self.groove)
+        np.savez_compressed(path, groove=self.groove.astype(np.float32))
         return path
 
     def law(self, groove_angle_rad: float) -> FedLaw:
@@ -144,7 +146,7 @@ def _solved(film: Film, supply_Pa: float, squeeze: float, held: NDArray[np.bool_
     return replace(film, pressure=pressure, supply=supply)
 
 
-def _coefficients(values: Floats) -> NDArray[np.float32]:
+def _coefficients(values: Floats) -> Floats:
     """Spline coefficients through values (eps, half turn from the groove, turn from the eccentricity, tau, 3)."""
     back = -np.arange(values.shape[2]) % values.shape[2]
     other_half = values[:, -2:0:-1, back] * np.array([1.0, -1.0, 1.0])
@@ -153,4 +155,4 @@ def _coefficients(values: Floats) -> NDArray[np.float32]:
     whole = ring_coefficients(whole, 2)
     whole = whole.take(np.arange(-1, half_turn + 1), axis=1, mode="wrap")
     whole = whole.take(np.arange(-1, values.shape[2] + 2), axis=2, mode="wrap")
-    return np.ascontiguousarray(line_coefficients(line_coefficients(whole, 0), 3), dtype=np.float32)
+    return np.ascontiguousarray(line_coefficients(line_coefficients(whole, 0), 3))

@@ -19,10 +19,11 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from .records import Floats
 from .table_kernel import EPS_TABLE, Four, _weights, table_force
+
+_1, _2, _3 = np.uint64(3), np.uint64(6), np.uint64(9)  # from one value of tau to the next ones
 
 
 class FedLaw(NamedTuple):
@@ -40,7 +41,7 @@ class FedLaw(NamedTuple):
     """
 
     unfed: Floats
-    groove: NDArray[np.float32]
+    groove: Floats
     groove_angle_rad: float
 
 
@@ -52,35 +53,30 @@ def _place(u: float, cells: int) -> tuple[int, Four]:
 
 
 @njit(cache=True, fastmath={"contract", "reassoc"}, error_model="numpy")
-def groove_share(
-    groove: NDArray[np.float32], eps: float, alpha: float, gamma: float, tau: float
-) -> tuple[float, float, float]:
+def groove_share(groove: Floats, eps: float, alpha: float, gamma: float, tau: float) -> tuple[float, float, float]:
     """(D_r, D_t, D_q) at an eccentricity ratio in [0, EPS_TABLE], angles in [-pi, pi] and tau in [0, 1]."""
     mirror = alpha < 0
     if mirror:
         alpha, gamma = -alpha, -gamma
     if gamma < 0:
         gamma += 2 * math.pi
-    cells = groove.shape
-    i, wi = _place(-math.log1p(-eps) * ((cells[0] - 3) / -math.log1p(-EPS_TABLE)), cells[0] - 3)
-    j, wj = _place(alpha * ((cells[1] - 3) / math.pi), cells[1] - 3)
-    k, wk = _place(gamma * ((cells[2] - 3) / (2 * math.pi)), cells[2] - 3)
-    m, wm = _place(tau * (cells[3] - 3), cells[3] - 3)
+    n_eps, n_alpha, n_gamma, n_tau = groove.shape[0], groove.shape[1], groove.shape[2], groove.shape[3]
+    i, wi = _place(-math.log1p(-eps) * ((n_eps - 3) / -math.log1p(-EPS_TABLE)), n_eps - 3)
+    j, wj = _place(alpha * ((n_alpha - 3) / math.pi), n_alpha - 3)
+    k, wk = _place(gamma * ((n_gamma - 3) / (2 * math.pi)), n_gamma - 3)
+    m, (w0, w1, w2, w3) = _place(tau * (n_tau - 3), n_tau - 3)
+    flat = groove.reshape(-1)
     radial = across = flow = 0.0
     for a in range(4):
         for b in range(4):
-            outer = wi[a] * wj[b]
             for g in range(4):
-                weight = outer * wk[g]
-                part_r = part_t = part_q = 0.0
-                for h in range(4):
-                    value = groove[i + a, j + b, k + g, m + h]
-                    part_r += wm[h] * value[0]
-                    part_t += wm[h] * value[1]
-                    part_q += wm[h] * value[2]
-                radial += weight * part_r
-                across += weight * part_t
-                flow += weight * part_q
+                weight = wi[a] * wj[b] * wk[g]
+                row = (((i + a) * n_alpha + j + b) * n_gamma + k + g) * n_tau + m
+                s = np.uint64(3 * row)  # unsigned: no check for an index from the end
+                t, q = s + np.uint64(1), s + np.uint64(2)
+                radial += weight * (w0 * flat[s] + w1 * flat[s + _1] + w2 * flat[s + _2] + w3 * flat[s + _3])
+                across += weight * (w0 * flat[t] + w1 * flat[t + _1] + w2 * flat[t + _2] + w3 * flat[t + _3])
+                flow += weight * (w0 * flat[q] + w1 * flat[q + _1] + w2 * flat[q + _2] + w3 * flat[q + _3])
     return radial, -across if mirror else across, flow
 
 
