@@ -39,6 +39,8 @@ def main(argv: list[str]) -> int:
         import matplotlib
     except ModuleNotFoundError as error:
         raise PlotError("matplotlib is not installed; it comes with the extra: pip install 'orbitd[train]'") from error
+    if options.kind == "orbit" and options.rpm == 0:
+        raise PlotError("--rpm 0: an orbit is drawn over turns; give a speed")
     matplotlib.use("Agg")
     figure = _drawer(options.kind)(options)
     try:

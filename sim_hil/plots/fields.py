@@ -6,17 +6,22 @@ import argparse
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from sim_hil.bound.limits import ORBIT_SHARE, Limits
 from sim_hil.duty import RAD_S_PER_RPM
 from sim_hil.film import equilibrium, film_force
 from sim_hil.film.records import FilmArguments, Floats
-from sim_hil.plots.style import BLUE, ORANGE, RED, new_figure, plain
+from sim_hil.plots.style import BLUE, GREY, ORANGE, RED, new_figure, plain
 from sim_hil.response import power_map
 from sim_hil.rigs import load_rig, read_json
 
 _MAP_SPEEDS = 15
-_MAP_CLEARANCES = 25
+_MAP_CLEARANCES = 21
+_MAP_SECONDS = 1.0
+_MAP_TITLES = ("shaft power, W", "smallest film, µm", "peak to peak over clearance")
+_EDGE_SHARE = 2e-3
+"""Of the largest pressure: below it the film counts as ruptured in the picture."""
 
 
 def pressure(options: argparse.Namespace) -> Figure:
@@ -32,21 +37,33 @@ def pressure(options: argparse.Namespace) -> Figure:
     caption = f"rig {options.rig}, {options.rpm:g} rpm, {options.load:g} N, radial clearance {options.clearance:g} µm; "
     caption += f"eccentricity {rest.eccentricity_ratio:.3f}, attitude {np.degrees(rest.attitude_rad):.1f}°, "
     caption += "Reynolds rupture, ambient ends, isothermal"
-    figure = new_figure((10, 6), "Film pressure at the static equilibrium", caption)
+    figure = new_figure((10, 6.4), "Film pressure at the static equilibrium", caption)
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=[1.5, 1])
-    mesh = above.contourf(angle, z, p.T, levels=24, cmap="viridis")
-    above.contour(angle, z, p.T, levels=[1e-9 * p.max()], colors="white", linewidths=1.2)
-    figure.colorbar(mesh, ax=above, label="pressure, MPa")
-    plain(above, "", "axial position, mm", "white line: edge of the ruptured film")
-    below.plot(angle, p[:, z.size // 2], color=BLUE, label="pressure in the middle plane")
+    edge = _EDGE_SHARE * p.max()
+    mesh = above.contourf(angle, z, p.T, levels=np.linspace(0, p.max(), 25), cmap="viridis")
+    above.contourf(angle, z, p.T, levels=[-1, edge], colors="none", hatches=["///"])
+    above.contour(angle, z, p.T, levels=[edge], colors="white", linewidths=1.2)
+    figure.colorbar(mesh, ax=above, location="top", shrink=0.7, label="pressure, MPa", ticks=MaxNLocator(7))
+    plain(above, "", "axial position, mm")
+    middle = p[:, z.size // 2]
+    below.fill_between(angle, 0, 1, where=middle <= edge, color=GREY, alpha=0.15, linewidth=0, label="ruptured film",
+                       transform=below.get_xaxis_transform())  # fmt: skip
+    below.plot(angle, middle, color=BLUE, label="pressure in the middle plane")
     plain(below, "angle from x (right) towards y (up), degrees", "pressure, MPa")
+    below.axvline(270, color=GREY, linewidth=0.9, linestyle=":", label="direction of the load")
     gap = below.twinx()
     e = rest.position_m
-    gap.plot(angle, (film["clearance_m"] - e[0] * np.cos(np.radians(angle)) - e[1] * np.sin(np.radians(angle))) * 1e6,
-             color=ORANGE, label="film thickness")  # fmt: skip
+    thickness = 1e6 * (film["clearance_m"] - e @ [np.cos(np.radians(angle)), np.sin(np.radians(angle))])
+    gap.plot(angle, thickness, color=ORANGE)
+    thinnest = int(np.argmin(thickness))
+    gap.plot(angle[thinnest], thickness[thinnest], "o", color=ORANGE, markersize=4)
+    gap.annotate(f"{thickness[thinnest]:.1f} µm", (angle[thinnest], thickness[thinnest]), (0, 7), color=ORANGE,
+                 textcoords="offset points", fontsize=8, ha="center")  # fmt: skip
     gap.set_ylabel("film thickness, µm", color=ORANGE)
     gap.set_ylim(0, None)
     gap.spines["top"].set_visible(False)
+    below.set_ylim(0, None)
+    below.legend(fontsize=8, loc="lower left")
     below.set_xlim(0, 360)
     below.set_xticks(range(0, 361, 45))
     return figure
@@ -65,31 +82,35 @@ def _pressure_field(position_m: Floats, film: FilmArguments) -> tuple[Floats, Fl
 
 
 def power_and_limits(options: argparse.Namespace) -> Figure:
-    """Power, smallest film and orbit over speed and clearance at one load; the admissible region is outlined."""
+    """Power, smallest film and orbit over speed and clearance, at the rig's least load, the given one and its most."""
     rig = load_rig(options.rig)
     b = rig.bearing
     limits = Limits.of(read_json("duty_bench.json"))
     speed = np.linspace(rig.speed_min_rpm, rig.speed_max_rpm, _MAP_SPEEDS)
     clearance = np.linspace(b.clearance_min_m, b.clearance_max_m, _MAP_CLEARANCES)
-    found = power_map(rig, speed, np.array([options.load]), clearance, seconds=1.0)
-    power, film, swing = (a[:, 0, :].T for a in (found.power_W, found.min_film_m, found.peak_to_peak_m))
-    share = swing / clearance[:, None]
-    slack = np.minimum(film / limits.min_film_m - 1, 1 - share / ORBIT_SHARE)
-    caption = f"rig {options.rig}, {options.load:g} N, isothermal, last half of 1 s at each of "
-    caption += f"{speed.size} x {clearance.size} points; red line: edge of film ≥ {limits.min_film_m * 1e6:g} µm "
-    caption += f"and peak to peak ≤ {ORBIT_SHARE:g} c"
-    figure = new_figure((13, 4.6), "Power, film and vibration", caption)
-    panels = (
-        ("shaft power, W", np.log10(power), "magma", power),
-        ("smallest film, µm", film * 1e6, "viridis", None),
-        ("peak to peak over clearance", np.minimum(share, 1.0), "cividis", None),
-    )
-    for axes, (title, values, colors, labelled) in zip(figure.subplots(1, 3, sharey=True), panels, strict=True):
-        mesh = axes.contourf(speed, clearance * 1e6, values, levels=20, cmap=colors)
-        bar = figure.colorbar(mesh, ax=axes)
-        if labelled is not None:
-            ticks = [t for t in (5, 10, 20, 50, 100, 200, 400) if labelled.min() <= t <= labelled.max()]
+    loads = np.array(sorted({rig.load_min_N, options.load, rig.load_max_N}))
+    found = power_map(rig, speed, loads, clearance, seconds=_MAP_SECONDS, force=options.film)
+    caption = f"rig {options.rig}, {options.film} film, isothermal; last half of {_MAP_SECONDS:g} s at "
+    caption += f"{speed.size} x {clearance.size} points each; hatched: film below {limits.min_film_m * 1e6:g} µm or "
+    caption += f"peak to peak above {ORBIT_SHARE:g} of the clearance"
+    figure = new_figure((13, 3.7 * loads.size), "Power, film and vibration", caption)
+    all_axes = figure.subplots(loads.size, 3, sharex=True, sharey=True, squeeze=False)
+    share = found.peak_to_peak_m / clearance
+    figures = (
+        (np.log10(found.power_W), "magma"), (found.min_film_m * 1e6, "viridis"), (np.minimum(share, 1.0), "cividis"),
+    )  # fmt: skip
+    bad = np.maximum(1 - found.min_film_m / limits.min_film_m, share / ORBIT_SHARE - 1)
+    for column, ((values, colors), title) in enumerate(zip(figures, _MAP_TITLES, strict=True)):
+        levels = MaxNLocator(20).tick_values(float(values.min()), float(values.max()))
+        for row, load in enumerate(loads.tolist()):
+            axes = all_axes[row, column]
+            mesh = axes.contourf(speed, clearance * 1e6, values[:, row].T, levels=levels, cmap=colors)
+            axes.contourf(speed, clearance * 1e6, bad[:, row].T, levels=[0, np.inf], colors="none", hatches=["xx"])
+            axes.contour(speed, clearance * 1e6, bad[:, row].T, levels=[0], colors=RED, linewidths=2)
+            plain(axes, "speed, rpm" * (row == loads.size - 1), f"{load:g} N\n\nradial clearance, µm" * (column == 0),
+                  title * (row == 0))  # fmt: skip
+        bar = figure.colorbar(mesh, ax=all_axes[:, column], location="bottom", aspect=40)
+        if column == 0:
+            ticks = [t for t in (5, 10, 20, 50, 100, 200, 400) if levels[0] <= np.log10(t) <= levels[-1]]
             bar.set_ticks(np.log10(ticks).tolist(), labels=[str(t) for t in ticks])
-        axes.contour(speed, clearance * 1e6, slack, levels=[0.0], colors=RED, linewidths=2)
-        plain(axes, "speed, rpm", "radial clearance, µm" if title == panels[0][0] else "", title)
     return figure

@@ -33,3 +33,10 @@ def point(options: argparse.Namespace) -> str:
         f"rig {options.rig}, {options.rpm:g} rpm, {options.load:g} N, radial clearance {options.clearance:g} µm, "
         f"{options.film} film"
     )
+
+
+def limit_line(axes: Axes, value: float, text: str) -> None:
+    """A limit across the axes, named at its right end."""
+    axes.axhline(value, color=RED, linewidth=0.9, linestyle="--")
+    place = (0.995, value)
+    axes.annotate(text, place, xycoords=axes.get_yaxis_transform(), color=RED, fontsize=8, ha="right", va="bottom")

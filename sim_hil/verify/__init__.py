@@ -38,6 +38,7 @@ def groups(quick: bool) -> dict[str, Group]:
         "Complementarity": properties.complementarity,
         "Table and direct film": properties.fast_films,
         "Flow balance": properties.flow_balance,
+        "Fed film": properties.feeds,
         "Rigid-rotor modes": rotor.rigid_modes,
         "Facts of the rig bench": facts.bench,
         "Facts of the rig seed": facts.seed,
@@ -47,6 +48,7 @@ def groups(quick: bool) -> dict[str, Group]:
         return short
     return short | {
         "Raimondi and Boyd": published.raimondi_boyd,
+        "Bearing with two axial grooves": published.two_axial_grooves,
         "Grid convergence": properties.grid_convergence,
         "Rotor on springs": rotor.linear_rotor,
         "Step halving": rotor.step_halving,

@@ -143,6 +143,33 @@ def flow_balance() -> Iterator[Row]:
     yield residual(case, float(change.max()), source, 1e-6)
 
 
+def feeds() -> Iterator[Row]:
+    """A groove all round has a closed form: pressure falls evenly to the ends, whatever the eccentricity.
+
+    `Q = 2 (2 pi R) c^3 p_s / (12 mu a) (1 + 3/2 eps^2)`, a the land on either side.
+    """
+    width, pressure = 0.2 * R, 1e5
+    ring = Feed("groove", 0.0, 2 * math.pi, width, pressure)
+    for eps in (0.0, 0.5):
+        film = _film((0.0, -eps * C), (0.0, 0.0), speed_rad_s=0.0, feed=[ring], grid=(96, 40))
+        flow = 4 * math.pi * R * C**3 * pressure / (12 * MU * (R - width) / 2) * (1 + 1.5 * eps**2)
+        source = "groove all round, closed form"
+        yield Row(f"fed all round, eps={eps}: flow in, L/min", 6e4 * float(film.inflow_m3_s), 6e4 * flow, source, 1e-3)
+        yield Row(f"fed all round, eps={eps}: flow out, L/min", 6e4 * float(film.side_flow_m3_s), 6e4 * flow, source,
+                  1e-3)  # fmt: skip
+    e, v = _states(12, 4)
+    groove = partial(Feed, "groove", width_rad=math.radians(20), length_m=0.8 * R)
+    top = groove(angle_rad=math.pi / 2, pressure_Pa=pressure)
+    once = _film(e, v, feed=[top])
+    thrice = _film(e, 3 * v, speed_rad_s=3 * OMEGA, feed=[groove(angle_rad=math.pi / 2, pressure_Pa=3 * pressure)])
+    case = "fed groove, thrice speed, velocity and pressure: largest relative error"
+    yield residual(case, _apart(thrice.force_N, 3 * once.force_N), "homogeneity of degree one", 1e-9)
+    turn = np.array([[0.0, -1.0], [1.0, 0.0]])
+    turned = _film(e @ turn.T, v @ turn.T, feed=[groove(angle_rad=math.pi, pressure_Pa=pressure)])
+    case = "fed groove, all turned by 90 degrees: largest relative error"
+    yield residual(case, _apart(turned.force_N, once.force_N @ turn.T), "rotation", 1e-9)
+
+
 def grid_convergence() -> Iterator[Row]:
     """Loads on three grids, each twice as fine, and the default grid against their limit."""
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from sim_hil.film import Equilibrium, equilibrium
+from sim_hil.film import Equilibrium, Feed, equilibrium
 from sim_hil.verify.closed_forms import MU, OMEGA, C, R
 from sim_hil.verify.row import Row, reference
 
@@ -45,3 +45,25 @@ def raimondi_boyd_excerpt() -> Iterator[Row]:
         case = f"L/D=1 eps={row['eps']} (excerpt):"
         yield Row(f"{case} S", state.sommerfeld, row["S"], "raimondi_boyd_LD1.json", 2e-2)
         yield Row(f"{case} (R/c) f", state.friction_variable, row["friction_var"], "raimondi_boyd_LD1.json", 2e-2)
+
+
+def two_axial_grooves() -> Iterator[Row]:
+    """Static and dynamic columns of the bearing with grooves at right angles to the load, L/D = 1/2."""
+    table = reference("two_axial_grooves_LD05.json")
+    for name, book in (("Lund", table["lund"]), ("Someya", table["someya"])):
+        width, source, allowed = math.radians(book["groove_deg"]), book["source"], book["tolerance"]
+        grooves = [Feed("groove", angle, width, R, 0.0) for angle in (0.0, math.pi)]
+        for sommerfeld, eps, attitude, *coefficients in book["rows"]:
+            state = equilibrium(
+                eccentricity_ratio=eps, feed=grooves, radius_m=R, length_m=R, clearance_m=C, viscosity_Pa_s=MU,
+                speed_rad_s=OMEGA,
+            )  # fmt: skip
+            case = f"{name} eps={eps}:"
+            digit = allowed["S"] + allowed.get("S_digit", 0.0) / sommerfeld
+            yield Row(f"{case} S", state.sommerfeld, sommerfeld, source, digit)
+            angle = math.degrees(state.attitude_rad)
+            yield Row(f"{case} attitude, deg", angle, attitude, source, allowed["attitude_deg"], True)
+            for letter, found, printed in zip("KC", (state.stiffness, state.damping), coefficients, strict=False):
+                share = allowed["coefficients_of_the_largest"] * max(printed)
+                for axes, value, expected in zip(("xx", "xy", "yx", "yy"), found.ravel(), printed, strict=True):
+                    yield Row(f"{case} {letter}{axes}", float(value), expected, source, share, True)

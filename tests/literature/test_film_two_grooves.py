@@ -11,21 +11,12 @@ import numpy as np
 import pytest
 
 from sim_hil.film import Feed, equilibrium
+from sim_hil.verify.row import reference
 
 BEARING = {"radius_m": 0.02, "length_m": 0.02, "clearance_m": 60e-6, "viscosity_Pa_s": 0.01, "speed_rad_s": 300.0}
 
-# S, eps, attitude deg, K (xx, xy, yx, yy) c/W, C omega c/W
-LUND = [
-    (6.430, 0.071, 81.89, (1.55, 14.41, -6.60, 1.88), (28.75, 1.89, 1.89, 13.31)),
-    (2.030, 0.207, 68.75, (1.65, 5.67, -2.50, 1.93), (11.18, 2.07, 2.07, 5.33)),
-    (0.917, 0.372, 57.45, (2.12, 4.01, -1.30, 1.85), (7.70, 2.06, 2.06, 3.23)),
-    (0.580, 0.477, 51.01, (2.67, 3.70, -0.78, 1.75), (6.96, 1.94, 1.94, 2.40)),
-    (0.244, 0.655, 40.25, (4.21, 3.74, -0.13, 1.64), (6.87, 1.82, 1.82, 1.54)),
-    (0.086, 0.809, 30.04, (7.51, 4.42, 0.47, 1.59), (8.03, 1.79, 1.79, 1.03)),
-    (0.042, 0.879, 24.41, (11.45, 5.23, 0.92, 1.60), (9.48, 1.80, 1.80, 0.82)),
-]
-# S, eps, attitude deg
-SOMEYA = [(2.07, 0.2, 71.6), (0.517, 0.5, 51.1), (0.187, 0.7, 38.2), (0.0926, 0.8, 31.2), (0.0315, 0.9, 22.7)]
+TABLES = reference("two_axial_grooves_LD05.json")
+LUND, SOMEYA = TABLES["lund"]["rows"], TABLES["someya"]["rows"]
 
 
 def grooved(eps, width_deg):

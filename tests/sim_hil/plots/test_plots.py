@@ -29,7 +29,11 @@ def test_a_figure_is_drawn(kind, tmp_path, capsys):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", sorted(set(plots.KINDS) - set(FAST)))
-def test_a_longer_figure_is_drawn(kind, tmp_path):
+def test_a_longer_figure_is_drawn(kind, tmp_path, monkeypatch):
+    from sim_hil.plots import fields
+
+    monkeypatch.setattr(fields, "_MAP_SPEEDS", 4)
+    monkeypatch.setattr(fields, "_MAP_CLEARANCES", 4)
     output = tmp_path / f"{kind}.png"
     assert plots.main([kind, "-o", str(output)]) == 0
     assert colours(output)[1] > 20
@@ -50,6 +54,17 @@ def test_other_files_are_refused(name, tmp_path):
 def test_a_folder_that_is_not_there_is_refused(tmp_path):
     with pytest.raises(plots.PlotError, match="No such file"):
         plots.main(["pressure", "-o", str(tmp_path / "none" / "p.png")])
+
+
+def test_an_orbit_without_turns_is_refused(tmp_path):
+    with pytest.raises(plots.PlotError, match="give a speed"):
+        plots.main(["orbit", "-o", str(tmp_path / "o.png"), "--rpm", "0"])
+
+
+def test_an_instability_is_named(tmp_path):
+    output = tmp_path / "campbell.svg"
+    assert plots.main(["campbell", "-o", str(output), "--load", "30"]) == 0
+    assert "unstable" in output.read_text()
 
 
 def test_absent_matplotlib_names_the_extra(monkeypatch, tmp_path):
