@@ -30,7 +30,8 @@ def conformal(said: Said) -> Factors:
     for regime in REGIMES:
         rows = said.recognised == regime
         rows = rows if rows.sum() >= FEWEST else np.full(len(z), True)
-        found[regime] = {name: (_upper(-z[rows, k]), _upper(z[rows, k])) for k, name in enumerate(QUANTITIES)}
+        found[regime] = {name: (max(FACTOR_LEAST, _upper(-z[rows, k])), max(FACTOR_LEAST, _upper(z[rows, k])))
+                         for k, name in enumerate(QUANTITIES)}
     return found
 
 
@@ -38,7 +39,7 @@ def _upper(errors: Floats, level: float = 0.5 + 0.5 * NOMINAL) -> float:
     """The ``ceil((n + 1) level)``-th smallest error: split conformal prediction's quantile."""
     errors = np.sort(errors[np.isfinite(errors)])
     rank = min(math.ceil((len(errors) + 1) * level), len(errors))
-    return max(FACTOR_LEAST, float(errors[rank - 1]))
+    return float(errors[rank - 1])
 
 
 def intervals(said: Said, factors: Factors) -> tuple[Floats, Floats]:

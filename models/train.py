@@ -10,6 +10,8 @@ from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
 
+import msgspec
+
 from models.runs import Run, load_settings
 
 EXIT_BAD_INPUT = 2
@@ -21,10 +23,12 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--seed", type=int, default=0, help="every random number follows from it")
     parser.add_argument("--smoke", action="store_true", help="the same steps in seconds, a model for tests only")
     parser.add_argument("--config", type=Path, help="TOML file with training settings")
+    parser.add_argument("--data", type=Path, help="classifier: folder of measured recordings (models/DATASET.md)")
+    parser.add_argument("--group", default="group", help="with --data: column whose values never cross a split")
     parser.add_argument("--out", type=Path, default=Path("runs"), help="folder for the run (default: runs)")
     parser.add_argument("--resume", action="store_true", help="go on where the same training was interrupted")
     parser.add_argument("--ship", action="store_true",
-                        help="make it the shipped model, provisional; `orbitd evaluate --qualify` judges it")  # fmt: skip
+                        help="ship it as provisional; `orbitd evaluate --qualify` judges it")  # fmt: skip
     return parser
 
 
@@ -33,6 +37,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     args = _parser().parse_args(argv)
     if args.ship and args.smoke:
         print("orbitd train: --ship with --smoke: a smoke model is for tests only; drop one", file=sys.stderr)
+        return EXIT_BAD_INPUT
+    if args.data and (args.model != "classifier" or args.ship):
+        print("orbitd train: --data: trains a classifier of the user's own, which is not shipped", file=sys.stderr)
         return EXIT_BAD_INPUT
     try:
         report = _train(args)
@@ -44,10 +51,13 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _train(args: argparse.Namespace) -> dict[str, object]:
-    trainer = importlib.import_module(f"models.{args.model}")  # brings torch: only the one that is asked for
+    name = "measured_model" if args.data else args.model
+    trainer = importlib.import_module(f"models.{name}")  # brings torch: only the one that is asked for
     settings = load_settings(trainer.SETTINGS, args.config)
     settings = settings.smoked() if args.smoke else settings
-    run = Run(args.out, args.model, args.seed, settings, smoke=args.smoke, resume=args.resume, config=args.config)
+    if args.data:
+        settings = msgspec.structs.replace(settings, data=str(args.data), group=args.group)
+    run = Run(args.out, name, args.seed, settings, smoke=args.smoke, resume=args.resume, config=args.config)
     with closing(run):
         report: dict[str, object] = trainer.train(run, settings)
     if args.ship:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_py.brain.film import Film
-from firmware_py.brain.intervals import SIGMA_90
+from firmware_py.brain.intervals import GROWING_SIGMAS, SIGMA_90
 from firmware_py.brain.measurement import (
     CLEARANCE,
     CONTACT,
@@ -46,10 +46,10 @@ LOAD_DRIFT: Final = 0.5
 """Random walk of ``ln`` load per root second."""
 VISCOSITY_DRIFT: Final = 0.003
 CLEARANCE_DRIFT_UM: Final = 0.05
-RATE_DRIFT: Final = (0.01, 0.2)
+RATE_DRIFT: Final = (0.015, 0.2)
 """Random walk of the two rates: 1/s, um/s, per root second."""
 RATE_MEMORY_S: Final = 30.0
-MODEL_MEMORY_S: Final = 2.0
+MODEL_MEMORY_S: Final = 1.0
 """Readings within this time share their model error."""
 REFUSED_SIGMAS: Final = 4.0
 """A reading further off than this counts for less."""
@@ -90,15 +90,21 @@ class Estimate:
         """90 % interval: low, expected, high."""
         return lognormal(self.viscosity_Pa_s, float(np.sqrt(self.log_covariance[1, 1])))
 
-    def drifts(self, sigmas: float) -> bool:
-        """Whether viscosity or clearance change at a rate this many deviations from none."""
-        rates, variance = self.mean[PARAMETERS:], np.diag(self.covariance)[PARAMETERS:]
-        return bool((np.abs(rates) > sigmas * np.sqrt(variance)).any())
+    @property
+    def growing(self) -> NDArray[np.bool_]:
+        """Whether viscosity and clearance (2,) change at a rate clearly different from none."""
+        deviation = np.sqrt(np.diag(self.covariance)[PARAMETERS:])
+        return np.asarray(np.abs(self.mean[PARAMETERS:]) > GROWING_SIGMAS * deviation)
 
     def ahead(self, seconds: float) -> tuple[Floats, Floats]:
-        """Mean (3,) and covariance (3, 3) of ``ln`` load, viscosity factor, clearance error (um), ``seconds`` on."""
+        """Mean (3,) and covariance (3, 3) of ``ln`` load, viscosity factor, clearance error (um), ``seconds`` on.
+
+        A rate that is not clear is taken for none: after a change of speed the model's own error looks like one.
+        """
         f = _transition(seconds)[: CLEARANCE + 1]
-        return f @ self.mean, f @ self.covariance @ f.T
+        mean = self.mean.copy()
+        mean[PARAMETERS:] *= self.growing
+        return f @ mean, f @ self.covariance @ f.T
 
 
 def lognormal(value: float, log_sd: float) -> tuple[float, float, float]:

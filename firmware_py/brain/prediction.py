@@ -188,7 +188,7 @@ class Predictor:
         speed = measured.speed_rad_s if future.speed_rad_s is None else future.speed_rad_s
         points = Points(np.full(k * n, speed), np.repeat(every, k) + np.tile(sigma[:, CLEARANCE], n) * UM,
                         np.tile(law * np.exp(sigma[:, VISCOSITY]), n), np.tile(load, n))
-        return points, estimate.drifts(GROWING_SIGMAS)
+        return points, bool(estimate.growing.any())
 
     def _warming(self, measured: Measured, friction_W: Floats, estimate: Estimate, future: Future) -> Floats:
         """By how many kelvin the oil will be warmer (n,): heat balance of one node, ``C T' = P - G (T - T_in)``."""
