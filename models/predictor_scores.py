@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_py.brain.intervals import QUANTITIES, REGIMES
+from firmware_py.brain.prediction import LIMIT_TIMES_S
 from models.predictor_hearing import LIMIT_S, Said
 from models.predictor_rivals import RIVALS
 
@@ -149,13 +150,13 @@ def _skill(said: Said) -> dict[str, dict[str, float]]:
 
 def _limits(said: Said) -> dict[str, object]:
     """How the announced time to a limit compares with the true one, :data:`LIMIT_S`."""
-    times = said.limit_s[np.isfinite(said.limit_s[:, 0]) | np.isinf(said.limit_s[:, 0])]
+    times = said.limit_s[np.isfinite(said.limit_s[:, 1])]
     if not len(times):
         return {"faults": 0}
-    finite = times[np.isfinite(times[:, 1]), 1]
-    return {"faults": len(times), "true_s": LIMIT_S, "foreseen": _share(np.isfinite(times[:, 1])),
+    never_s = LIMIT_TIMES_S[-1]
+    return {"faults": len(times), "true_s": LIMIT_S, "foreseen": _share(times[:, 1] < never_s),
             "inside_interval": _share((times[:, 0] <= LIMIT_S) & (times[:, 2] >= LIMIT_S)),
-            "expected_s_quartiles": [_figure(q) for q in np.quantile(finite, [0.25, 0.5, 0.75])] if len(finite) else []}
+            "expected_s_quartiles": [_figure(q) for q in np.quantile(times[:, 1], [0.25, 0.5, 0.75])]}
 
 
 def _share(flags: NDArray[np.bool_]) -> float:

@@ -20,6 +20,7 @@ from firmware_py.acquire.orders import Orders
 from firmware_py.acquire.windows import Window
 from firmware_py.brain.errors import ModelAnswerError
 from firmware_py.brain.estimate import Estimate
+from firmware_py.brain.measurement import Measured
 from firmware_py.brain.observation import Present, window_measured
 from firmware_py.brain.prediction import CANDIDATES, HORIZON_S, Outlook, Predictor
 from firmware_py.brain.store import OBSERVATION, Model, Models
@@ -47,6 +48,7 @@ class Proposal:
     """A clearance (m) or None, with every reason.
 
     ``forecast`` holds one clearance: where it will be after the horizon; ``expectation`` says why there.
+    ``sensed`` are the virtual sensors of this moment.
     """
 
     clearance_m: float | None
@@ -55,6 +57,8 @@ class Proposal:
     expectation: str = ""
     estimate: Estimate | None = None
     unbalance_kg_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    sensed: Outlook | None = None
+    time_to_limit_s: tuple[float, float, float] | None = None
 
 
 class Policy:
@@ -117,7 +121,17 @@ class Policy:
         expected_m, expectation = self._future(present, guard, chosen_m)
         forecast = predictor.forecast(measured, estimate, np.array([expected_m]))
         return Proposal(chosen_m, reasons, forecast, "; ".join(filter(None, (expectation, overruled))), estimate,
-                        predictor.unbalance_interval_kg_m)
+                        predictor.unbalance_interval_kg_m, predictor.sense(measured, estimate),
+                        self._to_limit(measured, estimate, predictor))
+
+    def _to_limit(self, measured: Measured, estimate: Estimate,
+                  predictor: Predictor) -> tuple[float, float, float] | None:
+        """Time until a growing fault passes the limit of film or peak-to-peak; None while nothing grows."""
+        if not predictor.growing(estimate):
+            return None
+        limits = self._config.limits
+        swing_um = min(limits.displacement_danger_um, limits.clearance_share * measured.clearance_m * 1e6)
+        return predictor.time_to_limit(measured, estimate, limits.min_film_um * 1e-6, swing_um * 1e-6)
 
     def _wish(self, actor: Model, present: Present, diagnosis: Diagnosis | None, guard: GuardState | None,
               estimate: Estimate, reasons: list[str]) -> float | None:

@@ -38,7 +38,7 @@ MARGIN_ERROR: Final = 0.02
 OIL_SLOPE_S: Final = 1.0
 DAMPING_LEAST: Final = 0.01
 LIMIT_TIMES_S: Final = (0.0, 1.0, 2.0, 4.0, 8.0, 15.0, 30.0, 60.0)
-"""Where a growing fault is looked for beyond its limit; farther is called never (infinite)."""
+"""Where a growing fault is looked for beyond its limit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,20 +155,31 @@ class Predictor:
     def forecast(self, measured: Measured, estimate: Estimate, clearances_m: Floats, future: Future = HELD) -> Outlook:
         """What the clearances ``clearances_m`` (n,), reached by then, would bring at the end of ``future``."""
         every = np.append(clearances_m, measured.clearance_m)
-        points, growing = self._points(measured, estimate, every, future)
+        points = self._points(measured, estimate, every, future)
         steady = self._film.steady(points)
         warming_K = self._warming(measured, steady.power_W.reshape(len(every), -1)[:, 0], estimate, future)
         if np.abs(warming_K).max() > 0.1:
             thinner = np.exp(-self._oil.viscosity_slope_per_K * np.repeat(warming_K, len(points.load_N) // len(every)))
             points = Points(points.speed_rad_s, points.clearance_m, points.viscosity_Pa_s * thinner, points.load_N)
             steady = self._film.steady(points)
-        state = self._imbalance.ahead(future.seconds)
-        growing |= abs(state.rate_kg_m_s) > GROWING_SIGMAS * state.rate_sd_kg_m_s > 0.0
-        return self._outlook(measured, every, points, steady, state, "fault" if growing else _regime(future))
+        regime = "fault" if self.growing(estimate) else "ramp" if future.moves else "steady"
+        return self._outlook(measured, every, points, steady, self._imbalance.ahead(future.seconds), regime)
+
+    def sense(self, measured: Measured, estimate: Estimate) -> Outlook:
+        """Virtual sensors: smallest film and friction power of this moment (the bearing force is the load)."""
+        return self.forecast(measured, estimate, np.array([measured.clearance_m]), Future(0.0))
+
+    def growing(self, estimate: Estimate) -> bool:
+        """Whether unbalance, viscosity or clearance change at a clear rate."""
+        state = self._imbalance.state
+        return bool(estimate.growing.any()) or abs(state.rate_kg_m_s) > GROWING_SIGMAS * state.rate_sd_kg_m_s > 0.0
 
     def time_to_limit(self, measured: Measured, estimate: Estimate, min_film_m: float,
                       swing_m: float) -> tuple[float, float, float]:
-        """Seconds until film or peak-to-peak passes its limit at the present clearance: earliest, expected, latest."""
+        """Seconds until film or peak-to-peak passes its limit at the present clearance: earliest, expected, latest.
+
+        At most the last of :data:`LIMIT_TIMES_S`, which also says never.
+        """
         here = np.array([measured.clearance_m])
         rooms = []
         for seconds in LIMIT_TIMES_S:
@@ -178,17 +189,16 @@ class Predictor:
         low, expected, high = (_crossing(np.array(column)) for column in zip(*rooms, strict=True))
         return low, expected, high
 
-    def _points(self, measured: Measured, estimate: Estimate, every: Floats, future: Future) -> tuple[Points, bool]:
-        """Sigma points of every clearance at the end of ``future``; whether viscosity or clearance drift clearly."""
+    def _points(self, measured: Measured, estimate: Estimate, every: Floats, future: Future) -> Points:
+        """Sigma points of every clearance at the end of ``future``."""
         mean, covariance = estimate.ahead(future.seconds)
         sigma = _sigma_points(mean, covariance)
         k, n = len(sigma), len(every)
         law = self._oil.viscosity_Pa_s(measured.oil_outlet_C)
         load = np.clip(np.exp(sigma[:, 0]) + future.load_change_N, *self._load_range_N)
         speed = measured.speed_rad_s if future.speed_rad_s is None else future.speed_rad_s
-        points = Points(np.full(k * n, speed), np.repeat(every, k) + np.tile(sigma[:, CLEARANCE], n) * UM,
-                        np.tile(law * np.exp(sigma[:, VISCOSITY]), n), np.tile(load, n))
-        return points, bool(estimate.growing.any())
+        return Points(np.full(k * n, speed), np.repeat(every, k) + np.tile(sigma[:, CLEARANCE], n) * UM,
+                      np.tile(law * np.exp(sigma[:, VISCOSITY]), n), np.tile(load, n))
 
     def _warming(self, measured: Measured, friction_W: Floats, estimate: Estimate, future: Future) -> Floats:
         """By how many kelvin the oil will be warmer (n,): heat balance of one node, ``C T' = P - G (T - T_in)``."""
@@ -254,10 +264,6 @@ def slow_roll_forward(config: Config) -> complex:
     return 0.5 * complex(x + 1j * y)
 
 
-def _regime(future: Future) -> str:
-    return "ramp" if future.moves else "steady"
-
-
 def _sigma_points(mean: Floats, covariance: Floats) -> Floats:
     """(7, 3): expected, and one deviation along each column of the covariance's root."""
     root = np.linalg.cholesky(covariance + 1e-12 * np.eye(len(mean)))
@@ -277,10 +283,10 @@ def _interval(expected: Floats, deviation: Floats, factors: list[tuple[float, fl
 
 
 def _crossing(room: Floats) -> float:
-    """First time at which ``room`` over :data:`LIMIT_TIMES_S` falls below zero, linear between; else infinite."""
+    """First time at which ``room`` over :data:`LIMIT_TIMES_S` falls below zero, linear between; else the last."""
     below = np.flatnonzero(room < 0.0)
     if not below.size:
-        return math.inf
+        return LIMIT_TIMES_S[-1]
     i = int(below[0])
     if i == 0:
         return 0.0

@@ -24,7 +24,10 @@ class Diagnosis(Record, frozen=True, tag=True):
 class Forecast(Record, frozen=True, tag=True):
     """What the predictor expects ``horizon_s`` ahead for the present and the advised clearance (PA).
 
-    Each quantity is ``(low, expected, high)``; ``conditional_on`` says which future was assumed.
+    Each quantity is ``(low, expected, high)``; ``conditional_on`` says which future was assumed.  ``now_*`` are
+    virtual sensors: what the film model says of this moment (the bearing force is ``load_N``).
+    ``time_to_limit_s`` is until film or peak-to-peak of a growing fault passes its limit at the present clearance
+    (60: not within a minute).
     """
 
     seq: int
@@ -41,6 +44,9 @@ class Forecast(Record, frozen=True, tag=True):
     viscosity_Pa_s: tuple[float, float, float]
     unbalance_kg_m: tuple[float, float, float]
     model: str
+    now_min_film_um: tuple[float, float, float] | None = None
+    now_friction_W: tuple[float, float, float] | None = None
+    time_to_limit_s: tuple[float, float, float] | None = None
 
 
 class Advice(Record, frozen=True, tag=True):
