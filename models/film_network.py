@@ -15,14 +15,16 @@ Couette shear the rest.
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
+from models.film_states import STATE
+
 Floats = NDArray[np.float64]
-STATE = ("x_m", "y_m", "vx_m_s", "vy_m_s", "omega_rad_s", "c_m", "mu_Pa_s", "R_m", "L_m")
-"""Columns of the input."""
 
 ECCENTRICITY_LIMIT = 0.98
 """Beyond it the film keeps the shape it has here: an answer, never a NaN, and outside the stated domain."""
@@ -66,17 +68,25 @@ class Perceptron(nn.Module):
 
 
 class ReducedFilm(nn.Module):
-    """``state (m, 9)`` -> ``force (m, 2)`` N, ``friction_torque (m, 1)`` N m, ``side_flow (m, 1)`` m3/s."""
+    """``state (m, 9)`` -> ``force (m, 2)`` N, ``friction_torque (m, 1)`` N m, ``side_flow (m, 1)`` m3/s, ``inside``.
 
-    def __init__(self, layers: list[Floats]) -> None:
+    ``inside (m, 1)`` is 1 where the state lies in the domain (a film, no thinner than the training's, in a bearing of
+    its length over diameter), else 0: the other outputs are finite there and mean nothing.
+    """
+
+    def __init__(self, layers: list[Floats], length_over_diameter: float, eccentricity_max: float) -> None:
         super().__init__()
         self.net = Perceptron(layers)
+        self.length_over_diameter, self.eccentricity_max = length_over_diameter, eccentricity_max
 
-    def forward(self, state: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Force on the journal, torque braking it (for either sense), flow out of both ends."""
-        x, y, vx, vy, omega, c, mu, radius, length = (state[:, k : k + 1] for k in range(9))
+    def forward(self, state: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+        """Force on the journal, torque braking it (for either sense), flow out of both ends, domain."""
+        x, y, vx, vy, omega, c, mu, radius, length = (state[:, k : k + 1] for k in range(len(STATE)))
+        eccentric = torch.sqrt(x * x + y * y) / c <= self.eccentricity_max
+        shaped = torch.abs(length / (2.0 * radius) - self.length_over_diameter) <= 1e-6 * self.length_over_diameter
+        inside = eccentric & shaped & (c > 0.0) & (mu > 0.0)
         ex, ey = _inside(x / c, y / c)
-        sx, sy = vx + 0.5 * omega * c * ey, vy - 0.5 * omega * c * ex
+        sx, sy = vx + 0.5 * omega * y, vy - 0.5 * omega * x
         speed = torch.sqrt(sx * sx + sy * sy)
         ux, uy = sx / (speed + 1e-30), sy / (speed + 1e-30)
         a, b = ex * ux + ey * uy, ey * ux - ex * uy
@@ -88,7 +98,19 @@ class ReducedFilm(nn.Module):
         wall = 2.0 * np.pi * mu * radius**3 * length / (c * torch.sqrt(1.0 - ex * ex - ey * ey))
         sense = torch.where(omega < 0.0, -1.0, 1.0)
         torque = sense * (wall * omega + 0.5 * c * (ex * force[:, 1:2] - ey * force[:, 0:1]))
-        return force, torque, 2.0 * radius * length * speed * torch.exp(n[:, 2:3])
+        flow = 2.0 * radius * length * speed * torch.exp(n[:, 2:3])
+        return force, torque, flow, inside.to(state.dtype)
+
+
+def layers_of_file(path: Path) -> list[Floats]:
+    """Weights in an exported file, one ``(inputs + 1, outputs)`` matrix a layer, biases in row 0."""
+    import onnx
+    from onnx import numpy_helper
+
+    stored = {tensor.name: numpy_helper.to_array(tensor) for tensor in onnx.load(path).graph.initializer}
+    names = sorted(name for name in stored if name.startswith("net.layers.") and name.endswith(".weight"))
+    pairs = [(stored[name.replace(".weight", ".bias")], stored[name]) for name in names]
+    return [np.vstack([bias[None], weight.T]) for bias, weight in pairs]
 
 
 def _inside(ex: Tensor, ey: Tensor) -> tuple[Tensor, Tensor]:

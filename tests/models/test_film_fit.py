@@ -1,0 +1,89 @@
+"""Search of weights: lambda and start by validation, mirror symmetry by construction, and solutions kept."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from models.film_cache import kept
+from models.film_fit import Search, Targets, fit
+from models.network import Mlp
+
+SIGNS = (np.array([1.0, -1.0]), np.array([1.0, -1.0]))
+
+
+def targets(mirror=None):
+    x = np.random.default_rng(0).uniform(-1, 1, (200, 2))
+    y = np.column_stack([x[:, 0] + x[:, 1] ** 2, x[:, 0] * x[:, 1]])
+    return Targets(x, y, np.ones_like(y), mirror)
+
+
+def search(folder, rows):
+    plan = Search((1e-8, 1.0), 2, 60)
+    return fit(Mlp((2, 6, 2)), targets(), plan, np.random.default_rng(1), "toy", folder, rows.append)
+
+
+def test_the_best_start_by_validation_is_returned_and_every_start_is_listed(tmp_path):
+    rows = []
+    result = search(tmp_path, rows)
+    assert rows == result.starts
+    assert [(row["lambda"], row["start"]) for row in rows] == [(1e-8, 1), (1e-8, 2), (1.0, 1), (1.0, 2)]
+    assert result.l2 == 1e-8
+    assert float(f"{result.score:.4g}") == min(row["validation"] for row in rows)
+    assert result.score < 0.05
+
+
+def test_an_interrupted_search_goes_on_and_ends_the_same(tmp_path):
+    class Interrupted(Exception):
+        pass
+
+    def stop(row):
+        if row["start"] == 2:
+            raise Interrupted
+
+    with pytest.raises(Interrupted):
+        search(tmp_path, type("Log", (), {"append": staticmethod(stop)}))
+    done = sorted(tmp_path.iterdir())
+    before = [path.stat().st_mtime_ns for path in done]
+    again, rows = search(tmp_path, []), []
+    assert len(done) == 2
+    assert [path.stat().st_mtime_ns for path in done] == before
+    whole = search(tmp_path / "another", rows)
+    np.testing.assert_array_equal(again.theta, whole.theta)
+    assert again.starts == rows
+
+
+def test_a_mirror_makes_the_fit_odd_and_even_exactly():
+    net, data = Mlp((2, 6, 2)), targets(SIGNS)
+    theta = net.initial(np.random.default_rng(2))
+    flipped = Targets(SIGNS[0] * data.x, SIGNS[1] * data.y, data.weight, SIGNS)
+    np.testing.assert_allclose(flipped.error(net, theta), SIGNS[1] * data.error(net, theta), rtol=1e-12, atol=1e-15)
+
+
+def test_the_mirrored_jacobian_is_the_slope_of_the_residuals():
+    net, data = Mlp((2, 3, 2)), targets(SIGNS).subset(np.arange(200) < 5)
+    theta = net.initial(np.random.default_rng(3))
+    residual, jacobian = data.residuals(net, theta)
+    for k in range(net.count):
+        step = np.zeros(net.count)
+        step[k] = 1e-6
+        slope = (data.residuals(net, theta + step)[0] - data.residuals(net, theta - step)[0]) / 2e-6
+        np.testing.assert_allclose(jacobian[:, k], slope, atol=1e-8)
+    np.testing.assert_allclose(residual, data.error(net, theta).ravel())
+
+
+@dataclass(frozen=True)
+class Numbers:
+    values: np.ndarray
+
+
+def test_solutions_are_made_once_for_each_key(tmp_path):
+    made = []
+
+    def make():
+        made.append(1)
+        return Numbers(np.arange(3.0))
+
+    for key in (1, 1, 2):
+        np.testing.assert_array_equal(kept(tmp_path, "numbers", key, Numbers, make).values, [0.0, 1.0, 2.0])
+    assert len(made) == 2
