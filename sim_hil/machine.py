@@ -10,10 +10,9 @@ import numpy as np
 from firmware_py.errors import OrbitdError
 from sim_hil.build import Build
 from sim_hil.faults import FaultSet, apply_machine_faults, check_fault, sensor_fault
-from sim_hil.film.table import FilmTable
 from sim_hil.film.table_kernel import table_force
 from sim_hil.rigs import RigData
-from sim_hil.rotor.assembly import assemble
+from sim_hil.rotor.assembly import assemble, rig_film
 from sim_hil.rotor.parameters import (
     CLEARANCE,
     N_SENSORS,
@@ -29,7 +28,15 @@ from sim_hil.sensors.chain import Counts, SensorChain
 from sim_hil.sensors.kernel import advance
 
 MAX_STEP_S = 40e-6
-"""Longest integration step; a sampling period is cut into equal steps no longer than this."""
+"""A sampling period is cut into equal steps no longer than this."""
+
+LONGEST_STEP_S = 50e-6
+"""Verified: orbits within 0.5 % of half the step, but for whirl that fills the clearance (2 %)."""
+
+SLOPES_KEPT_S = 200e-6
+"""How long slopes of the film force are kept where it is smooth."""
+
+SLOWEST_RATE_HZ = 1000
 
 _N_AMBIENT = 4
 _ROUNDING_M = 1e-9
@@ -38,6 +45,20 @@ _NO_FAULTS = np.zeros((0, N_SENSORS))
 
 class MachineError(OrbitdError, ValueError):
     """What the machine is asked to do is outside what it is built for, or has no finite answer."""
+
+
+def _check_steps(rate_hz: int, max_step_s: float) -> None:
+    """Refuse what the integration is not verified for."""
+    if not 0.0 < max_step_s <= LONGEST_STEP_S:
+        raise MachineError(
+            f"max_step_s = {max_step_s:g}: above zero and at most {LONGEST_STEP_S:g} s, up to where the film is "
+            f"verified; {MAX_STEP_S:g} s is the default"
+        )
+    if not (rate_hz >= SLOWEST_RATE_HZ and 1e6 % rate_hz == 0):
+        raise MachineError(
+            f"rate_hz = {rate_hz}: a period is a whole number of microseconds, and the rate at least "
+            f"{SLOWEST_RATE_HZ} Hz; take 5000 or 10000"
+        )
 
 
 @dataclass(frozen=True)
@@ -76,8 +97,19 @@ class Machine:
         Start of the actuator; the rig's nominal values when None.
     inlet_C, thermal
         Oil inlet temperature, and whether the film warms up by its own friction.
+    fed
+        Whether the supply pressure acts in the film: the rig's groove, instead of the unfed periodic film.
     max_step_s
-        Longest integration step.
+        Longest integration step, at most :data:`LONGEST_STEP_S`.
+
+    Raises
+    ------
+    MachineError
+        A rate or a step outside what the integration is verified for, or a start outside the actuator's range.
+    AssemblyError
+        A rig or a build that no machine can have.
+    FilmError
+        ``fed``, and the rig's feed is not tabulated.
     """
 
     def __init__(
@@ -91,22 +123,29 @@ class Machine:
         pressure_Pa: float | None = None,
         inlet_C: float | None = None,
         thermal: bool = True,
+        fed: bool = False,
         max_step_s: float = MAX_STEP_S,
     ) -> None:
+        _check_steps(rate_hz, max_step_s)
         self.rig, self.build, self.rate_hz = rig, build, rate_hz
+        clearance_m = rig.bearing.clearance_nominal_m if clearance_m is None else clearance_m
+        pressure_Pa = rig.supply.nominal_Pa if pressure_Pa is None else pressure_Pa
+        self._check_targets(clearance_m, pressure_Pa)
         self.period_s = 1.0 / rate_hz
         self._substeps = max(1, math.ceil(self.period_s / max_step_s - 1e-9))
         step_s = self.period_s / self._substeps
+        self._kept_steps = max(1, round(SLOPES_KEPT_S / step_s))
         self._healthy = assemble(rig, build, step_s, inlet_C=inlet_C, thermal=thermal)
         self._taps = antialias_taps(rate_hz, self._substeps)
         self.delay_s = (self._taps.size - 1) / 2 * step_s
-        self._table = FilmTable.load(rig.bearing.length_m / (2 * rig.bearing.radius_m)).coefficients
+        self._unfed = rig_film(rig, fed=False)
+        self._film = rig_film(rig, fed=True) if fed else self._unfed
         self._rng = np.random.default_rng(seed)
         self._fault_rng = np.random.default_rng([seed, 4])
         self._state = new_state(
             self._taps.size,
-            rig.bearing.clearance_nominal_m if clearance_m is None else clearance_m,
-            rig.supply.nominal_Pa if pressure_Pa is None else pressure_Pa,
+            clearance_m,
+            pressure_Pa,
             self._healthy.film.inlet_C,
             float(self._rng.uniform(0, 2 * math.pi)),
         )
@@ -168,7 +207,7 @@ class Machine:
         Parameters
         ----------
         drive
-            Speed, rad/s, and static bearing load, N, at the borders of the periods, shape (n + 1, 2).
+            Speed, rad/s, of any sign, and static bearing load, N, at the borders of the periods, shape (n + 1, 2).
         clearance_m, pressure_Pa
             Targets of the actuator.
 
@@ -177,14 +216,16 @@ class Machine:
         MachineError
             A target outside the actuator's range, a speed or load that is not finite, or no finite answer.
         """
-        self._check(drive, clearance_m, pressure_Pa)
+        drive = np.ascontiguousarray(drive, dtype=np.float64)
+        self._check_drive(drive)
+        self._check_targets(clearance_m, pressure_Pa)
         n = len(drive) - 1
         normal = self._rng.standard_normal((n, N_SENSORS + _N_AMBIENT))
         signals, truth, marks = np.empty((n, N_SENSORS)), np.empty((n, N_TRUTH)), np.empty(n)
         ambient = np.ascontiguousarray(normal[:, N_SENSORS:]) * self._plant.excite.ambient
         advance(
-            self._plant, self._state, self._table, self._taps, drive, np.array([clearance_m, pressure_Pa]),
-            ambient, self.period_s, self._substeps, signals, truth, marks,
+            self._plant, self._state, self._film, self._taps, drive, np.array([clearance_m, pressure_Pa]),
+            ambient, self.period_s, self._substeps, self._kept_steps, signals, truth, marks,
         )  # fmt: skip
         if not (math.isfinite(truth.sum()) and math.isfinite(signals.sum())):
             raise MachineError(
@@ -202,12 +243,18 @@ class Machine:
         """Film force, N, of a journal resting at ``(ex, ey)`` of the nominal bearing: a load estimate."""
         b, mu = self.rig.bearing, self.rig.oil.viscosity_at(oil_C)
         fx, fy, _, _ = table_force(
-            self._table, ex_m, ey_m, 0.0, 0.0, speed_rad_s, clearance_m, mu, b.radius_m, b.length_m, 0.0
+            self._unfed, ex_m, ey_m, 0.0, 0.0, speed_rad_s, clearance_m, mu, b.radius_m, b.length_m, 0.0
         )
         return math.hypot(fx, fy)
 
-    def _check(self, drive: Floats, clearance_m: float, pressure_Pa: float) -> None:
-        """Refuse what no machine could follow."""
+    def _check_drive(self, drive: Floats) -> None:
+        if drive.ndim != 2 or drive.shape[1] != 2 or len(drive) < 2:
+            raise MachineError(f"drive of shape {drive.shape}: (n + 1, 2) with n >= 1, columns speed and load")
+        if not math.isfinite(drive.sum()):
+            raise MachineError(f"speed or load at {self.time_s:.3f} s is not finite: {drive[0]} to {drive[-1]}")
+
+    def _check_targets(self, clearance_m: float, pressure_Pa: float) -> None:
+        """Refuse what no actuator could follow."""
         bearing = self.rig.bearing
         if not bearing.clearance_min_m - _ROUNDING_M <= clearance_m <= bearing.clearance_max_m + _ROUNDING_M:
             raise MachineError(
@@ -216,8 +263,6 @@ class Machine:
             )
         if not 0.0 <= pressure_Pa < math.inf:
             raise MachineError(f"pressure = {pressure_Pa:g} Pa: a supply pressure is finite and not negative")
-        if not math.isfinite(drive.sum()):
-            raise MachineError(f"speed or load at {self.time_s:.3f} s is not finite: {drive[0]} to {drive[-1]}")
 
     def _uniform(self, n: int) -> Floats:
         """Random numbers for sensor faults: a stream of their own, so that a fault changes no other noise."""

@@ -81,6 +81,8 @@ class Rig:
         Sampling rate.
     coast_on_silence
         Whether a lost device heartbeat stops the drive.
+    fed
+        Whether the supply pressure acts in the film (``Machine``).
 
     Attributes
     ----------
@@ -90,7 +92,7 @@ class Rig:
 
     def __init__(
         self, rig: RigData, codec: Codec, limits: NodeLimits, seed: int, *, build: Build | None = None,
-        duty: Duty | None = None, rate_hz: int = 5000, coast_on_silence: bool = True,
+        duty: Duty | None = None, rate_hz: int = 5000, coast_on_silence: bool = True, fed: bool = False,
     ) -> None:
         self._rng = np.random.default_rng([seed, 2])
         self._codec = codec
@@ -98,7 +100,7 @@ class Rig:
         self.drive = Drive(rig.drive, duty or _START, coast_on_silence=coast_on_silence)
         self.machine = Machine(
             rig, Build.nominal(rig) if build is None else build, seed, rate_hz=rate_hz,
-            clearance_m=limits.boot_clearance_um * 1e-6, pressure_Pa=limits.boot_pressure_bar * 1e5,
+            clearance_m=limits.boot_clearance_um * 1e-6, pressure_Pa=limits.boot_pressure_bar * 1e5, fed=fed,
         )  # fmt: skip
         self.lag_ms_max = 0.0
         self.periods_left_out = 0

@@ -16,6 +16,7 @@ from firmware_py.launch import Launch
 from firmware_py.wire.link import Link, codec_for, open_link
 from sim_hil.build import Build
 from sim_hil.console import SOCKET_NAME, Console
+from sim_hil.domain import describe
 from sim_hil.duty import Duty
 from sim_hil.rig import Rig, node_limits
 from sim_hil.rigs import RIGS, load_rig
@@ -25,19 +26,22 @@ WARM_UP_STEPS = 1200
 """Simulated milliseconds of a throw-away rig: every message is sent once, everything is compiled."""
 
 
-def make_rig(config: Config, name: str, seed: int, *, nominal: bool = False, duty: Duty | None = None) -> Rig:
+def make_rig(
+    config: Config, name: str, seed: int, *, nominal: bool = False, duty: Duty | None = None, fed: bool = False
+) -> Rig:
     """The rig ``name`` on the wire of ``config``; its build is drawn from ``seed`` unless ``nominal``."""
     data = load_rig(name)
     build = Build.nominal(data) if nominal else Build.of_seed(data, seed)
     return Rig(
         data, codec_for(config), node_limits(data, config), seed, build=build, duty=duty,
         rate_hz=config.sampling.rate_hz, coast_on_silence=config.drive.coast_down_on_lost_heartbeat,
+        fed=fed,
     )  # fmt: skip
 
 
-def warm_up(config: Config, name: str) -> None:
+def warm_up(config: Config, name: str, fed: bool = False) -> None:
     """Compile and run everything once."""
-    rig = make_rig(config, name, 0)
+    rig = make_rig(config, name, 0, fed=fed)
     for step in range(WARM_UP_STEPS):
         rig.step(step * PERIOD_NS, [])
 
@@ -65,12 +69,18 @@ def main(argv: list[str]) -> int:
     parser.add_argument("--seed", type=int, default=1, help="draws build, noise and clock (default 1)")
     parser.add_argument("--nominal", action="store_true", help="the build as drawn, without spread")
     parser.add_argument("--duty", choices=("hold", "published"), default="hold", help="what the drive follows")
+    parser.add_argument(
+        "--film", choices=("periodic", "fed"), default="periodic",
+        help="unfed film, or fed from the rig's groove, where the supply pressure carries load (default periodic)",
+    )
     options = parser.parse_args(argv)
     started = launch.from_options(options)
     name = options.rig or started.config.device.rig
     duty = Duty.published() if options.duty == "published" else None
-    warm_up(started.config, name)
-    rig = make_rig(started.config, name, options.seed, nominal=options.nominal, duty=duty)
+    fed = options.film == "fed"
+    print("\n".join(describe(load_rig(name))), flush=True)
+    warm_up(started.config, name, fed)
+    rig = make_rig(started.config, name, options.seed, nominal=options.nominal, duty=duty, fed=fed)
     _run(started, rig)
     print(f"rig ended: {rig.time_s:.1f} s, worst lag {rig.lag_ms_max:.1f} ms, {rig.periods_left_out} periods left out")
     return 0

@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 
 from sim_hil.machine import Machine
+from sim_hil.rigs import RigData
 from sim_hil.rotor.parameters import TRUTH_COLUMNS, Floats
 
 TRUTH_S: Final = 0.1
@@ -27,6 +28,7 @@ class RigTruth(msgspec.Struct, frozen=True):
     clearance_um: float
     target_clearance_um: float
     pressure_bar: float
+    pump_power_W: float
     power_W: float
     min_film_um: float
     peak_to_peak_um: float
@@ -35,6 +37,12 @@ class RigTruth(msgspec.Struct, frozen=True):
     unbalance_kg_m: float
     coasting: bool
     faults: dict[str, float]
+
+
+def pump_power_W(rig: RigData, truth: Floats) -> Floats:
+    """Power of the oil pump, ``p_s Q / efficiency``, for truth rows (n, 14): it feeds what runs off at the ends."""
+    rows: Floats = truth[:, _COLUMN["pressure_Pa"]] * truth[:, _COLUMN["side_flow_m3_s"]]
+    return rows / rig.supply.pump_efficiency
 
 
 class TruthKeeper:
@@ -62,6 +70,7 @@ class TruthKeeper:
                 clearance_um=float(mean[_COLUMN["clearance_m"]]) * 1e6,
                 target_clearance_um=target_clearance_um,
                 pressure_bar=float(mean[_COLUMN["pressure_Pa"]]) * 1e-5,
+                pump_power_W=float(pump_power_W(self._machine.rig, truth).mean()),
                 power_W=float(mean[_COLUMN["shaft_power_W"]]),
                 min_film_um=float(truth[:, _COLUMN["min_film_m"]].min()) * 1e6,
                 peak_to_peak_um=float(swing) * 1e6,

@@ -24,6 +24,12 @@ class UnknownRig(OrbitdError, ValueError):
     exit_code = 2
 
 
+class NoCone(OrbitdError, ValueError):
+    """The bearing has no cone angle."""
+
+    exit_code = 2
+
+
 @dataclass(frozen=True)
 class Bearing:
     """Journal bearing; clearances are radial."""
@@ -33,6 +39,19 @@ class Bearing:
     clearance_min_m: float
     clearance_max_m: float
     clearance_nominal_m: float
+    cone_half_angle_rad: float | None
+
+    def axial_shift_m(self, clearance_m: float) -> float:
+        """How far the cone stands from its place at nominal clearance: ``dc = dz tan(half angle)``.
+
+        Raises
+        ------
+        NoCone
+            The bearing is no cone.
+        """
+        if self.cone_half_angle_rad is None:
+            raise NoCone("axial shift: this rig's bearing is no cone; its clearance is set otherwise")
+        return (clearance_m - self.clearance_nominal_m) / math.tan(self.cone_half_angle_rad)
 
 
 @dataclass(frozen=True)
@@ -52,13 +71,23 @@ class Oil:
 
 
 @dataclass(frozen=True)
+class Groove:
+    """One axial feed groove: its middle, its width around the journal, and its share of the bearing's length."""
+
+    angle_rad: float
+    width_rad: float
+    length_share: float
+
+
+@dataclass(frozen=True)
 class Supply:
-    """Oil supply pressure above ambient, and the pump."""
+    """Oil supply pressure above ambient, the pump, and the groove (None: fed otherwise)."""
 
     nominal_Pa: float
     min_Pa: float
     max_Pa: float
     pump_efficiency: float
+    groove: Groove | None
 
 
 @dataclass(frozen=True)
@@ -211,7 +240,7 @@ def _bench(t: dict[str, Any]) -> dict[str, Any]:
     return {
         "bearing": Bearing(
             t["bearing"]["journal_radius_m"], t["bearing"]["length_m"],
-            clearance["min"], clearance["max"], clearance["nominal"],
+            clearance["min"], clearance["max"], clearance["nominal"], math.radians(t["bearing"]["cone_half_angle_deg"]),
         ),
         "oil": Oil(
             oil["viscosity_Pa_s_at_40C"], 0.03, 40.0,
@@ -219,7 +248,7 @@ def _bench(t: dict[str, Any]) -> dict[str, Any]:
         ),
         "supply": Supply(
             feed["pressure_Pa"]["nominal"], feed["pressure_Pa"]["min"], feed["pressure_Pa"]["max"],
-            feed["pump_efficiency"],
+            feed["pump_efficiency"], Groove(math.pi / 2, math.radians(feed["width_deg"]), feed["length_share"]),
         ),
         "rotor": Rotor(
             rotor["mass_kg"], rotor["J_d_kg_m2"], rotor["J_p_kg_m2"], rotor["coupling_to_cg_m"],
@@ -240,13 +269,13 @@ def _seed(t: dict[str, Any], assumed: dict[str, Any]) -> dict[str, Any]:
     return {
         "bearing": Bearing(
             t["bearing"]["journal_radius_m"][0], t["bearing"]["length_m"][0],
-            assumed["clearance_m"][0], assumed["clearance_m"][1], t["bearing"]["radial_clearance_m"][0],
+            assumed["clearance_m"][0], assumed["clearance_m"][1], t["bearing"]["radial_clearance_m"][0], None,
         ),
         "oil": Oil(
             t["lubricant"]["viscosity_Pa_s"][0], assumed["viscosity_slope_per_K"], assumed["reference_C"],
             t["lubricant"]["density_kg_m3"][0], assumed["heat_capacity_J_kgK"], assumed["reference_C"],
         ),
-        "supply": Supply(sum(low_high) / 2, low_high[0], low_high[1], assumed["pump_efficiency"]),
+        "supply": Supply(sum(low_high) / 2, low_high[0], low_high[1], assumed["pump_efficiency"], None),
         "rotor": Rotor(
             rotor["mass_kg"][0], rotor["J_d_kg_m2"][0], rotor["J_p_kg_m2"][0], rotor["coupling_to_cg_m"][0],
             rotor["bearing_to_cg_m"][0], rotor["coupling_stiffness_N_m"][0],

@@ -6,7 +6,11 @@ import math
 
 import numpy as np
 
+from firmware_py.errors import OrbitdError
 from sim_hil.build import Build
+from sim_hil.film.fed import FedLaw, FedTable
+from sim_hil.film.records import FilmError
+from sim_hil.film.table import FilmTable
 from sim_hil.rigs import Body, RigData, read_json
 from sim_hil.rotor.parameters import Act, Excite, Film, Floats, Foot, Pickup, Plant, Shaft, four, three
 
@@ -19,6 +23,22 @@ _MODE_GAIN = 0.2
 _SOUND_PA_S_M = 200.0
 _TOOTH_SOUND_PA = 0.05
 _PRESSURE_TIME_CONSTANT_S = 0.1
+
+
+_POSITIVE = frozenset(
+    {"mass", "inertia", "diametral", "radius", "length", "viscosity", "heat_capacity_per_m3", "thermal_capacity",
+     "stiffness", "bolt_stiffness", "time_constant", "pressure_time_constant", "rate"}
+)  # fmt: skip
+_NOT_NEGATIVE = frozenset(
+    {"polar", "to_coupling", "to_bearing", "coupling_stiffness", "coupling_damping", "unbalance", "damping", "clamp",
+     "friction", "windage", "jacket_flow", "backlash", "roughness", "ambient"}
+)  # fmt: skip
+
+
+class AssemblyError(OrbitdError, ValueError):
+    """A rig or a build that no machine can have."""
+
+    exit_code = 2
 
 
 def assemble(
@@ -34,8 +54,13 @@ def assemble(
         Oil inlet temperature; the rig's own when None.
     thermal
         False holds the oil at the inlet temperature (isothermal results).
+
+    Raises
+    ------
+    AssemblyError
+        A number that is not finite, or a mass, stiffness, length ... that is not above zero.
     """
-    return Plant(
+    plant = Plant(
         shaft=_shaft(rig, build),
         pedestal=_foot(rig, build, rig.foundation.pedestal, build.bolt[:4]),
         motor=_foot(rig, build, rig.foundation.motor, build.bolt[4:]),
@@ -47,6 +72,48 @@ def assemble(
             _PRESSURE_TIME_CONSTANT_S, 1.0,
         ),
     )  # fmt: skip
+    _refuse_absurd(plant, rig)
+    return plant
+
+
+def _refuse_absurd(plant: Plant, rig: RigData) -> None:
+    """Every number finite, and above zero or not below it where the equations need that."""
+    for part, group in plant._asdict().items():
+        for name, value in group._asdict().items():
+            numbers = np.asarray(value, dtype=np.float64)
+            where = f"{part}.{name} of rig {rig.name} = {value}"
+            if not np.isfinite(numbers).all():
+                raise AssemblyError(f"{where}: not finite; mend the rig's data or the build")
+            if name in _POSITIVE and not (numbers > 0).all():
+                raise AssemblyError(f"{where}: must be above zero; mend the rig's data or the build")
+            if name in _NOT_NEGATIVE and not (numbers >= 0).all():
+                raise AssemblyError(f"{where}: must not be below zero; mend the rig's data or the build")
+    narrowest = rig.bearing.clearance_min_m + plant.film.wear
+    if not narrowest > 0:
+        raise AssemblyError(
+            f"clearance error of the build = {plant.film.wear:g} m: leaves {narrowest:g} m of the smallest clearance "
+            f"of rig {rig.name}; must leave a gap"
+        )
+
+
+def rig_film(rig: RigData, fed: bool) -> Floats | FedLaw:
+    """The tabulated film of ``rig``: unfed and periodic, or fed from its groove.
+
+    Raises
+    ------
+    FilmError
+        No table of that bearing is shipped, or the rig is not fed from one axial groove.
+    """
+    shape = rig.bearing.length_m / (2 * rig.bearing.radius_m)
+    if not fed:
+        return FilmTable.load(shape).coefficients
+    groove = rig.supply.groove
+    if groove is None:
+        raise FilmError(
+            f"fed film of rig {rig.name}: its feed is not one axial groove, and no other is tabulated; take the "
+            "periodic film, which knows no supply pressure"
+        )
+    return FedTable.load(shape, groove.width_rad, groove.length_share).law(groove.angle_rad)
 
 
 def _shaft(rig: RigData, build: Build) -> Shaft:

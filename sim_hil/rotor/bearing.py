@@ -30,7 +30,7 @@ def oil_now(film: Film, scalar: Floats) -> Oil:
         fed = min(1.0, max(LEAST_FED, scalar[PRESSURE] / film.pressure_needed))
     filled = film.share * fed
     law = math.exp(-film.viscosity_slope * (scalar[OIL] - film.reference_C))
-    return Oil(film.viscosity * law, filled, filled**LENGTH_EXPONENT)
+    return Oil(film.viscosity * law, filled, filled**LENGTH_EXPONENT, scalar[PRESSURE])
 
 
 @njit(cache=True)
@@ -54,8 +54,8 @@ def bearing_force(
     """Force (fx, fy), N, friction torque, N m, and side flow, m3/s; arguments as `table_force`."""
     y, r = ey + film.drop, film.radius
     fx, fy, torque, flow = film_law(
-        law, ex, y, vx, vy, omega, c, oil.viscosity * oil.bears, r, film.length, c_rate
-    )  # fmt: skip
+        law, ex, y, vx, vy, omega, c, oil.viscosity * oil.bears, r, film.length, c_rate, oil.supply
+    )
     if oil.filled != 1.0:
         eps = min(math.hypot(ex, y) / c, EPS_TABLE)
         shear = 2 * math.pi * oil.viscosity * abs(omega) * r * r * r * film.length / (c * math.sqrt(1 - eps * eps))

@@ -1,6 +1,7 @@
 """One call for the film force, whatever stands behind it; chosen by type when a kernel is compiled.
 
-A law is the coefficient array of a `FilmTable`, a `DirectLaw`, a `LinearLaw`, or a network of `network_law`.
+A law is the coefficient array of a `FilmTable`, a `FedLaw`, a `DirectLaw`, a `LinearLaw`, or a network of
+`network_law`. The supply pressure counts for the `FedLaw` alone.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from numba import njit, types
 from numba.extending import overload
 
 from sim_hil.film.direct import DirectFilm, direct_force
+from sim_hil.film.fed_kernel import FedLaw, fed_force
 from sim_hil.film.table_kernel import EPS_TABLE, contact_force, lookup, table_force
 from sim_hil.rotor.network_law import RawNetworkLaw, ReducedNetworkLaw, raw_forces, reduced_forces
 from sim_hil.rotor.parameters import Floats
@@ -62,7 +64,7 @@ class LinearLaw(NamedTuple):
         return cls._make(numbers.tolist())
 
 
-Law = Floats | DirectLaw | LinearLaw | ReducedNetworkLaw | RawNetworkLaw
+Law = Floats | FedLaw | DirectLaw | LinearLaw | ReducedNetworkLaw | RawNetworkLaw
 
 
 @njit(cache=True)
@@ -110,6 +112,15 @@ def _tabulated(
     return forces
 
 
+@njit(cache=True)
+def _fed(
+    law: FedLaw, ex: float, ey: float, vx: float, vy: float, omega: float, c: float, mu: float, R: float, L: float,
+    c_rate: float, supply_Pa: float,
+) -> Forces:  # fmt: skip
+    fx, fy, torque, flow, _ = fed_force(law, ex, ey, vx, vy, omega, c, mu, R, L, c_rate, supply_Pa)
+    return fx, fy, torque, flow
+
+
 _KERNELS = {
     DirectLaw: _direct, LinearLaw: _linear, ReducedNetworkLaw: reduced_forces, RawNetworkLaw: raw_forces,
 }  # fmt: skip
@@ -117,10 +128,14 @@ _KERNELS = {
 
 def film_law(
     law: Law, ex: float, ey: float, vx: float, vy: float, omega: float, c: float, mu: float, R: float, L: float,
-    c_rate: float,
+    c_rate: float, supply_Pa: float = 0.0,
 ) -> Forces:  # fmt: skip
-    """Force (fx, fy), N, friction torque, N m, and side flow, m3/s; arguments as `table_force`."""
-    forces: Forces = _of_type(type(law))(law, ex, ey, vx, vy, omega, c, mu, R, L, c_rate)
+    """Force (fx, fy), N, friction torque, N m, and side flow, m3/s; arguments as `table_force` and `fed_force`."""
+    forces: Forces
+    if isinstance(law, FedLaw):
+        forces = _fed(law, ex, ey, vx, vy, omega, c, mu, R, L, c_rate, supply_Pa)
+    else:
+        forces = _of_type(type(law))(law, ex, ey, vx, vy, omega, c, mu, R, L, c_rate)
     return forces
 
 
@@ -130,10 +145,14 @@ def _of_type(kind: type) -> Callable[..., Forces]:
 
 
 @overload(film_law)
-def _film_law(law, ex, ey, vx, vy, omega, c, mu, R, L, c_rate):  # type: ignore[no-untyped-def]
-    chosen = _of_type(law.instance_class if isinstance(law, types.BaseNamedTuple) else type(law))
+def _film_law(law, ex, ey, vx, vy, omega, c, mu, R, L, c_rate, supply_Pa=0.0):  # type: ignore[no-untyped-def]
+    kind = law.instance_class if isinstance(law, types.BaseNamedTuple) else type(law)
+    chosen = _of_type(kind)
 
-    def forces(law, ex, ey, vx, vy, omega, c, mu, R, L, c_rate):  # type: ignore[no-untyped-def]
+    def forces(law, ex, ey, vx, vy, omega, c, mu, R, L, c_rate, supply_Pa=0.0):  # type: ignore[no-untyped-def]
         return chosen(law, ex, ey, vx, vy, omega, c, mu, R, L, c_rate)
 
-    return forces
+    def fed(law, ex, ey, vx, vy, omega, c, mu, R, L, c_rate, supply_Pa=0.0):  # type: ignore[no-untyped-def]
+        return _fed(law, ex, ey, vx, vy, omega, c, mu, R, L, c_rate, supply_Pa)
+
+    return fed if kind is FedLaw else forces

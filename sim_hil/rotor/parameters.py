@@ -95,11 +95,12 @@ class Film(NamedTuple):
 
 
 class Oil(NamedTuple):
-    """The oil in the film now: viscosity, Pa s, the share of the film that it fills and that bears."""
+    """The oil in the film now: viscosity, Pa s, share of the film that it fills, that bears, and supply, Pa."""
 
     viscosity: float
     filled: float
     bears: float
+    supply: float
 
 
 class Excite(NamedTuple):

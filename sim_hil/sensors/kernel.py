@@ -112,7 +112,7 @@ def filtered(ring: Floats, start: int, taps: Floats, out: Floats) -> None:
 @njit(cache=True)
 def advance(
     plant: Plant, st: State, law: Law, taps: Floats, drive: Floats, target: Floats, ambient: Floats,
-    period: float, substeps: int, signals: Floats, truth: Floats, marks: Floats,
+    period: float, substeps: int, kept: int, signals: Floats, truth: Floats, marks: Floats,
 ) -> None:  # fmt: skip
     """Advance by ``len(signals)`` sampling periods.
 
@@ -125,7 +125,7 @@ def advance(
     ambient
         Shape (n, 4): broadband force on pedestal (x, y) and motor (x, y), N, held over a period.
     period
-        Sampling period, s; ``substeps`` equal steps each.
+        Sampling period, s; ``substeps`` equal steps each, with fresh slopes of the film every ``kept``.
     signals, truth, marks
         Written: filtered channels (n, 8); :data:`TRUTH_COLUMNS` (n, 14); time of a mark edge from the
         start of the period, s, or -1 (n,).
@@ -144,7 +144,7 @@ def advance(
             omega = drive[n, 0] + alpha * dt * k
             load = drive[n, 1] + (drive[n + 1, 1] - drive[n, 1]) * k / substeps
             before = scalar[ANGLE]
-            reaction = film_reaction(plant, st, law, k == 0, omega, c, c_rate, oil, dt)
+            reaction = film_reaction(plant, st, law, k % kept == 0, omega, c, c_rate, oil, dt)
             substep(plant, st, law, reaction, omega, alpha, load, c, c_rate, oil, ambient[n], dt)
             power += scalar[POWER]
             if scalar[ANGLE] >= turn or scalar[ANGLE] < 0.0:

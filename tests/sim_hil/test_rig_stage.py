@@ -244,3 +244,16 @@ def test_seed_rig_runs_too() -> None:
     for i in range(300):
         rig.step(i * MS, [])
     assert 0 < rig.truth[-1].min_film_um < 95
+
+
+def test_the_nodes_clock_drifts_within_its_data_sheet() -> None:
+    """Node time after 8 s of host time: at most 50 ppm off (to one period of 0.2 ms), and each node in its own way."""
+    node_s = []
+    for seed in (0, 2):
+        b = Bench(seed)
+        for _ in range(400):
+            b.step(20)
+        node_s.append(b.rig.time_s)
+    for time_s in node_s:
+        assert abs(time_s - 8.0) <= 8.0 * 50e-6 + 0.2e-3
+    assert node_s[1] - node_s[0] >= 0.4e-3

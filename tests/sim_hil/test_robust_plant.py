@@ -1,5 +1,6 @@
 """The machine where films break down: standstill, reversal, contact, whirl, loose bolts; and bad input."""
 
+import dataclasses
 import math
 from collections.abc import Callable
 from itertools import count, islice
@@ -17,7 +18,8 @@ from sim_hil.film.direct import DirectFilm, direct_force
 from sim_hil.film.table import FilmTable
 from sim_hil.film.table_kernel import CONTACT_STIFFNESS_N_M, EPS_TABLE, table_force
 from sim_hil.machine import Machine, MachineError
-from sim_hil.rigs import load_rig
+from sim_hil.rigs import NoCone, load_rig
+from sim_hil.rotor.assembly import AssemblyError
 from sim_hil.rotor.parameters import TRUTH_COLUMNS, Floats
 from sim_hil.server import make_rig
 
@@ -205,3 +207,54 @@ def test_bad_input_is_refused_by_name(
     machine = Machine(RIG, Build.nominal(RIG), 1)
     with pytest.raises(MachineError, match=named):
         machine.advance(np.tile([speed, load_N], (11, 1)), clearance_m, pressure_Pa)
+
+
+@pytest.mark.parametrize("step_s", [0.0, -1e-6, 60e-6, 100e-6, 200e-6, math.nan])
+def test_a_step_beyond_the_verified_one_is_refused(step_s: float) -> None:
+    with pytest.raises(MachineError, match="max_step_s"):
+        Machine(RIG, Build.nominal(RIG), 1, max_step_s=step_s)
+
+
+@pytest.mark.parametrize("rate_hz", [0, -5000, 500, 3000, 44100])
+def test_a_rate_without_whole_microseconds_is_refused(rate_hz: int) -> None:
+    with pytest.raises(MachineError, match="rate_hz"):
+        Machine(RIG, Build.nominal(RIG), 1, rate_hz=rate_hz)
+
+
+@pytest.mark.parametrize(
+    ("changed", "named"),
+    [
+        ({"mass_kg": -6.0}, "shaft.mass"),
+        ({"mass_kg": 0.0}, "shaft.mass"),
+        ({"diametral_inertia_kg_m2": math.nan}, "shaft.diametral"),
+        ({"coupling_stiffness_N_m": -1e7}, "shaft.coupling_stiffness"),
+        ({"unbalance_kg_m": math.inf}, "shaft.unbalance"),
+    ],
+)
+def test_an_absurd_rotor_is_refused(changed: dict[str, float], named: str) -> None:
+    rig = dataclasses.replace(RIG, rotor=dataclasses.replace(RIG.rotor, **changed))
+    with pytest.raises(AssemblyError, match=named):
+        Machine(rig, Build.nominal(rig), 1)
+
+
+def test_absurd_oil_clearance_and_start_are_refused() -> None:
+    thin = dataclasses.replace(RIG, oil=dataclasses.replace(RIG.oil, viscosity_Pa_s=0.0))
+    with pytest.raises(AssemblyError, match=r"film\.viscosity"):
+        Machine(thin, Build.nominal(thin), 1)
+    with pytest.raises(AssemblyError, match="must leave a gap"):
+        Machine(RIG, dataclasses.replace(Build.nominal(RIG), clearance_error_m=-50e-6), 1)
+    with pytest.raises(AssemblyError, match=r"film\.inlet_C"):
+        Machine(RIG, Build.nominal(RIG), 1, inlet_C=math.nan)
+    with pytest.raises(MachineError, match="clearance = 500 um"):
+        Machine(RIG, Build.nominal(RIG), 1, clearance_m=500e-6)
+    with pytest.raises(MachineError, match="pressure"):
+        Machine(RIG, Build.nominal(RIG), 1, pressure_Pa=-1.0)
+    with pytest.raises(MachineError, match="drive of shape"):
+        Machine(RIG, Build.nominal(RIG), 1).advance(np.zeros(5), 60e-6, 1e5)
+
+
+def test_the_cone_shifts_by_the_clearance_over_the_tangent() -> None:
+    assert RIG.bearing.axial_shift_m(60e-6) == 0.0
+    assert RIG.bearing.axial_shift_m(160e-6) == pytest.approx(100e-6 / math.tan(math.radians(7)))
+    with pytest.raises(NoCone):
+        load_rig("seed").bearing.axial_shift_m(80e-6)

@@ -34,7 +34,7 @@ def one_step(
 ) -> State:
     film = plant.film
     substep(
-        plant, state, TABLE, (0.0,) * 6, omega, alpha, load, 60e-6, 0.0, Oil(1e-15 * film.viscosity, 1.0, 1.0),
+        plant, state, TABLE, (0.0,) * 6, omega, alpha, load, 60e-6, 0.0, Oil(1e-15 * film.viscosity, 1.0, 1.0, 0.0),
         np.zeros(4), dt,
     )  # fmt: skip
     return state
@@ -78,6 +78,31 @@ def test_gyroscopic_coupling_keeps_the_energy_at_any_step() -> None:
     for _ in range(1000):  # an explicit step would grow by 2 %
         one_step(plant, state, 1000.0, dt=1e-4)
     assert math.hypot(state.v[2], state.v[3]) == pytest.approx(1e-4, rel=1e-3)
+
+
+def test_run_up_turns_a_standing_tilt() -> None:
+    """The other half of the gyroscopic moment, ``J_p alpha`` times the tilt."""
+    plant = free_plant()
+    plant = plant._replace(shaft=plant.shaft._replace(unbalance=0.0))
+    ratio, alpha = RIG.rotor.polar_inertia_kg_m2 / RIG.rotor.diametral_inertia_kg_m2, 500.0
+    state, base = rest(), rest()
+    state.q[2], state.q[3] = 1e-5, 2e-5
+    change = one_step(plant, state, 0.0, alpha).a - one_step(plant, base, 0.0, alpha).a
+    assert change[2:4] == pytest.approx([-ratio * alpha * 2e-5, ratio * alpha * 1e-5])
+
+
+def test_moments_are_those_of_forces_at_their_lever() -> None:
+    """Coupling at -0.25 m, bearing at +0.25 m: the same force turns the rotor in opposite senses."""
+    plant = free_plant()
+    spring = plant._replace(shaft=plant.shaft._replace(coupling_stiffness=1e6, unbalance=0.0))
+    state, base = rest(), rest()
+    for each in (state, base):
+        each.q[2:4] = 0.0
+    state.q[0] = 1e-5
+    change = one_step(spring, state).a - one_step(spring, base).a
+    r = RIG.rotor
+    assert change[0] * r.mass_kg == pytest.approx(-10.0, rel=1e-3)
+    assert change[2] * r.diametral_inertia_kg_m2 == pytest.approx(0.25 * 10.0, rel=1e-3)
 
 
 @pytest.mark.parametrize("angle", [0.0, 1.0, 4.0])
@@ -159,7 +184,7 @@ def test_misaligned_coupling_turns_twice_a_turn_and_pushes_aside() -> None:
 def test_narrow_film_bears_less_shears_less_and_sheds_less() -> None:
     film = free_plant().film
     full, half = (
-        np.array(bearing_force(TABLE, film, Oil(0.01, s, s**2.5), 1e-5, -3e-5, 0.0, 0.0, 600.0, 6e-5, 0.0))
+        np.array(bearing_force(TABLE, film, Oil(0.01, s, s**2.5, 0.0), 1e-5, -3e-5, 0.0, 0.0, 600.0, 6e-5, 0.0))
         for s in (1.0, 0.5)
     )
     assert half[:2] == pytest.approx(full[:2] * 0.5**2.5)
@@ -171,10 +196,10 @@ def test_narrow_film_bears_less_shears_less_and_sheds_less() -> None:
 def test_oil_thins_with_heat_and_fills_with_pressure() -> None:
     film = free_plant().film
     scalar = rest().scalar
-    assert oil_now(film, scalar) == pytest.approx((0.01, 1.0, 1.0))
+    assert oil_now(film, scalar) == pytest.approx((0.01, 1.0, 1.0, 1e5))
     scalar[OIL] = 60.0
     scalar[PRESSURE] = 0.6 * film.pressure_needed
-    assert oil_now(film, scalar) == pytest.approx((0.01 * math.exp(-0.6), 0.6, 0.6**2.5))
+    assert oil_now(film, scalar) == pytest.approx((0.01 * math.exp(-0.6), 0.6, 0.6**2.5, 0.6 * film.pressure_needed))
 
 
 def test_actuator_keeps_its_rate_and_its_backlash() -> None:

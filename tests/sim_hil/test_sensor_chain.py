@@ -29,6 +29,35 @@ def test_filter_is_60_dB_down_from_nyquist_and_flat_below(rate: int, substeps: i
     assert np.abs(gain_dB[hz <= 0.38 * rate]).max() < 0.05
 
 
+def tone(hz: float, rate_hz: int) -> Floats:
+    """What the motor's accelerometer gives, m/s2, when a force of that frequency shakes the motor; with its times."""
+    shaken = dataclasses.replace(RIG.excitation, line_hz=hz, line_force_N=3000.0, tooth_force_N=0.0)
+    machine = Machine(dataclasses.replace(RIG, excitation=shaken), NOMINAL, 1, rate_hz=rate_hz)
+    counts = run(machine, Duty.hold(3000, 100), 1.2, clearance=60e-6).counts
+    return units(counts)[-rate_hz:, 4]
+
+
+def amplitude(y: Floats, hz: float, rate_hz: int) -> float:
+    window = np.hanning(len(y))
+    wave = np.exp(-2j * np.pi * hz * np.arange(len(y)) / rate_hz)
+    return float(2 * abs(np.sum((y - y.mean()) * window * wave)) / window.sum())
+
+
+@pytest.mark.parametrize("hz", [2503.0, 2700.0, 4100.0])
+def test_a_tone_above_nyquist_is_gone_through_the_whole_machine(hz: float) -> None:
+    """Seen at 10 kHz, it must not come back folded at 5 kHz: 60 dB down."""
+    seen, folded = amplitude(tone(hz, 10_000), hz, 10_000), amplitude(tone(hz, 5000), 5000 - hz, 5000)
+    assert seen > 20.0 if hz < 4000 else seen > 5.0
+    assert folded < 1e-3 * seen + 0.004  # and the noise of 5000 samples
+
+
+def test_a_tone_above_nyquist_is_gone_at_10_khz_too() -> None:
+    assert amplitude(tone(5100.0, 10_000), 4900.0, 10_000) < 0.03
+    assert amplitude(tone(1900.0, 10_000), 1900.0, 10_000) == pytest.approx(
+        amplitude(tone(1900.0, 5000), 1900.0, 5000), rel=0.03
+    )
+
+
 def test_contact_voltage_falls_as_the_film_thins_and_ends_at_zero() -> None:
     films = np.linspace(0, 60e-6, 200)
     volts = np.array([contact_voltage(h, 0.75e-6) for h in films])
