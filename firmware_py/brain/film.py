@@ -92,7 +92,7 @@ class Film:
         self._session = session
         self._radius_m = radius_m
         self._length_m = length_m
-        self._mass_kg = mass_kg
+        self.mass_kg = mass_kg
         eps = np.linspace(0.01, ECCENTRICITY_MAX, 200)
         self._start_eps = eps
         self._start_load = eps / (1 - eps**2) ** 2 * np.sqrt(16 * eps**2 + np.pi**2 * (1 - eps**2)) / 4
@@ -134,8 +134,8 @@ class Film:
     def steady(self, points: Points) -> Steady:
         """Equilibrium, friction power, unbalance response and stability of every point."""
         position, found, torque = self.equilibrium(points)
-        stiffness, damping = self._linear(points, position)
-        speed, mass = points.speed_rad_s, self._mass_kg
+        stiffness, damping = self.slopes(points, position)
+        speed, mass = points.speed_rad_s, self.mass_kg
         inertia = (mass * speed**2)[:, None, None] * np.eye(2)
         dynamic = stiffness - inertia + 1j * speed[:, None, None] * damping
         rotating = speed[:, None, None] ** 2 * np.array([[1.0], [-1.0j]])
@@ -144,10 +144,12 @@ class Film:
         return Steady(position, found, torque * speed, response, _damping_ratio(stiffness, damping, mass),
                       0.5 * speed**2 * work)
 
-    def _linear(self, points: Points, position: Floats) -> tuple[Floats, Floats]:
-        """Stiffness and damping matrices, shape (n, 2, 2): ``K = -dF/dx``, ``C = -dF/dv``."""
-        ratio = np.concatenate([position / points.clearance_m[:, None], np.zeros_like(position)], axis=1)
-        force, _ = self._spread(points, (ratio[:, None, :] + _STEP * _STENCIL)[:, :, :2], _STEP * _STENCIL[:, 2:])
+    def slopes(self, points: Points, position: Floats, velocity: Floats | None = None) -> tuple[Floats, Floats]:
+        """Stiffness and damping matrices, shape (n, 2, 2): ``K = -dF/dx``, ``C = -dF/dv``; at rest or ``velocity``."""
+        unit = points.clearance_m[:, None]
+        moving = np.zeros_like(position) if velocity is None else velocity / (unit * points.speed_rad_s[:, None])
+        ratio = np.concatenate([position / unit, moving], axis=1)[:, None, :] + _STEP * _STENCIL
+        force, _ = self._spread(points, ratio[:, :, :2], ratio[:, :, 2:])
         slopes = -np.moveaxis(force[:, 1:5] - force[:, 5:9], 1, 2) / (2 * _STEP)
         per_m = 1.0 / points.clearance_m[:, None, None]
         return slopes[:, :, :2] * per_m, slopes[:, :, 2:] * per_m / points.speed_rad_s[:, None, None]

@@ -23,6 +23,7 @@ from firmware_py.brain.film import Film, Points, Steady
 from firmware_py.brain.intervals import GROWING_SIGMAS, NEAR_WHIRL, SIGMA_90, IntervalFactors, state_of
 from firmware_py.brain.measurement import CLEARANCE, UM, VISCOSITY, Measured
 from firmware_py.brain.store import Model
+from firmware_py.brain.time_simulation import Motion, simulate
 from firmware_py.brain.unbalance import RESIDUAL_RUNOUT_M, RUNOUT_PRIOR_M, Imbalance, ImbalanceFilter
 from firmware_py.config import Config
 
@@ -164,6 +165,13 @@ class Predictor:
             steady = self._film.steady(points)
         regime = "fault" if self.growing(estimate) else "ramp" if future.moves else "steady"
         return self._outlook(measured, every, points, steady, self._imbalance.ahead(future.seconds), regime)
+
+    def simulate(self, measured: Measured, estimate: Estimate, clearances_m: Floats, turns: int = 40) -> Motion:
+        """The present operating point at each clearance (n,) followed in time, on demand (a fraction of a second)."""
+        n, error_m = len(clearances_m), estimate.clearance_m - measured.clearance_m
+        points = Points(np.full(n, measured.speed_rad_s), clearances_m + error_m,
+                        np.full(n, estimate.viscosity_Pa_s), np.full(n, estimate.load_N))
+        return simulate(self._film, points, np.full(n, self._imbalance.state.size_kg_m), turns)
 
     def sense(self, measured: Measured, estimate: Estimate) -> Outlook:
         """Virtual sensors: smallest film and friction power of this moment (the bearing force is the load)."""

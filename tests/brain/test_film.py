@@ -43,7 +43,7 @@ def test_equilibrium_stiffness_and_damping(row: tuple) -> None:
     assert found.all()
     assert np.hypot(*position[0]) / CLEARANCE == pytest.approx(eps, abs=2e-3)
     assert np.degrees(np.arctan2(position[0, 0], -position[0, 1])) == pytest.approx(attitude, abs=0.3)
-    k, c = FINE._linear(p, position)
+    k, c = FINE.slopes(p, position)
     turn = np.array([[0.0, -1.0], [1.0, 0.0]])  # rows: load (-y), 90 degrees in rotation (x)
     k, c = turn @ k[0] @ turn.T, turn @ c[0] @ turn.T
     assert (k * CLEARANCE / load).ravel() == pytest.approx(stiffness, rel=0.01, abs=0.02)
@@ -65,7 +65,7 @@ def test_response_solves_the_equation_of_motion() -> None:
     f = film()
     steady = f.steady(p)
     q = steady.response_m_per_kg_m[0]
-    k, c = f._linear(p, steady.position_m)
+    k, c = f.slopes(p, steady.position_m)
     mass = CONFIG.rotor.effective_mass_at_bearing_kg
     rest = (k[0] - mass * SPEED**2 * np.eye(2) + 1j * SPEED * c[0]) @ q
     assert rest == pytest.approx(SPEED**2 * np.array([1.0, -1.0j]), rel=1e-6)

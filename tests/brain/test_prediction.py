@@ -157,6 +157,15 @@ def test_more_load_and_speed_are_forecast_as_declared() -> None:
     assert moved.min_film_m[0, 0] < held.min_film_m[0, 1]
 
 
+def test_the_time_simulation_agrees_with_the_forecast() -> None:
+    predictor = Predictor(model(short_film()), CONFIG)
+    m = measure(6000.0, 100.0, 50.0, 60e-6)
+    estimate, clearances = predictor.estimate(m), np.array([50e-6, 70e-6])
+    motion = predictor.simulate(m, estimate, clearances, turns=8)
+    held = predictor.forecast(m, estimate, clearances, Future(0.0))
+    assert motion.min_film_m(1) == pytest.approx(held.min_film_m[:, 1], abs=0.3e-6)
+
+
 def test_factors_stretch_the_intervals_of_their_regime_alone() -> None:
     factors = IntervalFactors({"as_built": {"steady": {"power_W": (2.0, 4.0)}}})
     m = measure(6000.0, 100.0, 50.0, 60e-6)
