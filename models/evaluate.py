@@ -8,8 +8,6 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-
 from models import ARTIFACTS
 
 EXIT_BAD_INPUT = 2
@@ -17,12 +15,17 @@ EXIT_BAD_INPUT = 2
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="orbitd evaluate", description=__doc__)
-    parser.add_argument("model", choices=("surrogate", "classifier", "actor"))
+    parser.add_argument("model", choices=tuple(_JUDGES))
     parser.add_argument("--seed", type=int, default=1, help="decides every build, duty and noise of the judgement")
-    parser.add_argument("--file", type=Path, help="ONNX file to judge (default: the shipped one)")
-    parser.add_argument("--size", type=int, help="films, builds or episodes to judge with (default: as in training)")
+    parser.add_argument("--file", type=Path, help="model file to judge (default: the shipped one)")
+    parser.add_argument("--size", "--episodes", type=int, help="films, builds or episodes (default: as in training)")
     parser.add_argument("--rate-hz", type=int, default=5000, choices=(5000, 10000), help="classifier: sampling rate")
+    parser.add_argument("--data", type=Path, help="classifier: folder of measured recordings (models/DATASET.md)")
+    parser.add_argument("--group", default="group", help="with --data: column whose values are left out one by one")
     parser.add_argument("--out", type=Path, default=Path("runs"), help="folder where recordings are kept")
+    parser.add_argument("--qualify", action="store_true",
+                        help="frozen evaluation (its own seed and size) against bars.toml; marks the file")  # fmt: skip
+    parser.add_argument("--ship", action="store_true", help="with --qualify: ship it unless the shipped one is better")
     parser.add_argument("--json", action="store_true", help="print JSON instead of lines")
     return parser
 
@@ -30,12 +33,18 @@ def _parser() -> argparse.ArgumentParser:
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry of ``orbitd evaluate``; returns the exit code."""
     args = _parser().parse_args(argv)
-    path = args.file or ARTIFACTS / f"{args.model}.onnx"
-    if not path.is_file():
+    if args.data and args.model != "classifier":
+        print(f"orbitd evaluate: --data: recordings judge the classifier, not the {args.model}", file=sys.stderr)
+        return EXIT_BAD_INPUT
+    path = args.file or ARTIFACTS / f"{args.model}{'.json' if args.model == 'predictor' else '.onnx'}"
+    if not (args.data or path.is_file()):
         print(f"orbitd evaluate: {path}: no such file; train one with `orbitd train {args.model}`", file=sys.stderr)
         return EXIT_BAD_INPUT
     try:
-        report = _JUDGES[args.model](path, args)
+        if args.data:
+            report = _measured(args)
+        else:
+            report = _qualified(path, args) if args.qualify else _JUDGES[args.model](path, args)
     except ValueError as error:
         print(f"orbitd evaluate: {error}", file=sys.stderr)
         return EXIT_BAD_INPUT
@@ -44,40 +53,47 @@ def main(argv: Sequence[str] | None = None) -> int:
     return 0
 
 
+def _qualified(path: Path, args: argparse.Namespace) -> dict[str, object]:
+    from models.qualify import qualify
+
+    def evaluate(file: Path, seed: int, size: int) -> dict[str, object]:
+        return _JUDGES[args.model](file, argparse.Namespace(**vars(args) | {"seed": seed, "size": size}))
+
+    return qualify(args.model, path, evaluate, ship=args.ship)
+
+
+def _predictor(path: Path, args: argparse.Namespace) -> dict[str, object]:
+    from models import predictor
+
+    return predictor.evaluate(path, args.seed, args.size, args.out)
+
+
 def _surrogate(path: Path, args: argparse.Namespace) -> dict[str, object]:
     from models import surrogate
-    from models.film_rivals import table_error
 
-    settings = surrogate.SurrogateSettings(judge_points=args.size or 300)
-    films = surrogate.unseen(settings, np.random.default_rng([surrogate.JUDGE_SEED, args.seed]))
-    length_over_diameter = settings.length_over_diameter
-    return {
-        "unseen_films": surrogate.judge(surrogate.of_file(path), films, length_over_diameter),
-        "spline_table": table_error(films, length_over_diameter),
-    }
+    return surrogate.evaluate(path, args.seed, args.size, args.out)
 
 
 def _classifier(path: Path, args: argparse.Namespace) -> dict[str, object]:
     from models import classifier
 
-    settings = classifier.ClassifierSettings(judged_builds=args.size or 80, rate_hz=args.rate_hz)
-    verdicts = classifier.of_file(path)
-    views = classifier.judged_views(settings, args.seed, args.out)
-    threshold = classifier.novelty_threshold(path)
-    return {
-        "unseen_builds": classifier.judge(verdicts, views.orders),
-        "unknown_faults": classifier.judge_unknown(verdicts, threshold, settings, args.seed, args.out),
-    }
+    return classifier.evaluate(path, args.seed, args.size, args.out, args.rate_hz)
+
+
+def _measured(args: argparse.Namespace) -> dict[str, object]:
+    from models import measured
+    from models.dataset_folder import read_folder
+
+    return measured.evaluate(measured.windows_of(read_folder(args.data, args.group)), args.seed)
 
 
 def _actor(path: Path, args: argparse.Namespace) -> dict[str, object]:
     from models import actor
 
-    settings = actor.ActorSettings(judged_episodes=args.size or 12)
-    return {"unseen_episodes": actor.compare(actor.of_file(path), settings, args.seed)}
+    return actor.evaluate(path, args.seed, args.size, args.out)
 
 
-_JUDGES = {"surrogate": _surrogate, "classifier": _classifier, "actor": _actor}
+_JUDGES = {"surrogate": _surrogate, "predictor": _predictor, "classifier": _classifier, "actor": _actor}
 
 
 def _lines(report: object, prefix: str = "") -> list[str]:

@@ -9,7 +9,9 @@ from __future__ import annotations
 import math
 import multiprocessing
 import time
+from collections.abc import Iterable
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import ExitStack
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -33,6 +35,10 @@ from sim_hil.rigs import load_rig
 
 JUDGE_SEED = 1_000_000
 """Added to the seed of judged episodes, so that no training sees them."""
+CHUNK = 40
+"""Episodes between two checkpoints."""
+STATES = ("as_built", "zeroed")
+"""Of the probes: see :func:`firmware_py.brain.intervals.state_of`."""
 
 
 class PredictorSettings(Settings, frozen=True):
@@ -65,7 +71,9 @@ class Fitted(msgspec.Struct, frozen=True):
 def train(run: Run, settings: PredictorSettings) -> dict[str, object]:
     """Hear the training episodes, fit, judge on a few others; returns the report that is written beside the factors."""
     started = time.monotonic()
-    heard = run.kept("episodes", partial(hear, settings.rig, run.seed, settings.episodes, settings.workers))
+    parts = [run.kept(f"episodes-{numbers.start}", partial(hear, settings.rig, run.seed, numbers, settings.workers))
+             for numbers in _chunks(settings.episodes)]
+    heard = {state: join([part[state] for part in parts]) for state in STATES}
     fitted = Fitted(
         {state: conformal(said) for state, said in heard.items()},
         {state: {r: w.tolist() for r, w in rival_widths(said).items()} for state, said in heard.items()},
@@ -83,7 +91,7 @@ def train(run: Run, settings: PredictorSettings) -> dict[str, object]:
 
 def judge(fitted: Fitted, rig_name: str, seed: int, episodes: int, workers: int) -> dict[str, object]:
     """Every figure of the predictor on episodes that follow from ``seed`` and that no training saw."""
-    heard = hear(rig_name, JUDGE_SEED + seed, episodes, workers)
+    heard = hear(rig_name, JUDGE_SEED + seed, range(episodes), workers)
     rng = np.random.default_rng([JUDGE_SEED, seed])
     found: dict[str, object] = {"episodes": episodes, "forecasts_each": 2, "nominal_coverage": 0.9}
     for state, said in heard.items():
@@ -112,21 +120,25 @@ def brain(rig_name: str) -> tuple[Config, Model]:
     return config, load_model("surrogate", config)
 
 
-def hear(rig_name: str, seed: int, episodes: int, workers: int) -> dict[str, Said]:
-    """What was said in ``episodes`` of ``seed``, with sensors as built and after the procedure."""
+def _chunks(episodes: int) -> list[range]:
+    """An interrupted training resumes after the last whole chunk."""
+    return [range(first, min(first + CHUNK, episodes)) for first in range(0, episodes, CHUNK)]
+
+
+def hear(rig_name: str, seed: int, numbers: range, workers: int) -> dict[str, Said]:
+    """What was said in the episodes ``numbers`` of ``seed``, with sensors as built and after the procedure."""
     parts: list[tuple[Said, Said]] = []
     one = partial(_hear_one, rig_name, seed)
-    with progress_bar(f"{episodes} episodes", episodes) as bar:
-        if workers == 1:
-            for number in range(episodes):
-                parts.append(one(number))
-                bar(number + 1)
-        else:
-            with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
-                for done, part in enumerate(pool.map(one, range(episodes), chunksize=2), 1):
-                    parts.append(part)
-                    bar(done)
-    return {state: join([part[i] for part in parts]) for i, state in enumerate(("as_built", "zeroed"))}
+    with ExitStack() as stack:
+        bar = stack.enter_context(progress_bar(f"episodes from {numbers.start}", len(numbers)))
+        answers: Iterable[tuple[Said, Said]] = map(one, numbers)
+        if workers > 1:
+            context = multiprocessing.get_context("spawn")
+            answers = stack.enter_context(ProcessPoolExecutor(workers, mp_context=context)).map(one, numbers)
+        for done, part in enumerate(answers, 1):
+            parts.append(part)
+            bar(done)
+    return {state: join([part[i] for part in parts]) for i, state in enumerate(STATES)}
 
 
 def _hear_one(rig_name: str, seed: int, number: int) -> tuple[Said, Said]:
