@@ -15,7 +15,7 @@ from .records import Floats
 from .solver import MAX_SWEEPS, eliminate, fold
 
 # A ring ruptured all around keeps no oil in the steady state; this share of the drag selects that answer.
-_DRAIN = 1e-9
+_DRAIN = 1e-12
 
 
 @njit(cache=True)

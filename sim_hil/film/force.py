@@ -165,21 +165,21 @@ def _friction(bearing: Bearing, film: Film, position: Floats, force: Floats) -> 
 
 
 def side_flow(bearing: Bearing, film: Film) -> float:
-    """Flow out of both ends, m3/s."""
-    mesh, p = film.mesh, film.pressure
-    unit = mesh.copies * bearing.clearance_m * bearing.radius_m**2
+    """Flow out of both ends, m3/s: that of the end faces and what the walls deliver to the half cells there."""
+    mesh = film.mesh
+    p = film.uncut if bearing.rupture == "gumbel" else film.pressure
     side = 0.0
     lower, upper = bearing.end_pressure_Pa
-    ends = [(-1, -2, upper)] if mesh.copies == 2 else [(-1, -2, upper), (0, 1, lower)]
-    for end, inner, value in ends:
+    for end, inner, value in ((-1, -2, upper), (0, 1, lower))[: 3 - mesh.copies]:
         out = film.axial[:, end] * (p[:, inner] - p[:, end])
-        if bearing.rupture in ("full", "jfo"):
-            out = np.where(mesh.port[:, end], out, out + film.supply[:, end])
-        else:  # the half cell at a ruptured end takes nothing up, and none can be drawn in without pressure
-            out = np.where(p[:, inner] > bearing.floor, out + film.supply[:, end], out)
-            out = np.maximum(out, 0.0) if value == bearing.cavitation_pressure_Pa else out
+        whole = ~mesh.port[:, end]
+        if bearing.rupture == "reynolds":  # the half cell at a ruptured end takes nothing up
+            whole &= p[:, inner] > bearing.floor
+        out = np.where(whole, out + film.supply[:, end], out)
+        if bearing.rupture in ("gumbel", "reynolds") and value == bearing.cavitation_pressure_Pa:
+            out = np.maximum(out, 0.0)  # none can be drawn in without pressure
         side += float(out.sum())
-    return side * unit
+    return side * mesh.copies * bearing.clearance_m * bearing.radius_m**2
 
 
 def _port_flow(bearing: Bearing, film: Film) -> float:

@@ -193,5 +193,5 @@ def _fixed_pressures(
     ends = [(-1, end_pressure_Pa[1])] if z[0] == 0.0 else [(0, end_pressure_Pa[0]), (-1, end_pressure_Pa[1])]
     for j, value in ends:
         fixed[:, j] = True
-        pressure[:, j] = value
+        pressure[:, j] = np.where(port[:, j], pressure[:, j], value)
     return fixed, pressure, port

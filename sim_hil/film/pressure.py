@@ -13,12 +13,16 @@ from .records import FilmError, FilmMemory, FilmNotConverged, Floats, JournalOut
 
 @dataclass(frozen=True)
 class Film:
-    """One solved film on its mesh, scaled as in `solver`; `supply` is what the walls deliver to each cell."""
+    """One solved film on its mesh, scaled as in `solver`.
+
+    `supply` is what the walls deliver to each cell, `uncut` the pressure before Guembel's rule cut it off.
+    """
 
     mesh: Mesh
     thickness: Floats
     thickness_face: Floats
     pressure: Floats
+    uncut: Floats
     fill: Floats
     supply: Floats
     around: Floats
@@ -66,20 +70,26 @@ def unsolved_film(bearing: Bearing, position: Floats, velocity: Floats, memory: 
     supply = -_film_rate(bearing, mesh, squeeze)[:, None] * mesh.z_width
     around = solver.around_conductance(thickness_face, mesh.theta_gap, mesh.z_width)
     axial = solver.axial_conductance(thickness, mesh.theta_width, mesh.z_gap)
-    # A groove as long as the bearing is closed at its ends; else its leakage would grow without limit.
-    axial[mesh.port[:, -1], -1] = 0.0
-    if mesh.copies == 1:
-        axial[mesh.port[:, 0], 0] = 0.0
+    _close_grooves(mesh, around, axial)
     return Film(
         mesh=mesh,
         thickness=thickness,
         thickness_face=thickness_face,
         pressure=mesh.fixed_Pa / bearing.pressure_scale_Pa_s,
+        uncut=np.empty(mesh.fixed.shape),
         fill=np.ones(mesh.fixed.shape),
         supply=supply,
         around=around,
         axial=axial,
     )
+
+
+def _close_grooves(mesh: Mesh, around: Floats, axial: Floats) -> None:
+    """A groove as long as the bearing is closed at its ends; else its leakage would grow without limit."""
+    for end, face in ((-1, -1), (0, 0))[: 3 - mesh.copies]:
+        port = mesh.port[:, end]
+        axial[port, face] = 0.0
+        around[port | np.roll(port, -1), end] = 0.0
 
 
 def _rupture(bearing: Bearing, film: Film) -> int:
@@ -96,6 +106,7 @@ def _rupture(bearing: Bearing, film: Film) -> int:
         ruptured,
         bearing.rupture == "reynolds",
     )
+    film.uncut[:] = pressure
     if bearing.rupture == "gumbel":
         ruptured = pressure < bearing.floor
         np.maximum(pressure, bearing.floor, out=pressure)

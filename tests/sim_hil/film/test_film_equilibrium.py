@@ -72,6 +72,30 @@ def test_smallest_film_is_not_monotone_in_clearance():
     np.testing.assert_allclose(films, [26.2, 28.1, 28.2, 27.6, 25.2], atol=0.15)
 
 
+def test_batches_broadcast():
+    loads, clearances = np.array([[30.0], [200.0]]), np.array([50e-6, C, 90e-6])
+    batch = equilibrium(load_N=loads, **(COARSE | {"clearance_m": clearances}))
+    assert batch.eccentricity_ratio.shape == (2, 3)
+    assert batch.stiffness_N_m.shape == (2, 3, 2, 2)
+    assert batch.film.force_N.shape == (2, 3, 2)
+    one = equilibrium(load_N=200.0, **COARSE)
+    assert isinstance(one.eccentricity_ratio, float)
+    assert batch.threshold[1, 1] == one.threshold
+    np.testing.assert_array_equal(batch.damping[1, 1], one.damping)
+
+
+def test_coefficients_do_not_show_the_grid():
+    """The rupture boundary jumps from cell to cell; neighbouring grids give the same damping all the same."""
+    damping = [equilibrium(eccentricity_ratio=0.8, **(OIL | {"grid": (n, 16)})).damping for n in (152, 155, 158, 161)]
+    assert np.ptp(damping, axis=0).max() < 2e-3 * np.max(damping)
+
+
+def test_a_load_beyond_the_film_is_refused():
+    still = COARSE | {"speed_rad_s": 0.0, "feed": [Feed("groove", -np.pi / 2, np.radians(20), 0.016, 1e4)]}
+    with pytest.raises(FilmError, match=r"no equilibrium found for a load of 1e\+06 N"):
+        equilibrium(load_N=1e6, **still)
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [

@@ -101,6 +101,40 @@ def test_default_grid_is_converged(inlet, eps):
     assert default.side_flow_m3_s == pytest.approx(fine.side_flow_m3_s, rel=2e-3)
 
 
+@pytest.mark.parametrize("rupture", ["full", "reynolds", "jfo"])
+@pytest.mark.parametrize("eps", [0.3, 0.95])
+def test_default_grid_is_converged_with_a_feed(rupture, eps):
+    """The flow is singular at the corners of a port."""
+    rules = OIL | {"rupture": rupture, "feed": [GROOVE], "couette": "filled"}
+    e = (0.36 * eps * C, -0.93 * eps * C)
+    default = film_force(e, (0.0, 0.0), **rules)
+    fine = film_force(e, (0.0, 0.0), grid=(320, 40), **rules)
+    assert np.hypot(*(default.force_N - fine.force_N)) < 4e-3 * np.hypot(*fine.force_N)
+    for name in ("friction_torque_N_m", "side_flow_m3_s", "inflow_m3_s"):
+        assert getattr(default, name) == pytest.approx(getattr(fine, name), rel=1e-2)
+
+
+def test_groove_over_the_whole_length_presses_over_the_whole_length():
+    rules = OIL | {"speed_rad_s": 0.0, "rupture": "full"}
+    groove = Feed("groove", np.pi / 2, np.radians(60), 0.02, 1e5)
+    film = film_force((0.0, 0.0), (0.0, 0.0), feed=[groove], fields=True, **rules)
+    middle = np.abs(film.theta_rad - np.pi / 2) < np.radians(29)
+    np.testing.assert_array_equal(film.pressure_Pa[middle], 1e5)
+    assert film.inflow_m3_s == pytest.approx(film.side_flow_m3_s, rel=1e-9)
+
+
+def test_guembel_draws_in_at_an_end_above_cavitation_pressure():
+    """Where no pressure falls below cavitation the cut-off film is the full film, and its net outflow zero."""
+    rules = OIL | {"end_pressure_Pa": (5e4, 5e4)}
+    full, cut = (
+        film_force(E, (0.0, 0.0), rupture=r, cavitation_pressure_Pa=p, **rules)
+        for r, p in (("full", 0.0), ("gumbel", -1e7))
+    )
+    shallow = film_force(E, (0.0, 0.0), rupture="gumbel", cavitation_pressure_Pa=4.9e4, **rules)
+    for film in (full, cut, shallow):
+        assert abs(film.side_flow_m3_s) < 1e-9 * film_force(E, (0.0, 0.0), **OIL).side_flow_m3_s
+
+
 def test_inlet_line_feeds_what_the_ends_lose():
     film = film_force(E, (0.0, 0.0), inlet="groove_hmax", **OIL)
     assert film.inflow_m3_s == pytest.approx(film.side_flow_m3_s, rel=2e-3)
