@@ -1,10 +1,12 @@
 """Fluid film of a journal bearing: force, friction, flow, equilibrium and its linear coefficients."""
 
-from .equilibrium import Equilibrium, equilibrium
+from .equilibrium import Equilibria, Equilibrium, equilibrium
 from .force import film_force
 from .records import Feed, FilmError, FilmForce, FilmMemory, FilmNotConverged, JournalOutsideClearance
+from .thermal import ThermalEquilibrium, thermal_equilibrium
 
 __all__ = [
+    "Equilibria",
     "Equilibrium",
     "Feed",
     "FilmError",
@@ -12,6 +14,8 @@ __all__ = [
     "FilmMemory",
     "FilmNotConverged",
     "JournalOutsideClearance",
+    "ThermalEquilibrium",
     "equilibrium",
     "film_force",
+    "thermal_equilibrium",
 ]

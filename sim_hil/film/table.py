@@ -11,6 +11,7 @@ import numpy as np
 
 from .force import film_force
 from .records import FilmError, Floats
+from .spline import line_coefficients, ring_coefficients
 from .table_kernel import EPS_TABLE, table_force
 
 __all__ = ["FilmTable", "table_force"]
@@ -145,20 +146,7 @@ def _logarithms(force: Floats, flow: Floats, velocity: Floats) -> Floats:
 def _spline_coefficients(values: Floats) -> Floats:
     """Uniform cubic B-spline coefficients through values (eps, gamma, 5), one more on each side and a spare."""
     even = np.array([1.0, -1.0, 1.0, 1.0, -1.0])
-    along_eps = np.linalg.solve(_not_a_knot(values.shape[0]), np.pad(values, ((1, 1), (0, 0), (0, 0))).reshape(
-        values.shape[0] + 2, -1)).reshape(values.shape[0] + 2, values.shape[1], -1)  # fmt: skip
-    mirrored = np.concatenate([along_eps, even * along_eps[:, -2:0:-1]], axis=1)
-    waves = np.fft.fft(mirrored, axis=1)
-    smoothing = (2 + np.cos(2 * np.pi * np.arange(mirrored.shape[1]) / mirrored.shape[1])) / 3
-    ring = np.fft.ifft(waves / smoothing[:, None], axis=1).real
+    whole_turn = np.concatenate([values, even * values[:, -2:0:-1]], axis=1)
+    ring = ring_coefficients(line_coefficients(whole_turn, 0), 1)
     around = np.arange(-1, values.shape[1] + 1)
-    return np.ascontiguousarray(ring[:, around % mirrored.shape[1]])
-
-
-def _not_a_knot(count: int) -> Floats:
-    """Collocation matrix of a uniform cubic B-spline with zero fourth difference at either end."""
-    matrix = np.zeros((count + 2, count + 2))
-    for k in range(1, count + 1):
-        matrix[k, k - 1 : k + 2] = np.array([1, 4, 1]) / 6
-    matrix[0, :5] = matrix[-1, -5:] = [1, -4, 6, -4, 1]
-    return matrix
+    return np.ascontiguousarray(ring[:, around % whole_turn.shape[1]])
