@@ -2,6 +2,12 @@
 
 Tabulated is the difference to the unfed film, over the four numbers on which it depends at one length over
 diameter and one shape of groove.
+
+Shipped: the groove of the `bench` rig (L/D = 1/2, 20 degrees, 0.8 of the length). Against the solver at random unseen
+states (eccentricity ratio to 0.95, supply 0.5 to 3 bar), error of the force over the unfed force plus supply
+pressure times projected area: with the journal opposite the groove median 0.15 %, largest 0.8 % (of the net force,
+where the two nearly cancel: 0.4 and 3.8 %); anywhere median 0.15 %, 95 % below 1.2 %, largest 6 % with the journal
+close before the groove. Side flow: median 0.3 %, 95 % below 2.5 %.
 """
 
 from dataclasses import dataclass, replace
