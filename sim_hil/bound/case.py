@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -16,7 +17,8 @@ from sim_hil.rigs import RigData
 from sim_hil.rotor.parameters import Floats
 
 BIN_S = 0.1
-STEP_S = 100e-6
+STEP_S, COARSE_STEP_S = 100e-6, 200e-6
+"""Longest steps where a schedule is judged, and where a map is made to find it."""
 SETTLE_S = 2.0
 """The start of the duty is held this long before it counts."""
 
@@ -94,6 +96,8 @@ class Case:
         Whether the film warms the oil.
     inlet_C
         Temperature of the oil that comes in; the rig's own when None.
+    fed
+        The film with the rig's groove: supply pressure carries load, and the pump's power counts.
     """
 
     rig: RigData
@@ -102,6 +106,13 @@ class Case:
     thermal: bool
     build: Build | None = None
     inlet_C: float | None = None
+    fed: bool = False
+    step_s: float = STEP_S
+
+    @property
+    def coarse(self) -> Case:
+        """The same with coarse steps, half as many rows a turn, for a map."""
+        return replace(self, step_s=COARSE_STEP_S)
 
     @property
     def bins(self) -> int:
@@ -115,24 +126,24 @@ class Case:
         run = simulate(
             self.rig, led, clearance=partial(_delayed, plan.clearance), pressure=partial(_delayed, plan.pressure),
             seconds=SETTLE_S + self.bins * BIN_S, thermal=self.thermal, build=self.build, inlet_C=self.inlet_C,
-            rate_hz=self._rate_hz(), dt_s=STEP_S,
+            rate_hz=self._rate_hz(), dt_s=self.step_s,
         )  # fmt: skip
         counted = round(self.bins * BIN_S * self._rate_hz())
         return replace(run, time_s=run.time_s[-counted:], rows=run.rows[-counted:])
 
     def _rate_hz(self) -> float:
-        """At least `SAMPLES_PER_TURN` at the highest speed, and whole samples in a bin."""
+        """`SAMPLES_PER_TURN` at the highest speed, half as many for a map, and whole samples in a bin."""
         turns_per_s = max(abs(rpm) for rpm in self.duty.speed_rpm) / 60
-        return math.ceil(max(SAMPLES_PER_TURN * turns_per_s, 1000.0) * BIN_S) / BIN_S
+        wanted_hz = SAMPLES_PER_TURN * turns_per_s * STEP_S / self.step_s
+        return math.ceil(max(wanted_hz, 1 / COARSE_STEP_S) * BIN_S) / BIN_S
 
     def profile(self, plan: Plan) -> Profile:
         """That run in bins."""
         return gather(self.run(plan), self.limits)
 
 
-def _delayed(target: object, time_s: float) -> float:
-    assert callable(target)
-    return float(target(time_s - SETTLE_S))
+def _delayed(target: Callable[[float], float], time_s: float) -> float:
+    return target(time_s - SETTLE_S)
 
 
 def gather(run: Trajectory, limits: Limits) -> Profile:

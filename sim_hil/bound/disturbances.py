@@ -78,10 +78,10 @@ class Surroundings:
 def surroundings(case: Case, pressures_Pa: tuple[float, ...], mapper: Mapper = map) -> Surroundings:
     """Admissible clearances over the rig's speeds and loads, from runs that visit a grid and the duty's corners.
 
-    With several pressures a clearance is admissible if it is with one of them: pressure follows in 0.1 s.
+    A clearance is admissible if it is with one of the pressures: pressure follows in 0.1 s.
     """
     tour, speed, load = _tour(case.rig, case.duty)
-    round_trip = replace(case, duty=tour)
+    round_trip = replace(case.coarse, duty=tour)
     found = build_map(round_trip, _SPACING_UM, pressures_Pa, judged_alone(round_trip, mapper))
     ends = np.floor((np.arange(speed.size) * (_HOLD_S + _RAMP_S) + _HOLD_S) / BIN_S + 1e-6).astype(np.int64)
     look = ends[:, None] - 1 - np.arange(_LOOK_BINS)

@@ -91,8 +91,8 @@ def references(
     """
     limits = Limits.of(read_json("duty_bench.json")) if limits is None else limits
     case = Case(rig, duty if seconds is None else cut(duty, seconds), limits, thermal, build, inlet_C)
-    judge = judged_alone(case, mapper) if judge is None else judge
-    found = build_map(case, spacing_um, (rig.supply.nominal_Pa,), judge)
+    found = build_map(case, spacing_um, (rig.supply.nominal_Pa,), judge or judged_alone(case.coarse, mapper))
+    judge = judge or judged_alone(case, mapper)
     around = surroundings(case, (rig.supply.nominal_Pa,), mapper)
     blind = best_causal(case, found, around, expected or Disturbances(), judge, start_m)
     lead_s = rig.actuator.time_constant_s + held_s

@@ -9,8 +9,9 @@ from sim_hil.bound.study import FIXED, NOMINAL, Entry
 
 BASELINES = (NOMINAL, FIXED)
 _COLUMNS = (
-    "way", "clearance", "mean power", "film >=", "orbit <=", "violation", "vs nominal", "vs best fixed",
+    "way", "clearance", "pressure", "mean power", "film >=", "orbit <=", "violation", "vs nominal", "vs best fixed",
 )  # fmt: skip
+_TEXTS = 3
 
 
 def savings(entry: Entry, entries: list[Entry]) -> dict[str, float]:
@@ -25,10 +26,10 @@ def savings(entry: Entry, entries: list[Entry]) -> dict[str, float]:
 def show(results: dict[str, list[Entry]]) -> None:
     """Print a table for each case."""
     console = Console(width=None if Console().is_terminal else 150)
-    for kind, entries in results.items():
-        table = Table(title=f"Clearance alone, {kind}", title_justify="left", show_edge=False)
-        for name in _COLUMNS:
-            table.add_column(name, justify="left" if name in ("way", "clearance") else "right")
+    for title, entries in results.items():
+        table = Table(title=title, title_justify="left", show_edge=False)
+        for i, name in enumerate(_COLUMNS):
+            table.add_column(name, justify="left" if i < _TEXTS else "right")
         for entry in entries:
             table.add_row(*_cells(entry, savings(entry, entries)))
         console.print(table, "")
@@ -37,12 +38,13 @@ def show(results: dict[str, list[Entry]]) -> None:
 def _cells(entry: Entry, saving: dict[str, float]) -> list[str]:
     v = entry.verdict
     return [
-        entry.name, _span(entry.clearance_m, 1e6, "um"), f"{v.mean_power_W:.2f} W", f"{v.min_film_m * 1e6:.2f} um",
+        entry.name, _span(entry.clearance_m, 1e6, "um"), _span(entry.pressure_Pa, 1e-5, "bar"),
+        f"{v.mean_power_W:.2f} W", f"{v.min_film_m * 1e6:.2f} um",
         f"{100 * v.orbit_share:.1f} % c", f"{v.violation_s:.2f} s",
         *(f"{-100 * saving[b]:+.2f} %" if b in saving else "-" for b in BASELINES),
     ]  # fmt: skip
 
 
 def _span(bounds: tuple[float, float], scale: float, unit: str) -> str:
-    low, high = (f"{scale * bound:.0f}" for bound in bounds)
+    low, high = (f"{scale * bound:.3g}" for bound in bounds)
     return f"{low} {unit}" if low == high else f"{low} to {high} {unit}"

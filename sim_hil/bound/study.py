@@ -10,6 +10,12 @@ from sim_hil.bound.case import Case, Plan, Verdict
 from sim_hil.bound.disturbances import Disturbances, surroundings
 from sim_hil.bound.maps import Judge, Map, Mapper, build_map, judged_alone
 from sim_hil.bound.reference import Reference, best_causal, best_preview
+from sim_hil.bound.schedules import cell_of
+
+FINE, QUICK = (4, 12), (10, 20)
+"""A map runs clearances every so many um: on the unfed film, and at each supply pressure."""
+PRESSURE_SHARES = (0.0, 0.1, 0.2, 0.4, 1.0)
+"""Supply pressures that are tried, over the rig's range."""
 
 NOMINAL, FIXED, PREVIEW, CAUSAL = "nominal fixed", "best feasible fixed", "preview schedule", "causal schedule"
 
@@ -30,29 +36,42 @@ class Entry:
         return cls(name, found.verdict, (float(c.min()), float(c.max())), (float(p.min()), float(p.max())))
 
 
-def study(case: Case, spacing_um: int, pressures_Pa: tuple[float, ...], mapper: Mapper = map) -> list[Entry]:
+def pressures(case: Case) -> tuple[float, ...]:
+    """Supply pressures to choose from, Pa: the nominal one where the film is not fed."""
+    supply = case.rig.supply
+    if not case.fed:
+        return (supply.nominal_Pa,)
+    return tuple(supply.min_Pa + share * (supply.max_Pa - supply.min_Pa) for share in PRESSURE_SHARES)
+
+
+def study(case: Case, spacings_um: tuple[int, int] = FINE, mapper: Mapper = map) -> list[Entry]:
     """Compute and check all four; an entry without a feasible answer is left out."""
-    judge = judged_alone(case, mapper)
-    found = build_map(case, spacing_um, pressures_Pa, judge)
+    judge, levels_Pa = judged_alone(case, mapper), pressures(case)
+    found = build_map(case.coarse, spacings_um[case.fed], levels_Pa, judged_alone(case.coarse, mapper))
     nominal = Plan.fixed(case.rig.bearing.clearance_nominal_m, case.rig.supply.nominal_Pa)
-    blind = best_causal(case, found, surroundings(case, pressures_Pa, mapper), Disturbances(), judge)
+    around = surroundings(case, tuple(dict.fromkeys((levels_Pa[0], levels_Pa[-1]))), mapper)
+    blind = best_causal(case, found, around, Disturbances(), judge)
     ways = {
         NOMINAL: Reference(nominal, Verdict.of(judge([nominal])[0])),
-        FIXED: best_fixed(found, spacing_um, judge),
+        FIXED: best_fixed(found, judge),
         PREVIEW: best_preview(case, found, judge, case.rig.actuator.time_constant_s, blind=blind),
         CAUSAL: blind,
     }
     return [Entry.of(name, way) for name, way in ways.items() if way is not None]
 
 
-def best_fixed(found: Map, spacing_um: int, judge: Judge) -> Reference | None:
-    """Check in time the 1 um grid around the cheapest setting that is admissible throughout the map."""
+def best_fixed(found: Map, judge: Judge) -> Reference | None:
+    """The cheapest setting that keeps the limits in time, on a grid of 1 um around the map's best."""
     power = np.where(found.admissible.all(axis=-1), found.power_W.mean(axis=-1), np.inf)
-    level, cell = np.unravel_index(int(power.argmin()), power.shape)
+    level, cell = (int(i) for i in np.unravel_index(int(power.argmin()), power.shape))
     if not np.isfinite(power[level, cell]):
         return None
-    near = found.clearance_m[max(0, int(cell) - spacing_um) : int(cell) + spacing_um + 1]
-    plans = [Plan.fixed(c, float(found.pressure_Pa[level])) for c in near.tolist()]
-    tried = [Reference(plan, Verdict.of(profile)) for plan, profile in zip(plans, judge(plans), strict=True)]
-    feasible = [each for each in tried if each.verdict.feasible]
-    return min(feasible, key=lambda each: each.verdict.mean_power_W, default=None)
+    best = None
+    for step in (4, 1):
+        near = range(max(0, cell - 3 * step), min(found.clearance_m.size, cell + 3 * step + 1), step)
+        plans = [Plan.fixed(float(found.clearance_m[i]), float(found.pressure_Pa[level])) for i in near]
+        tried = [Reference(plan, Verdict.of(profile)) for plan, profile in zip(plans, judge(plans), strict=True)]
+        feasible = [each for each in tried if each.verdict.feasible]
+        best = min(feasible, key=lambda each: each.verdict.mean_power_W, default=None)
+        cell = cell_of(found, float(best.plan.clearance_m[0])) if best else cell
+    return best
