@@ -24,7 +24,7 @@ Group = Callable[[], Iterator[Row]]
 
 def groups(quick: bool) -> dict[str, Group]:
     """The groups of rows by title; `quick` leaves out the integrated rotor and the larger tables."""
-    from sim_hil.verify import closed_forms, facts, properties, published, rotor
+    from sim_hil.verify import closed_forms, facts, oil, properties, published, rotor
 
     short = {
         "Short bearing": closed_forms.short_bearing,
@@ -38,7 +38,7 @@ def groups(quick: bool) -> dict[str, Group]:
         "Complementarity": properties.complementarity,
         "Table and direct film": properties.fast_films,
         "Flow balance": properties.flow_balance,
-        "Fed film": properties.feeds,
+        "Fed film": oil.feeds,
         "Rigid-rotor modes": rotor.rigid_modes,
         "Facts of the rig bench": facts.bench,
         "Facts of the rig seed": facts.seed,
@@ -50,6 +50,8 @@ def groups(quick: bool) -> dict[str, Group]:
         "Raimondi and Boyd": published.raimondi_boyd,
         "Bearing with two axial grooves": published.two_axial_grooves,
         "Grid convergence": properties.grid_convergence,
+        "Tabulated fed film": oil.fed_table,
+        "Warm oil": oil.warm_oil,
         "Rotor on springs": rotor.linear_rotor,
         "Step halving": rotor.step_halving,
         "Whirl": rotor.whirl_onset,

@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from sim_hil.build import unbalance_of_grade
+from sim_hil.domain import domain
 from sim_hil.duty import RAD_S_PER_RPM, Duty
 from sim_hil.film import Equilibrium, equilibrium
 from sim_hil.rigs import load_rig, read_json
@@ -50,9 +51,17 @@ def seed() -> Iterator[Row]:
     rocking = (150e-6 + 100e-6) / 2
     clearance = rig.bearing.clearance_nominal_m
     yield Row("seed rig: radial clearance from rocking, um", 1e6 * clearance, 1e6 * rocking / 2, "rig_seed.json", 1e-9)
+    viscosity, density, radius, omega = 1e-3, 998.0, 0.02, 3000 * RAD_S_PER_RPM
+    at, source = domain(rig, 3000, clearance, viscosity), "rig_seed.json: domain_check"
+    reynolds = density * omega * radius * clearance / viscosity
+    yield Row("seed rig at 3000 rpm: Re", at.reynolds, reynolds, source, 1e-9)
+    yield Row("seed rig at 3000 rpm: Ta", at.taylor, reynolds * math.sqrt(clearance / radius), source, 1e-9)
+    inertia = density * omega * clearance**2 / viscosity
+    yield Row("seed rig at 3000 rpm: rho omega c^2/mu", at.inertia, inertia, source, 1e-9)
+    yield Row("seed rig at 3000 rpm: warned of inertia", float(bool(at.warnings)), 1.0, source, 0, True)
     film = equilibrium(
-        eccentricity_ratio=0.3, rupture="full", radius_m=0.02, length_m=0.02, clearance_m=95e-6, viscosity_Pa_s=1e-3,
-        speed_rad_s=3000 * RAD_S_PER_RPM, end_pressure_Pa=(105e3, 100e3),
+        eccentricity_ratio=0.3, rupture="full", radius_m=radius, length_m=0.02, clearance_m=95e-6,
+        viscosity_Pa_s=viscosity, speed_rad_s=omega, end_pressure_Pa=(105e3, 100e3),
     )  # fmt: skip
     k, d = film.stiffness, film.damping
     held = (k[0, 0] * d[1, 1] + k[1, 1] * d[0, 0] - k[0, 1] * d[1, 0] - k[1, 0] * d[0, 1]) / np.trace(d)

@@ -18,10 +18,10 @@ from sim_hil.verify.closed_forms import MU, OMEGA, C, R
 from sim_hil.verify.row import Row, residual
 
 _GRID = (96, 12)
-_film = partial(film_force, radius_m=R, length_m=R, clearance_m=C, viscosity_Pa_s=MU, speed_rad_s=OMEGA, grid=_GRID)
+film_of = partial(film_force, radius_m=R, length_m=R, clearance_m=C, viscosity_Pa_s=MU, speed_rad_s=OMEGA, grid=_GRID)
 
 
-def _states(count: int, seed: int) -> tuple[Floats, Floats]:
+def states(count: int, seed: int) -> tuple[Floats, Floats]:
     """Random positions up to 0.9 of the clearance and velocities of the order of c omega."""
     rng = np.random.default_rng(seed)
     radius, angle = C * 0.9 * np.sqrt(rng.random(count)), rng.uniform(0, 2 * np.pi, count)
@@ -29,19 +29,19 @@ def _states(count: int, seed: int) -> tuple[Floats, Floats]:
     return position, rng.normal(size=(count, 2)) * (0.2 * C * OMEGA)
 
 
-def _apart(found: Floats, expected: Floats) -> float:
+def apart(found: Floats, expected: Floats) -> float:
     """Largest distance of forces over the size of the expected force."""
     return float(np.max(np.hypot(*(found - expected).T) / np.hypot(*expected.T)))
 
 
 def scaling() -> Iterator[Row]:
     """What speed, viscosity, clearance, rotation and reflection do to the force."""
-    e, v = _states(12, 1)
+    e, v = states(12, 1)
     turn = np.array([[0.0, -1.0], [1.0, 0.0]])
     mirror = np.array([1.0, -1.0])
     ruptures: tuple[Rupture, ...] = ("gumbel", "reynolds")
     for rupture in ruptures:
-        film = partial(_film, rupture=rupture)
+        film = partial(film_of, rupture=rupture)
         force = film(e, v).force_N
         cases = (
             ("twice speed and velocity", film(e, 2 * v, speed_rad_s=2 * OMEGA), 2 * force, "homogeneity of degree one"),
@@ -52,12 +52,12 @@ def scaling() -> Iterator[Row]:
         )
         for name, found, expected, source in cases:
             case = f"{rupture}, 12 random states, {name}: largest relative error"
-            yield residual(case, _apart(found.force_N, expected), source, 1e-9)
+            yield residual(case, apart(found.force_N, expected), source, 1e-9)
 
 
 def fast_films() -> Iterator[Row]:
     """The films that the rotor runs on against the film they stand for, on a fine grid."""
-    e, v = _states(40, 3)
+    e, v = states(40, 3)
     table, direct = FilmTable.load(0.5).coefficients, DirectFilm.make()
     state = (OMEGA, C, MU, R, R)
     tabulated = np.array([table_force(table, *a, *b, *state)[:2] for a, b in zip(e, v, strict=True)])
@@ -69,19 +69,19 @@ def fast_films() -> Iterator[Row]:
         ("direct", solved, "gumbel", 2e-2),
     )
     for name, found, rupture, allowed in cases:
-        exact = _film(e, v, rupture=rupture, grid=(240, 30)).force_N
+        exact = film_of(e, v, rupture=rupture, grid=(240, 30)).force_N
         case = f"{name} film, 40 random states to eps=0.9: largest relative error"
-        yield residual(case, _apart(found, exact), f"film_force, {rupture}, fine grid", allowed)
+        yield residual(case, apart(found, exact), f"film_force, {rupture}, fine grid", allowed)
 
 
 def whirl_and_dissipation() -> Iterator[Row]:
     """No force in pure whirl at half speed; the film never drives the effective squeeze, nor gives power."""
-    e, v = _states(40, 2)
+    e, v = states(40, 2)
     half = OMEGA / 2 * np.column_stack([-e[:, 1], e[:, 0]])
-    still = np.hypot(*_film(e, np.zeros_like(e)).force_N.T).mean()
-    whirled = float(np.max(np.hypot(*_film(e, half).force_N.T)) / still)
+    still = np.hypot(*film_of(e, np.zeros_like(e)).force_N.T).mean()
+    whirled = float(np.max(np.hypot(*film_of(e, half).force_N.T)) / still)
     yield residual("reynolds: force in pure whirl at omega/2 over force at rest", whirled, "paper, equation (3)", 1e-9)
-    film = _film(e, v)
+    film = film_of(e, v)
     against = float(np.max(np.sum(film.force_N * (v - half), axis=1) / (np.hypot(*film.force_N.T) * C * OMEGA)))
     yield Row("reynolds: F . v_s not above zero, 40 states", float(against <= 0), 1.0, "dissipation", 0.0, True)
     power = film.friction_torque_N_m * OMEGA - np.sum(film.force_N * v, axis=1)
@@ -91,7 +91,7 @@ def whirl_and_dissipation() -> Iterator[Row]:
 def complementarity() -> Iterator[Row]:
     """Pressure and Reynolds residual of the ruptured film, by finite differences of our own on the returned field."""
     e = np.array([0.3, -0.6]) * C
-    film = _film(e, (0.0, 0.0), fields=True, grid=(180, 24))
+    film = film_of(e, (0.0, 0.0), fields=True, grid=(180, 24))
     assert film.pressure_Pa is not None
     assert film.theta_rad is not None
     assert film.z_m is not None
@@ -126,7 +126,7 @@ def flow_balance() -> Iterator[Row]:
     """The mass-conserving film loses nothing, neither in all nor along the streamers."""
     e = np.array([0.2, -0.6]) * C
     groove = Feed("groove", math.pi / 2, math.radians(20), 0.8 * R, 1e5)
-    film = _film(e, (0.0, 0.0), rupture="jfo", feed=[groove], fields=True)
+    film = film_of(e, (0.0, 0.0), rupture="jfo", feed=[groove], fields=True)
     source = "mass conservation (Jakobsson, Floberg, Olsson)"
     yield Row("jfo: side flow, m3/s, against inflow", float(film.side_flow_m3_s), float(film.inflow_m3_s), source, 1e-7)
     assert film.fill is not None
@@ -143,39 +143,12 @@ def flow_balance() -> Iterator[Row]:
     yield residual(case, float(change.max()), source, 1e-6)
 
 
-def feeds() -> Iterator[Row]:
-    """A groove all round has a closed form: pressure falls evenly to the ends, whatever the eccentricity.
-
-    `Q = 2 (2 pi R) c^3 p_s / (12 mu a) (1 + 3/2 eps^2)`, a the land on either side.
-    """
-    width, pressure = 0.2 * R, 1e5
-    ring = Feed("groove", 0.0, 2 * math.pi, width, pressure)
-    for eps in (0.0, 0.5):
-        film = _film((0.0, -eps * C), (0.0, 0.0), speed_rad_s=0.0, feed=[ring], grid=(96, 40))
-        flow = 4 * math.pi * R * C**3 * pressure / (12 * MU * (R - width) / 2) * (1 + 1.5 * eps**2)
-        source = "groove all round, closed form"
-        yield Row(f"fed all round, eps={eps}: flow in, L/min", 6e4 * float(film.inflow_m3_s), 6e4 * flow, source, 1e-3)
-        yield Row(f"fed all round, eps={eps}: flow out, L/min", 6e4 * float(film.side_flow_m3_s), 6e4 * flow, source,
-                  1e-3)  # fmt: skip
-    e, v = _states(12, 4)
-    groove = partial(Feed, "groove", width_rad=math.radians(20), length_m=0.8 * R)
-    top = groove(angle_rad=math.pi / 2, pressure_Pa=pressure)
-    once = _film(e, v, feed=[top])
-    thrice = _film(e, 3 * v, speed_rad_s=3 * OMEGA, feed=[groove(angle_rad=math.pi / 2, pressure_Pa=3 * pressure)])
-    case = "fed groove, thrice speed, velocity and pressure: largest relative error"
-    yield residual(case, _apart(thrice.force_N, 3 * once.force_N), "homogeneity of degree one", 1e-9)
-    turn = np.array([[0.0, -1.0], [1.0, 0.0]])
-    turned = _film(e @ turn.T, v @ turn.T, feed=[groove(angle_rad=math.pi, pressure_Pa=pressure)])
-    case = "fed groove, all turned by 90 degrees: largest relative error"
-    yield residual(case, _apart(turned.force_N, once.force_N @ turn.T), "rotation", 1e-9)
-
-
 def grid_convergence() -> Iterator[Row]:
     """Loads on three grids, each twice as fine, and the default grid against their limit."""
 
     def load(rupture: Rupture, grid: tuple[int, int]) -> float:
         inlet: Inlet = "groove_hmax" if rupture == "jfo" else "periodic"
-        film = _film((0.0, -0.7 * C), (0.0, 0.0), rupture=rupture, inlet=inlet, grid=grid)
+        film = film_of((0.0, -0.7 * C), (0.0, 0.0), rupture=rupture, inlet=inlet, grid=grid)
         return float(np.hypot(*film.force_N))
 
     for rupture in get_args(Rupture):
