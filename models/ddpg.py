@@ -12,22 +12,23 @@ from collections.abc import Callable
 from itertools import pairwise
 from typing import Any
 
-import gymnasium
 import msgspec
 import numpy as np
 import torch
+from gymnasium.vector import VectorEnv
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
 Floats = NDArray[np.float32]
+Flags = NDArray[np.bool_]
 
 
 class DdpgSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Plain DDPG: ``twin_critics=False, policy_delay=1, target_noise=0``."""
 
-    steps: int = 30_000
-    warm_up: int = 1_000
-    batch: int = 256
+    steps: int = 8_000
+    warm_up: int = 1_600
+    batch: int = 64
     hidden: tuple[int, ...] = (64, 64)
     actor_rate: float = 3e-4
     critic_rate: float = 1e-3
@@ -35,7 +36,8 @@ class DdpgSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     tau: float = 0.005
     exploration_noise: float = 0.15
     buffer: int = 200_000
-    updates_per_step: int = 1
+    updates_per_step: int = 4
+    """Gradient steps for each step of all rotors together."""
     twin_critics: bool = False
     policy_delay: int = 1
     target_noise: float = 0.0
@@ -66,7 +68,7 @@ class Actor(nn.Module):
         last = nn.Linear(hidden[-1], actions)
         # A first policy near the middle of the range: a saturated tanh has no gradient to leave by.
         nn.init.uniform_(last.weight, -3e-3, 3e-3)
-        self.net = nn.Sequential(*_hidden(scale.size, hidden), last)
+        self.net = nn.Sequential(*hidden_layers(scale.size, hidden), last)
 
     def forward(self, observation: Tensor) -> Tensor:
         """Actions ``(m, actions)``."""
@@ -79,7 +81,7 @@ class Critic(nn.Module):
     def __init__(self, scale: Scale, actions: int, hidden: tuple[int, ...]) -> None:
         super().__init__()
         self.scale = scale
-        self.net = nn.Sequential(*_hidden(scale.size + actions, hidden), nn.Linear(hidden[-1], 1))
+        self.net = nn.Sequential(*hidden_layers(scale.size + actions, hidden), nn.Linear(hidden[-1], 1))
 
     def forward(self, observation: Tensor, action: Tensor) -> Tensor:
         """``q(s, a)`` of shape ``(m, 1)``."""
@@ -98,10 +100,11 @@ class Replay:
     def __len__(self) -> int:
         return min(self._count, len(self._rows))
 
-    def add(self, s: Floats, a: Floats, reward: float, s_next: Floats, terminated: bool) -> None:
-        """Keep one transition; a truncated episode is not a terminated one."""
-        self._rows[self._count % len(self._rows)] = np.concatenate([s, a, [reward], s_next, [terminated]])
-        self._count += 1
+    def add(self, s: Floats, a: Floats, reward: Floats, s_next: Floats, terminated: Flags) -> None:
+        """Keep transitions, one a row; a truncated episode is not a terminated one."""
+        rows = np.column_stack([s, a, reward, s_next, terminated])
+        self._rows[(self._count + np.arange(len(rows))) % len(self._rows)] = rows
+        self._count += len(rows)
 
     def sample(self, batch: int, rng: np.random.Generator) -> list[Tensor]:
         """``s, a, r, s', terminated`` of a random batch."""
@@ -155,7 +158,7 @@ class Learner:
 
 
 def train_ddpg(
-    environment: gymnasium.Env[Any, Any],
+    environment: VectorEnv[Any, Any, Any],
     scale: Scale,
     settings: DdpgSettings,
     seed: int,
@@ -166,41 +169,45 @@ def train_ddpg(
 
     Parameters
     ----------
+    environment
+        Ended episodes start anew in the same step and show their last state as ``final_obs``.
     scale
         Ranges of the observation.
     seed
         Decides weights, noise, batches and every episode.
     on_step, on_episode
-        Called with the steps done; with the step and the return of each finished episode.
+        Called with the steps done; with the step and the mean return of the episodes that ended in it.
     """
     rng = np.random.default_rng(seed)
-    actions = int(np.prod(environment.action_space.shape or (1,)))
+    actions = int(np.prod(environment.single_action_space.shape or (1,)))
     learner = Learner(scale, actions, settings, seed)
     replay = Replay(settings.buffer, scale.size, actions)
     s, _ = environment.reset(seed=seed)
-    total = 0.0
-    for step in range(1, settings.steps + 1):
+    total = np.zeros(environment.num_envs)
+    for step in range(environment.num_envs, settings.steps + 1, environment.num_envs):
         a = _explore(learner.actor, s, settings, rng, random=step <= settings.warm_up)
-        s_next, reward, terminated, truncated, _ = environment.step(a)
-        replay.add(s, a, float(reward), s_next, terminated)
-        s, total = s_next, total + float(reward)
+        seen, reward, terminated, truncated, info = environment.step(a)
+        ended = terminated | truncated
+        s_next = np.where(ended[:, None], info["final_obs"], seen) if ended.any() else seen
+        replay.add(s, a, reward, s_next, terminated)
+        s, total = seen, total + reward
         if step > settings.warm_up:
             for _ in range(settings.updates_per_step):
                 learner.update(replay.sample(settings.batch, rng))
-        if terminated or truncated:
+        if ended.any():
             if on_episode is not None:
-                on_episode(step, total)
-            (s, _), total = environment.reset(), 0.0
+                on_episode(step, float(total[ended].mean()))
+            total[ended] = 0.0
         if on_step is not None:
             on_step(step)
     return learner.actor
 
 
 def act(actor: Actor, observation: Floats) -> Floats:
-    """The policy's action ``(actions,)`` for one observation."""
+    """The policy's actions ``(m, actions)`` for observations ``(m, observations)``."""
     with torch.no_grad():
-        action: Floats = actor(torch.from_numpy(np.asarray(observation, np.float32)[None]))[0].numpy()
-    return action
+        actions: Floats = actor(torch.from_numpy(np.asarray(observation, np.float32))).numpy()
+    return actions
 
 
 def _explore(actor: Actor, s: Floats, settings: DdpgSettings, rng: np.random.Generator, *, random: bool) -> Floats:
@@ -211,7 +218,8 @@ def _explore(actor: Actor, s: Floats, settings: DdpgSettings, rng: np.random.Gen
     return np.clip(noisy, -1.0, 1.0).astype(np.float32)
 
 
-def _hidden(inputs: int, hidden: tuple[int, ...]) -> list[nn.Module]:
+def hidden_layers(inputs: int, hidden: tuple[int, ...]) -> list[nn.Module]:
+    """Linear layers, each followed by a rectifier."""
     parts: list[nn.Module] = []
     for n, m in pairwise((inputs, *hidden)):
         parts += [nn.Linear(n, m), nn.ReLU()]

@@ -1,118 +1,163 @@
-"""The rig's environment behind the guard's own shield, and policies that choose a clearance in it."""
+"""The rig's environments behind the guard's own shield: clamped to its interval, safe where there is none."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
 from firmware_py import config as configuration
+from firmware_py.config import Config
 from firmware_py.guard.load_estimate import LoadEstimator
-from firmware_py.guard.shield import Shield
-from sim_hil.environment import OBSERVATIONS, RotorEnv
+from firmware_py.guard.shield import Ramp, Shield
+from sim_hil.control_task import CONTROL_S, OBSERVATIONS, targets
+from sim_hil.duty import RAD_S_PER_RPM, Duty
+from sim_hil.environment import RotorEnv
+from sim_hil.rigs import RigData
+from sim_hil.vector_environment import RotorVectorEnv
 
-Floats = NDArray[np.float64]
 Observation = NDArray[np.float32]
-Policy = Callable[[Observation], float]
-"""Observation (SI) to the radial clearance wished for, m."""
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
-_INDEX = {name: i for i, name in enumerate(OBSERVATIONS)}
+INTERVENTION_M: Final = 0.5e-6
+"""The shield intervened when it moved the wish by more."""
+
+ANNOUNCED_S: Final = 3.0
+"""A ramp faster than the declared unannounced ones is told this long before it starts."""
+
+_COLUMNS = {name: i for i, name in enumerate(OBSERVATIONS)}
 
 
-def value(observation: Observation, name: str) -> float:
-    """One named entry of an observation."""
-    return float(observation[_INDEX[name]])
+def column(name: str) -> int:
+    """Place of a named entry in an observation."""
+    return _COLUMNS[name]
+
+
+def shipped_config(rig: str) -> Config:
+    """The configuration that ships for ``rig``."""
+    return configuration.load(Path(str(resources.files("firmware_py").joinpath(f"configs/{rig}.toml"))))[0]
+
+
+def fast_ramps(config: Config, duty: Duty) -> list[Ramp]:
+    """Ramps of ``duty`` that have to be announced, in seconds of the duty."""
+    o, ramps = config.operating, []
+    speed_rate, load_rate = o.speed_ramp_unannounced_rpm_s, o.load_ramp_unannounced_N_s
+    for i in range(1, len(duty.time_s)):
+        seconds = duty.time_s[i] - duty.time_s[i - 1]
+        load, speed = (abs(row[i] - row[i - 1]) for row in (duty.load_N, duty.speed_rpm))
+        if load > load_rate * seconds + 1e-9 or speed > speed_rate * seconds + 1e-9:
+            ramps.append(Ramp(duty.time_s[i - 1], duty.time_s[i], duty.speed_rpm[i] * RAD_S_PER_RPM, duty.load_N[i]))
+    return ramps
+
+
+class Keeper:
+    """Shield and load estimate of one rotor, fed with observations.
+
+    Parameters
+    ----------
+    config
+        As the guard's.
+    duty
+        Its fast ramps are announced :data:`ANNOUNCED_S` ahead.
+    """
+
+    def __init__(self, config: Config, duty: Duty) -> None:
+        self._shield, self._loads = Shield(config), LoadEstimator(config)
+        self._safe_m = config.actuator.safe_radial_clearance_um * 1e-6
+        self._ramps = fast_ramps(config, duty)
+
+    def interval(self, observation: Observation, time_s: float) -> tuple[float, float] | None:
+        """What the guard would admit."""
+        names = ("speed_rad_s", "clearance_m", "oil_outlet_C", "eccentricity_x_m", "eccentricity_y_m",
+                 "peak_to_peak_x_m", "peak_to_peak_y_m")  # fmt: skip
+        speed, clearance, oil, x, y, *swings = (float(observation[column(name)]) for name in names)
+        load = self._loads.estimate(x, y, clearance, speed, oil, max(swings))
+        known = [Ramp(r.start_s - time_s, r.end_s - time_s, r.speed_rad_s, r.load_N) for r in self._ramps
+                 if r.start_s - ANNOUNCED_S <= time_s < r.end_s]  # fmt: skip
+        return self._shield.interval(speed, load.low_N, load.high_N, oil, max(swings), clearance, known)
+
+    def admitted(self, observation: Observation, time_s: float, wish_m: float) -> float:
+        """``wish_m`` within the interval, else the safe clearance."""
+        interval = self.interval(observation, time_s)
+        return self._safe_m if interval is None else min(max(wish_m, interval[0]), interval[1])
+
+
+class ShieldedRotors(gymnasium.vector.VectorWrapper[Observation, Observation, NDArray[Any]]):
+    """The vectorised environment behind the shield; ``info["intervened"]`` tells whose wish it changed.
+
+    Parameters
+    ----------
+    rotors
+        The environment.
+    shielded
+        Whether the shield stands between wish and rotor.
+    """
+
+    def __init__(self, rotors: RotorVectorEnv, *, shielded: bool = True) -> None:
+        super().__init__(rotors)
+        self.rotors = rotors
+        self._shielded, self._config = shielded, shipped_config(rotors.rig.name)
+        self._time_s = np.zeros(rotors.num_envs)
+
+    def reset(
+        self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """As :meth:`RotorVectorEnv.reset`."""
+        self._observation, info = self.rotors.reset(seed=seed, options=options)
+        self._keepers = [Keeper(self._config, episode.duty) for episode in self.rotors.episodes]
+        self._time_s[:] = 0.0
+        return self._observation, info
+
+    def step(self, actions: Observation) -> tuple[Observation, Floats, Flags, Flags, dict[str, Any]]:
+        """As :meth:`RotorVectorEnv.step`, with what the shield lets through."""
+        wish_m = targets(self.rotors.rig, actions)[:, 0]
+        target_m = self._admitted(wish_m) if self._shielded else wish_m
+        self._observation, reward, terminated, truncated, info = self.rotors.step(actions_of(self.rotors.rig, target_m))
+        self._time_s += CONTROL_S
+        for i in np.flatnonzero(terminated | truncated):
+            self._keepers[i], self._time_s[i] = Keeper(self._config, self.rotors.episodes[i].duty), 0.0
+        info["intervened"] = np.abs(target_m - wish_m) > INTERVENTION_M
+        return self._observation, reward, terminated, truncated, info
+
+    def _admitted(self, wish_m: Floats) -> Floats:
+        rows = zip(self._keepers, self._observation, self._time_s.tolist(), wish_m.tolist(), strict=True)
+        return np.array([keeper.admitted(seen, time_s, wish) for keeper, seen, time_s, wish in rows])
 
 
 class ShieldedRotor(gymnasium.Wrapper[Observation, Observation, Observation, Observation]):
-    """``RotorEnv`` whose action passes the guard's shield: clamped to its interval, safe where there is none.
-
-    ``info["intervened"]`` tells that the shield changed the wish.
-    """
+    """``RotorEnv`` behind the shield; ``info["intervened"]`` tells that it changed the wish."""
 
     def __init__(self, environment: RotorEnv) -> None:
         super().__init__(environment)
         self.rotor = environment
-        file = resources.files("firmware_py").joinpath(f"configs/{environment.rig.name}.toml")
-        config, _ = configuration.load(Path(str(file)))
-        self._shield, self._loads = Shield(config), LoadEstimator(config)
-        self._safe_m = config.actuator.safe_radial_clearance_um * 1e-6
-        self._observation = np.zeros(len(OBSERVATIONS), np.float32)
+        self._config = shipped_config(environment.rig.name)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
         """As :meth:`RotorEnv.reset`."""
         self._observation, info = self.env.reset(seed=seed, options=options)
+        self._keeper, self._time_s = Keeper(self._config, self.rotor.episode.duty), 0.0
         return self._observation, info
 
     def step(self, action: Observation) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """As :meth:`RotorEnv.step`, with what the shield lets through."""
-        wish_m = self.rotor.clearance_of(float(np.clip(action[0], -1.0, 1.0)))
-        target_m = self.admitted(wish_m)
-        executed = np.array([self.action_of(target_m)], np.float32)
+        wish_m = float(targets(self.rotor.rig, action)[0])
+        target_m = self._keeper.admitted(self._observation, self._time_s, wish_m)
+        executed = actions_of(self.rotor.rig, np.array([target_m]))[0]
         self._observation, reward, terminated, truncated, info = self.env.step(executed)
-        info["intervened"] = abs(target_m - wish_m) > 0.5e-6
+        self._time_s += CONTROL_S
+        info["intervened"] = abs(target_m - wish_m) > INTERVENTION_M
         return self._observation, float(reward), terminated, truncated, info
 
-    def action_of(self, clearance_m: float) -> float:
-        """Action in [-1, 1] that asks for ``clearance_m``."""
-        bearing = self.rotor.rig.bearing
-        return 2.0 * (clearance_m - bearing.clearance_min_m) / (bearing.clearance_max_m - bearing.clearance_min_m) - 1.0
 
-    def admitted(self, wish_m: float) -> float:
-        """``wish_m`` within the shield's interval of the newest observation."""
-        o = self._observation
-        speed, clearance, oil = value(o, "speed_rad_s"), value(o, "clearance_m"), value(o, "oil_outlet_C")
-        swing = max(value(o, "peak_to_peak_x_m"), value(o, "peak_to_peak_y_m"))
-        x, y = value(o, "eccentricity_x_m"), value(o, "eccentricity_y_m")
-        load = self._loads.estimate(x, y, clearance, speed, oil, swing)
-        interval = self._shield.interval(speed, load.low_N, load.high_N, oil, swing)
-        return self._safe_m if interval is None else min(max(wish_m, interval[0]), interval[1])
-
-
-@dataclass(frozen=True)
-class Score:
-    """What a policy did over a set of episodes."""
-
-    power_W: float
-    violation_s: float
-    violated_share: float
-    min_film_um: float
-    intervention_share: float
-    travel_um_per_s: float
-    episode_power_W: tuple[float, ...]
-
-
-def episodes(policy: Policy, seeds: range, seconds: float, *, shielded: bool, rig: str = "bench") -> Score:
-    """Mean figures of ``policy`` over the episodes of ``seeds``."""
-    environment = ShieldedRotor(RotorEnv(rig, episode_s=seconds))
-    rows: list[tuple[float, bool, float, bool, float]] = []
-    means: list[float] = []
-    for seed in seeds:
-        observation, _ = environment.reset(seed=seed)
-        first, before, done = len(rows), value(observation, "clearance_m"), False
-        while not done:
-            action = np.array([environment.action_of(policy(observation))], np.float32)
-            inner: Any = environment if shielded else environment.env
-            observation, _, terminated, truncated, info = inner.step(action)
-            moved, before = abs(info["clearance_m"] - before), info["clearance_m"]
-            rows.append((info["power_W"], info["violated"], info["min_film_m"], info.get("intervened", False), moved))
-            done = terminated or truncated
-        means.append(float(np.mean([row[0] for row in rows[first:]])))
-    table = np.array(rows, dtype=np.float64)
-    return Score(
-        power_W=float(np.mean(means)),
-        violation_s=0.1 * float(table[:, 1].sum()),
-        violated_share=float(table[:, 1].mean()),
-        min_film_um=1e6 * float(table[:, 2].min()),
-        intervention_share=float(table[:, 3].mean()),
-        travel_um_per_s=1e7 * float(table[:, 4].mean()),
-        episode_power_W=tuple(means),
-    )
+def actions_of(rig: RigData, clearance_m: Floats) -> Observation:
+    """Actions in [-1, 1], shape (m, 1), that ask for the clearances."""
+    b = rig.bearing
+    share = (clearance_m - b.clearance_min_m) / (b.clearance_max_m - b.clearance_min_m)
+    return (2.0 * share - 1.0).astype(np.float32)[:, None]

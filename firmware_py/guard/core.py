@@ -231,7 +231,8 @@ class GuardCore:
             m.load = self._load.estimate(motion.mean_x_m, motion.mean_y_m, status.clearance_actual_um * 1e-6,
                                          speed.speed_rad_s, temperature_C, p2p_m)
         m.interval_m = None if speed.lost else self._shield.interval(
-            speed.speed_rad_s, m.load.low_N, m.load.high_N, temperature_C, p2p_m, self._announcements.ahead(now_ns))
+            speed.speed_rad_s, m.load.low_N, m.load.high_N, temperature_C, p2p_m, self._smaller_clearance_um() * 1e-6,
+            self._announcements.ahead(now_ns))
 
     def _situation(self, cycle: Cycle, gap: bool) -> Situation:
         m, a, now_ns = self._memory, self._acquire, cycle.now_ns

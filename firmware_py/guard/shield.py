@@ -1,15 +1,19 @@
 """The shield: which radial clearances are admissible, by closed forms alone (:mod:`~firmware_py.guard.bearing_laws`).
 
-Two laws bound the clearance ``c``:
+Three laws bound the clearance ``c``:
 
 * **film** (upper and lower): at the largest credible load and the thinnest credible oil the minimum film
   must be at least ``h``.
 * **whirl** (upper): a rigid rotor of effective mass ``m`` on the film is stable while
   ``w sqrt(c m / W) < Omega(eps)``; the smallest credible load decides, for ``W Omega(eps)^2`` rises with ``W``.
 
+* **vibration** (lower and upper): the measured peak-to-peak ``s`` may fill a share of ``c``.  It grows at least
+  as the square of the clearance where it is large, so ``c (k c / s)`` with ``k`` below that share is the widest
+  that keeps it: growing unbalance and beginning whirl both find the bearing narrowing before the limit.
+
 The minimum film is not monotone in clearance, so film admits the connected run of clearances around the
 safe one.  **Reachability**: a clearance is admissible only if the actuator can still run back to the safe
-clearance ahead of both laws, while speed and load go the worst way that the declared range lets them: the
+clearance ahead of film and whirl, while speed and load go the worst way that the declared range lets them: the
 fastest *unannounced* ramps from where the machine is, and each ramp that was announced.  An announcement
 narrows what is admissible before its ramp, and never widens it.
 """
@@ -40,6 +44,9 @@ SPEED_MARGIN: Final = 0.95
 
 MASS_ERROR: Final = 0.05
 """A built rotor is heavier than its drawing by at most this share."""
+
+VIBRATION_MARGIN: Final = 0.8
+"""Part of the share that vibration may fill in a clearance wider than the safe one."""
 
 PERIOD_S: Final = 0.05
 """An interval is this old at most before the next one replaces it."""
@@ -113,7 +120,7 @@ class Shield:
 
     def interval(
         self, speed_rad_s: float, load_low_N: float, load_high_N: float, temperature_C: float,
-        peak_to_peak_m: float = 0.0, announced: Sequence[Ramp] = (),
+        peak_to_peak_m: float = 0.0, clearance_m: float = 0.0, announced: Sequence[Ramp] = (),
     ) -> tuple[float, float] | None:
         """Admissible radial clearances now, able to retreat in time; None when not even safe is one.
 
@@ -125,9 +132,9 @@ class Shield:
             Smallest and largest credible static load.
         temperature_C
             Oil outlet temperature.
-        peak_to_peak_m
-            Measured vibration, larger axis; it may fill at most ``limits.clearance_share`` of a clearance
-            narrower than the safe one (the safe one itself stays: protection watches it).
+        peak_to_peak_m, clearance_m
+            Measured vibration, larger axis, and the clearance in which it was measured; no vibration is no bound.
+            The safe clearance stays whatever it is: protection watches it.
         announced
             Ramps to come or under way, in the order of their starts.
         """
@@ -137,6 +144,9 @@ class Shield:
         now = self._bounds(present, temperature_C, speed_rad_s)
         low_m = max(now[0], self._min_m, min(peak_to_peak_m / self._share, self._safe_m))
         high_m = min(now[1], self._max_m)
+        if peak_to_peak_m > 0.0 and clearance_m > 0.0:
+            kept_m = VIBRATION_MARGIN * self._share * clearance_m * clearance_m / peak_to_peak_m
+            high_m = min(high_m, max(kept_m, self._safe_m))
         if not low_m <= self._safe_m <= high_m:
             return None
         for start_s, end_s in self._steps:

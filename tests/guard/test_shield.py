@@ -11,7 +11,7 @@ from firmware_py.guard.bearing_laws import (
     load_per_viscous_speed,
     whirl_number,
 )
-from firmware_py.guard.shield import MASS_ERROR, SPEED_MARGIN, Box, Ramp, Shield, check_safe
+from firmware_py.guard.shield import MASS_ERROR, SPEED_MARGIN, VIBRATION_MARGIN, Box, Ramp, Shield, check_safe
 from firmware_py.guard.viscosity import ViscosityTable, decay
 from sim_hil.film import Equilibrium, equilibrium
 
@@ -192,9 +192,23 @@ def test_doubt_about_the_load_never_widens_the_interval() -> None:
 
 @pytest.mark.parametrize("p2p_um", np.arange(18.0, 27.0, 0.5))
 def test_vibration_may_fill_its_share_of_the_clearance_and_no_more(p2p_um: float) -> None:
-    found = Shield(bench()).interval(6000 * RPM, 90.0, 110.0, 41.0, p2p_um * 1e-6)
+    found = Shield(bench()).interval(6000 * RPM, 90.0, 110.0, 41.0, p2p_um * 1e-6, SAFE_M)
     assert found is not None
     assert found[0] == pytest.approx(min(max(40e-6, p2p_um * 2e-6), SAFE_M))
+
+
+@pytest.mark.parametrize("clearance_um", [55.0, 80.0, 120.0, 160.0])
+@pytest.mark.parametrize("share", np.arange(0.05, 0.6, 0.05))
+def test_vibration_narrows_a_wide_clearance_before_its_limit(clearance_um: float, share: float) -> None:
+    """Below the margin it may widen, above it must narrow; never below the safe clearance, never wider than without."""
+    shield, point = Shield(bench()), (6000 * RPM, 90.0, 110.0, 41.0)
+    free = shield.interval(*point)
+    found = shield.interval(*point, share * clearance_um * 1e-6, clearance_um * 1e-6)
+    assert free is not None
+    assert found is not None
+    kept_m = clearance_um * 1e-6 * VIBRATION_MARGIN * 0.5 / share
+    assert found[1] == pytest.approx(min(free[1], max(kept_m, SAFE_M)))
+    assert found[1] < clearance_um * 1e-6 or share <= VIBRATION_MARGIN * 0.5 + 1e-9
 
 
 @pytest.mark.parametrize("speed", [0.0, -100.0, float("nan")])

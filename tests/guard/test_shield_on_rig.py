@@ -3,9 +3,10 @@
 import pytest
 
 from firmware_py.guard.core import GuardCore
-from firmware_py.records import Advice, ArmState, CommandRequest, Cycle, GuardState, RawFrame
+from firmware_py.records import Advice, ArmState, CommandRequest, Cycle, GuardState, PlannedRamp, RawFrame
 from firmware_py.wire.codec import CanCodec
-from sim_hil.duty import Duty
+from models.shielded import ANNOUNCED_S, fast_ramps
+from sim_hil.duty import RAD_S_PER_RPM, Duty
 from sim_hil.rig import Rig, node_limits
 from sim_hil.rigs import load_rig
 
@@ -20,17 +21,23 @@ def test_the_widest_and_the_narrowest_advice_violate_nothing(advised_um: float) 
     config, codec, drawing = bench(), CanCodec(), load_rig("bench")
     rig = Rig(drawing, codec, node_limits(drawing, config), 1, duty=Duty.hold(12000.0, 30.0))
     core = GuardCore(config, codec, 77)
+    ramps = fast_ramps(config, Duty.published())
     now_ns, out, states = 10**12, list[RawFrame](), list[GuardState]()
     for k in range(END_S * 1000):
         now_ns += MS
         frames = rig.step(now_ns, out)
         commands = [CommandRequest(1, "mode", mode=2), CommandRequest(2, "arm")] if k == ARM_S * 1000 else []
+        if ramps and k >= (START_S + ramps[0].start_s - ANNOUNCED_S) * 1000:
+            r = ramps.pop(0)
+            told = PlannedRamp(ANNOUNCED_S, ANNOUNCED_S + r.end_s - r.start_s, r.speed_rad_s / RAD_S_PER_RPM, r.load_N)
+            commands.append(CommandRequest(k, "announce", ramp=told))
         if k == START_S * 1000:
             rig.follow(Duty.published())
         advice = Advice(k, now_ns, now_ns, 300 * MS, advised_um, None, True, [], None) if k % 100 == 0 else None
         decision = core.step(Cycle(k, now_ns, frames, advice, commands, True, True, True))
         out = decision.frames_out
         states += [decision.state] if decision.state else []
+        assert all(reply.accepted for reply in decision.replies)
     truth = [t for t in rig.truth if t.t_ns > 10**12 + START_S * 10**9]
     assert min(t.min_film_um for t in truth) >= config.limits.min_film_um
     assert max(t.peak_to_peak_um / t.clearance_um for t in truth) <= config.limits.clearance_share

@@ -1,40 +1,157 @@
-"""The agent's graph, and the environment behind the guard's shield."""
+"""The environments behind the guard's shield, judged episodes, and the policies that are compared."""
 
+import msgspec
 import numpy as np
 import pytest
 
-from models.shielded import ShieldedRotor, episodes, value
-from sim_hil.duty import Duty
-from sim_hil.environment import OBSERVATIONS, RotorEnv
+from firmware_py.guard.shield import Ramp
+from models.actor_rivals import AdaptivePI, EccentricityPI, Lookup
+from models.episodes import Fixed, Score, play
+from models.shielded import (
+    ANNOUNCED_S,
+    Keeper,
+    ShieldedRotor,
+    ShieldedRotors,
+    actions_of,
+    column,
+    fast_ramps,
+    shipped_config,
+)
+from sim_hil.control_task import OBSERVATIONS
+from sim_hil.duty import RAD_S_PER_RPM, Duty
+from sim_hil.environment import RotorEnv
+from sim_hil.rigs import load_rig
+from sim_hil.vector_environment import RotorVectorEnv
+
+REACH = (40e-6, 160e-6)
 
 
-def rotor(speed_rpm=12000.0, load_N=30.0):
-    return ShieldedRotor(RotorEnv(episode_s=1.0, duty=Duty.hold(speed_rpm, load_N)))
+def light_and_fast() -> Duty:
+    return Duty.hold(12000.0, 30.0, 5.0)
 
 
-def test_shield_keeps_the_widest_clearance_from_a_fast_light_rotor():
-    environment = rotor()
+def seen(**values: float) -> np.ndarray:
+    """One observation; what is not named is 0."""
+    observation = np.zeros((1, len(OBSERVATIONS)), np.float32)
+    for name, value in values.items():
+        observation[0, column(name)] = value
+    return observation
+
+
+def test_shield_keeps_the_widest_clearance_from_a_fast_light_rotor() -> None:
+    environment = ShieldedRotor(RotorEnv(episode_s=1.0, duty=light_and_fast()))
     environment.reset(seed=1)
-    assert environment.admitted(160e-6) < 70e-6
-    *_, info = environment.step(np.array([1.0], np.float32))
+    for _ in range(8):
+        *_, info = environment.step(np.array([1.0], np.float32))
     assert info["intervened"]
+    assert info["clearance_m"] < 70e-6
 
 
-def test_action_and_clearance_are_inverse():
-    environment = rotor()
-    for clearance in (40e-6, 61e-6, 160e-6):
-        assert environment.rotor.clearance_of(environment.action_of(clearance)) == pytest.approx(clearance)
+def test_one_rotor_of_many_meets_the_same_shield_as_one_alone() -> None:
+    environment = ShieldedRotors(RotorVectorEnv(3, episode_s=2.0))
+    observation, _ = environment.reset(seed=5)
+    keepers = [Keeper(shipped_config("bench"), episode.duty) for episode in environment.rotors.episodes]
+    wish = actions_of(load_rig("bench"), np.full(3, 160e-6))
+    for step in range(4):
+        expected = [keeper.admitted(o, 0.1 * step, 160e-6) for keeper, o in zip(keepers, observation, strict=True)]
+        assert environment._admitted(np.full(3, 160e-6)).tolist() == expected
+        observation, *_ = environment.step(wish)
 
 
-def test_same_episodes_give_the_same_score():
-    first, second = (episodes(lambda _: 60e-6, range(3, 5), 0.5, shielded=True) for _ in range(2))
-    assert first == second
-    assert len(first.episode_power_W) == 2
+def test_an_ended_episode_gets_its_own_announcements_and_time() -> None:
+    environment = ShieldedRotors(RotorVectorEnv(2, episode_s=0.2))
+    environment.reset(seed=5)
+    wish = actions_of(load_rig("bench"), np.full(2, 60e-6))
+    before = list(environment._keepers)
+    environment.step(wish)
+    assert environment._keepers == before
+    environment.step(wish)
+    assert not set(environment._keepers) & set(before)
+    assert environment._time_s.tolist() == [0.0, 0.0]
 
 
-def test_value_reads_by_name():
-    observation = np.arange(len(OBSERVATIONS), dtype=np.float32)
-    assert value(observation, "clearance_m") == list(OBSERVATIONS).index("clearance_m")
+def test_only_ramps_beyond_the_declared_ones_are_announced() -> None:
+    config = shipped_config("bench")
+    slow = Duty((0.0, 5.0, 6.0), (6000.0, 6000.0, 7900.0), (100.0, 100.0, 51.0))
+    assert fast_ramps(config, slow) == []
+    ramps = fast_ramps(config, Duty.published())
+    assert len(ramps) == 5
+    assert ramps[0] == Ramp(12.0, 14.0, pytest.approx(6000 * RAD_S_PER_RPM), 100.0)
+
+
+def test_an_announced_ramp_narrows_before_it_starts_and_is_over_after_its_end() -> None:
+    config = shipped_config("bench")
+    duty = Duty((0.0, 10.0, 11.0, 20.0), (6000.0, 6000.0, 12000.0, 12000.0), (100.0, 100.0, 30.0, 30.0))
+    keeper = Keeper(config, duty)
+    observation = seen(speed_rad_s=6000 * RAD_S_PER_RPM, clearance_m=80e-6, oil_outlet_C=41.0,
+                       eccentricity_x_m=30e-6, eccentricity_y_m=-28e-6)[0]  # fmt: skip
+    free = keeper.interval(observation, 10.0 - ANNOUNCED_S - 0.1)
+    ready = keeper.interval(observation, 9.9)
+    assert free is not None
+    assert ready is not None
+    assert ready[1] < free[1] - 20e-6
+    assert keeper.interval(observation, 15.0) == free
+
+
+def test_same_episodes_give_the_same_score_and_the_shield_tells_where_it_intervened() -> None:
+    first, second = (play(Fixed(160e-6), range(3, 6), 1.0, shielded=True) for _ in range(2))
+    assert msgspec.to_builtins(first.power_W.tolist()) == second.power_W.tolist()
+    assert first.power_W.shape == (3,)
+    assert first.intervened.max() > 0
+    assert (play(Fixed(50e-6), range(3, 6), 1.0, shielded=False).intervened == 0).all()
+
+
+def test_a_score_sums_time_in_violation_and_keeps_the_worst() -> None:
+    ones = np.ones(2)
+    film_m = 1e-6 * np.array([12.0, 9.0])
+    score = Score(np.array([50.0, 70.0]), np.array([0.0, 0.3]), film_m, 0.1 * ones, 0 * ones, ones)
+    summary = score.summary(20.0)
+    assert summary["power_W"] == 60.0
+    assert summary["violation_s"] == pytest.approx(0.3)
+    assert summary["min_film_um"] == 9.0
+    assert score.kept(np.array([True, False])).summary(20.0)["episodes_in_violation"] == 0.0
+
+
+@pytest.mark.parametrize("kind", [EccentricityPI, AdaptivePI])
+def test_the_controller_widens_a_bearing_that_runs_too_centred(kind: type[EccentricityPI]) -> None:
+    controller = kind(0.4, 40e-6, 60e-6, REACH)
+
+    def wish(ratio: float) -> float:
+        controller.start(1)
+        observation = seen(clearance_m=80e-6, eccentricity_x_m=80e-6 * ratio, peak_to_peak_x_m=2e-6)
+        for _ in range(20):
+            answer = controller(observation)
+        return float(answer[0])
+
+    assert REACH[0] <= wish(0.9) < wish(0.05) <= REACH[1]
+
+
+def test_the_adaptive_controller_backs_off_from_vibration() -> None:
+    def wish(swing_m: float) -> float:
+        controller = AdaptivePI(0.4, 40e-6, 60e-6, REACH)
+        controller.start(1)
+        for _ in range(20):
+            answer = controller(seen(clearance_m=80e-6, eccentricity_x_m=30e-6, peak_to_peak_x_m=swing_m))
+        return float(answer[0])
+
+    assert wish(60e-6) < wish(5e-6)
+
+
+def test_the_table_is_met_at_its_knots_and_straight_between_in_the_logarithm() -> None:
+    torch = pytest.importorskip("torch")
+    rig = load_rig("bench")
+    table = np.array([[50e-6, 60e-6], [70e-6, 100e-6]])
+    module = Lookup(rig, table)
+
+    def at(rpm: float, load_N: float) -> float:
+        observation = seen(speed_rad_s=rpm * RAD_S_PER_RPM, load_estimate_N=load_N)
+        return float(module(torch.from_numpy(observation))[0, 0])
+
+    assert at(rig.speed_min_rpm, rig.load_min_N) == pytest.approx(50e-6, rel=1e-5)
+    assert at(rig.speed_max_rpm, rig.load_max_N) == pytest.approx(100e-6, rel=1e-5)
+    middle = (rig.speed_min_rpm * rig.speed_max_rpm) ** 0.5, (rig.load_min_N * rig.load_max_N) ** 0.5
+    assert at(*middle) == pytest.approx(table.mean(), rel=1e-4)
+    assert at(2 * rig.speed_max_rpm, 10.0) == pytest.approx(70e-6, rel=1e-5)
 
 
 @pytest.mark.slow
