@@ -21,7 +21,7 @@ from sim_hil.film import FilmError, equilibrium
 from sim_hil.film.model import FilmModel, load_model, tabulate
 from sim_hil.film.table import FilmTable
 from sim_hil.rigs import RigData
-from sim_hil.rotor.assembly import assemble
+from sim_hil.rotor.assembly import assemble, rig_film
 from sim_hil.rotor.film_law import DirectLaw, Law, LinearLaw
 from sim_hil.rotor.network_law import RawNetworkLaw, ReducedNetworkLaw
 from sim_hil.rotor.parameters import Floats, Plant, State, new_state
@@ -64,7 +64,8 @@ class Trajectory:
         End of each row's period, shape (n,).
     rows
         `COLUMNS` of `sim_hil.rotor.rigid`: journal x, y, m, and velocity, m/s, relative to the bearing; smallest film,
-        m, and mean power, W, over the period; clearance, m, oil temperature, Celsius, shaft angle, rad; shape (n, 9).
+        m, and mean power, W, over the period; clearance, m, oil temperature, Celsius, shaft angle, rad, mean side
+        flow, m3/s, and supply pressure, Pa; shape (n, 11).
     events
         Contacts and releases.
     """
@@ -87,6 +88,10 @@ class Trajectory:
         """Dissipated power: friction moment times speed, less film force times velocity, plus windage."""
         return self.column("power_W")
 
+    def pump_power_W(self, efficiency: float) -> Floats:
+        """Power of a pump that feeds what runs off at the ends, at the supply pressure."""
+        return self.column("pressure_Pa") * self.column("side_flow_m3_s") / efficiency
+
     @property
     def min_film_m(self) -> Floats:
         """Smallest film of each period."""
@@ -105,7 +110,7 @@ class Trajectory:
 def simulate(
     rig: RigData, duty: Duty, *, clearance: Schedule, dt_s: float = STEP_S, force: Force = "table", seed: int = 0,
     seconds: float | None = None, thermal: bool = True, pressure: Schedule | None = None, rate_hz: float = 5000.0,
-    build: Build | None = None, inlet_C: float | None = None,
+    build: Build | None = None, inlet_C: float | None = None, fed: bool = False,
 ) -> Trajectory:  # fmt: skip
     """Follow `duty` (to its end when `seconds` is None) with the journal starting at rest at its equilibrium.
 
@@ -126,6 +131,9 @@ def simulate(
         False holds the oil at its inlet temperature.
     inlet_C
         Temperature of the oil that comes in, Celsius; the rig's own when None.
+    fed
+        The film with the rig's groove, where the supply pressure carries load, instead of the unfed periodic film
+        (with `force="table"` only). Films are laminar and without inertia: `sim_hil.domain` says how far that holds.
 
     Raises
     ------
@@ -147,7 +155,7 @@ def simulate(
     plant = assemble(rig, Build.nominal(rig) if build is None else build, dt_s, inlet_C=inlet_C, thermal=thermal)
     drive = duty.at(time_s)
     start = equilibrium_at(rig, plant, float(drive[0, 0]), float(drive[0, 1]), float(target[0, 0]))
-    law = _law(rig, plant, force, start)
+    law = _fed_law(rig, force) if fed else _law(rig, plant, force, start)
     w, state = _at_rest(plant, start, target[0], seed)
     rows = np.empty((total, len(COLUMNS)))
     steps = max(1, math.ceil(period / dt_s - 1e-9))
@@ -232,6 +240,15 @@ def _check_clearance(rig: RigData, clearance_m: Floats) -> None:
                 f"clearance = {value * 1e6:.2f} um: outside the radial range {low * 1e6:g} to {high * 1e6:g} um of "
                 f"rig {rig.name}"
             )
+
+
+def _fed_law(rig: RigData, force: Force) -> Law:
+    if force != "table":
+        raise SimulationError(f"force = {force!r} with fed = True: only the table knows the groove; take force='table'")
+    try:
+        return rig_film(rig, fed=True)
+    except FilmError as error:
+        raise SimulationError(str(error)) from error
 
 
 def _law(rig: RigData, plant: Plant, force: Force, start: Start) -> Law:

@@ -21,13 +21,16 @@ from sim_hil.rotor.bearing import bearing_force, gap, heat_oil, oil_now
 from sim_hil.rotor.film_law import Law
 from sim_hil.rotor.film_step import crossing, film_slopes, turned
 from sim_hil.rotor.kernel import GRAVITY, move_actuator
-from sim_hil.rotor.parameters import ANGLE, CLEARANCE, FLOW, OIL, POWER, Act, Eight, Film, Floats, Oil, Shaft
+from sim_hil.rotor.parameters import ANGLE, CLEARANCE, FLOW, OIL, POWER, PRESSURE, Act, Eight, Film, Floats, Oil, Shaft
 
 GAMMA = 1 - math.sqrt(0.5)
 RENEW_STEPS = 4
 _RENEW_SHARE = 0.1
-COLUMNS = ("x_m", "y_m", "vx_m_s", "vy_m_s", "min_film_m", "clearance_m", "power_W", "oil_C", "angle_rad")
-"""Columns of the output: journal at the bearing, smallest film and mean power since the row before."""
+COLUMNS = (
+    "x_m", "y_m", "vx_m_s", "vy_m_s", "min_film_m", "clearance_m", "power_W", "oil_C", "angle_rad", "side_flow_m3_s",
+    "pressure_Pa",
+)  # fmt: skip
+"""Columns of the output: journal at the bearing; smallest film, mean power and side flow since the row before."""
 
 
 @njit(cache=True, error_model="numpy")
@@ -122,7 +125,7 @@ def advance_rotor(
     target
         Clearance, m, and pressure, Pa, at the start of each period, shape (n, 2).
     out
-        Written: `COLUMNS`, shape (n, 9).
+        Written: `COLUMNS`, shape (n, 11).
     """
     dt = period / substeps
     now = (w[0], w[1], w[2], w[3], w[4], w[5], w[6], w[7])
@@ -135,7 +138,7 @@ def advance_rotor(
         c = scalar[CLEARANCE] + film.wear
         c_rate = move_actuator(act, scalar, target[n, 0], target[n, 1], period)
         oil = oil_now(film, scalar)
-        power, smallest = 0.0, 1e9
+        power, flow, smallest = 0.0, 0.0, 1e9
         for i in range(substeps):
             omega, load = drive[n, 0] + alpha * dt * i, drive[n, 1] + load_rate * dt * i
             ex, ey, vx, vy = now[0] + b * now[2], now[1] + b * now[3], now[4] + b * now[6], now[5] + b * now[7]
@@ -151,6 +154,7 @@ def advance_rotor(
                 shaft, film, law, oil, slopes, rough, now, scalar[ANGLE], omega, alpha, load, c, c_rate, dt
             )
             power += lost
+            flow += scalar[FLOW]
             scalar[ANGLE] += (omega + 0.5 * alpha * dt) * dt
             c += c_rate * dt
             smallest = min(smallest, gap(film, now[0] + b * now[2], now[1] + b * now[3], c))
@@ -159,7 +163,7 @@ def advance_rotor(
         out[n, 0], out[n, 1] = now[0] + b * now[2], now[1] + b * now[3]
         out[n, 2], out[n, 3] = now[4] + b * now[6], now[5] + b * now[7]
         out[n, 4], out[n, 5], out[n, 6], out[n, 7] = smallest, c, scalar[POWER], scalar[OIL]
-        out[n, 8] = scalar[ANGLE]
+        out[n, 8], out[n, 9], out[n, 10] = scalar[ANGLE], flow / substeps, scalar[PRESSURE]
     for i in range(8):
         w[i] = now[i]
 

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from sim_hil.build import Build
+from sim_hil.duty import Duty
 from sim_hil.film import Feed, film_force
 from sim_hil.film.records import FilmError
 from sim_hil.machine import Machine
+from sim_hil.response import SimulationError, simulate
 from sim_hil.rigs import load_rig
 from sim_hil.rotor.parameters import TRUTH_COLUMNS, Floats
 from sim_hil.truth import pump_power_W
@@ -65,3 +67,12 @@ def test_a_rig_without_a_groove_has_no_fed_film() -> None:
     seed = load_rig("seed")
     with pytest.raises(FilmError, match="not one axial groove"):
         Machine(seed, Build.nominal(seed), 1, fed=True)
+
+
+def test_the_rotor_alone_rests_where_the_machine_does_and_pumps_as_much() -> None:
+    run = simulate(RIG, Duty.hold(3000.0, 100.0, 0.4), clearance=60e-6, thermal=False, pressure=3e5, fed=True).last(0.1)
+    row = settled(True, 3e5)
+    np.testing.assert_allclose(run.position_m.mean(axis=0), row[7:9], atol=0.2e-6)
+    assert run.pump_power_W(0.6).mean() == pytest.approx(pump_power_W(RIG, row[None])[0], rel=0.02)
+    with pytest.raises(SimulationError, match="only the table"):
+        simulate(RIG, Duty.hold(3000.0, 100.0, 0.1), clearance=60e-6, fed=True, force="direct")
