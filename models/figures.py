@@ -63,19 +63,32 @@ def classifier(folder: Path, decisions: Decisions) -> None:
     _figure(folder / "severity.png", severity, x="preload left, %, or balance grade G", y="share named rightly")
 
 
-def actor(folder: Path, policies: dict[str, dict[str, float]]) -> None:
-    """Return over training steps, and power against time in violation."""
+def actor(folder: Path, report: dict[str, Any]) -> None:
+    """Returns over training steps, every agent; power against time in violation; every agent's power."""
     with (folder / "metrics.csv").open(encoding="utf-8") as stream:
-        rows = [(float(row["step"]), float(row["return"])) for row in csv.DictReader(stream)]
+        rows = np.array([[float(row[k]) for k in ("agent", "step", "return")] for row in csv.DictReader(stream)])
 
     def curve(axes: Any) -> None:
-        axes.plot(*np.array(rows).T, ".-")
+        for agent in np.unique(rows[:, 0]):
+            axes.plot(*rows[rows[:, 0] == agent, 1:].T, lw=0.8, label=f"agent {agent:.0f}")
+        axes.legend(fontsize=6, ncol=2)
 
     def pareto(axes: Any) -> None:
-        for name, figures in policies.items():
-            axes.plot(figures["violation_s"], figures["power_W"], "o")
-            axes.annotate(name.replace("_", " "), (figures["violation_s"], figures["power_W"]), fontsize=7)
+        for name, found in report["policies"].items():
+            axes.plot(found["violation_s"], found["power_W"], "o")
+            axes.annotate(name.replace("_", " "), (found["violation_s"], found["power_W"]), fontsize=6)
+        for name, power in report["references_W"].items():
+            axes.axhline(power, ls="--", lw=0.8, color="0.4")
+            axes.annotate(name, (0.98, power), xycoords=("axes fraction", "data"), fontsize=6, ha="right")
 
-    if rows:
+    def agents(axes: Any) -> None:
+        power = report["ddpg_all_seeds"]["power_W_each_seed"]
+        axes.plot(range(len(power)), power, "o")
+        axes.axhspan(*report["ddpg_all_seeds"]["power_W_iqm_interval"], alpha=0.2, label="interquartile mean, 95 %")
+        axes.axhline(report["policies"]["lookup"]["power_W"], ls="--", color="0.4", label="lookup table")
+        axes.legend(fontsize=7)
+
+    if len(rows):
         _figure(folder / "learning_curve.png", curve, x="environment steps", y="return of an episode")
     _figure(folder / "pareto.png", pareto, x="time in violation, s", y="mean shaft power, W")
+    _figure(folder / "agents.png", agents, x="agent", y="mean shaft power, W")
