@@ -46,8 +46,8 @@ FAULT_START_S: Final = 3.0
 FAULTS: Final = {"unbalance": (6.3, 40.0), "starvation": (0.15, 0.6), "wear": (0.05, 0.25)}
 """Severity that is reached at the end, low and high."""
 FAULT_STEP_S: Final = 0.1
-SLOW_ROLL_RPM: Final = 300.0
-SLOW_ROLL_LOAD_N: Final = 100.0
+SLOW_ROLL_RPM: Final = 600.0
+SLOW_ROLL_LOAD_N: Final = 30.0
 DAMPING: Final = {"near_whirl": (0.02, 0.13)}
 DAMPING_ELSE: Final = (0.15, math.inf)
 FILM_LEAST_M: Final = 10e-6
@@ -250,7 +250,7 @@ def slow_roll_vectors(rig: RigData, build: Build, seed: int) -> NDArray[np.compl
     machine = Machine(rig, build, seed)
     duty = Duty.hold(SLOW_ROLL_RPM, SLOW_ROLL_LOAD_N)
     run(machine, duty, 0.5, clearance=rig.bearing.clearance_nominal_m)
-    recording = recording_of(machine, run(machine, duty, 2.2, clearance=rig.bearing.clearance_nominal_m),
+    recording = recording_of(machine, run(machine, duty, 1.3, clearance=rig.bearing.clearance_nominal_m),
                              np.random.default_rng([seed, 1]))
     as_probes = replace(ChannelMap.wire(), to_xy=np.eye(2))
     windows = iter_windows(recording.counts, round(float(recording.time_s[0]) * 1e6),
