@@ -33,7 +33,7 @@ class Domain:
         """Which assumption fails, with the number and its limit; empty inside the domain."""
         found = []
         if self.taylor > TAYLOR_LIMIT:
-            found.append(f"not laminar: Ta = {self.taylor:.0f}, above {TAYLOR_LIMIT:g}")
+            found.append(f"not laminar: Ta = {self.taylor:.1f}, above {TAYLOR_LIMIT:g}")
         if self.inertia > INERTIA_LIMIT:
             found.append(f"oil inertia counts: rho omega c^2/mu = {self.inertia:.2g}, above {INERTIA_LIMIT:g}")
         return tuple(found)

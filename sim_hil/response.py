@@ -138,7 +138,8 @@ def simulate(
     Raises
     ------
     SimulationError
-        A clearance outside the rig's range, a step too long, or a run that left the finite numbers.
+        A clearance outside the rig's range, a pressure that no supply has, a step too long, or a run that left the
+        finite numbers.
     """
     if not (0 < dt_s <= LONGEST_STEP_S and rate_hz > 0):
         raise SimulationError(
@@ -152,6 +153,8 @@ def simulate(
     supply = rig.supply.nominal_Pa if pressure is None else pressure
     target = np.column_stack([_over(clearance, time_s[:-1]), _over(supply, time_s[:-1])])
     _check_clearance(rig, target[:, 0])
+    if not (target[:, 1].min() >= 0.0 and np.isfinite(target[:, 1]).all()):
+        raise SimulationError("pressure: a supply pressure is finite and not negative, Pa above ambient")
     plant = assemble(rig, Build.nominal(rig) if build is None else build, dt_s, inlet_C=inlet_C, thermal=thermal)
     drive = duty.at(time_s)
     start = equilibrium_at(rig, plant, float(drive[0, 0]), float(drive[0, 1]), float(target[0, 0]))

@@ -76,3 +76,6 @@ def test_the_rotor_alone_rests_where_the_machine_does_and_pumps_as_much() -> Non
     assert run.pump_power_W(0.6).mean() == pytest.approx(pump_power_W(RIG, row[None])[0], rel=0.02)
     with pytest.raises(SimulationError, match="only the table"):
         simulate(RIG, Duty.hold(3000.0, 100.0, 0.1), clearance=60e-6, fed=True, force="direct")
+    for bad in (math.nan, -1e5, math.inf):
+        with pytest.raises(SimulationError, match="supply pressure"):
+            simulate(RIG, Duty.hold(3000.0, 100.0, 0.1), clearance=60e-6, pressure=bad)
