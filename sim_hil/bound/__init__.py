@@ -1,9 +1,10 @@
-"""`orbitd bound`: how much power any control of the clearance could save on a duty.
+"""`orbitd bound`: how much power any control of the clearance could save on a duty, and of the supply pressure with it.
 
 Four ways, each checked in the time domain against every limit: the nominal fixed setting, the best feasible fixed one
 (1 um grid), the best schedule with full preview (dynamic programming), and the best causal one.  That knows the
 machine and its present state; of the future only the ramps that are announced 3 s ahead, and that none may come
-unannounced that is faster than 50 N/s and 2000 rpm/s: it is ready for all of those.
+unannounced that is faster than 50 N/s and 2000 rpm/s: it is ready for all of those.  Clearance alone stands on the
+unfed film; clearance with supply pressure on the film with the rig's groove, the pump's power counted.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ __all__ = [
 ]  # fmt: skip
 
 KINDS = {"isothermal": False, "thermal": True}
-BOARDS = {"clearance": "clearance alone"}
+BOARDS = {"clearance": "clearance alone", "pair": "clearance with supply pressure"}
 
 _HOMES = {"Disturbances": "disturbances", "Plan": "case", "Reference": "reference", "References": "reference",
           "episode_references": "episodes", "references": "reference"}  # fmt: skip

@@ -15,6 +15,7 @@ from sim_hil.duty import Duty
 from sim_hil.response import SAMPLES_PER_TURN, Trajectory, simulate
 from sim_hil.rigs import RigData
 from sim_hil.rotor.parameters import Floats
+from sim_hil.rotor.rigid import COLUMNS
 
 BIN_S = 0.1
 STEP_S, COARSE_STEP_S = 100e-6, 200e-6
@@ -126,7 +127,7 @@ class Case:
         run = simulate(
             self.rig, led, clearance=partial(_delayed, plan.clearance), pressure=partial(_delayed, plan.pressure),
             seconds=SETTLE_S + self.bins * BIN_S, thermal=self.thermal, build=self.build, inlet_C=self.inlet_C,
-            rate_hz=self._rate_hz(), dt_s=self.step_s,
+            rate_hz=self._rate_hz(), dt_s=self.step_s, fed=self.fed,
         )  # fmt: skip
         counted = round(self.bins * BIN_S * self._rate_hz())
         return replace(run, time_s=run.time_s[-counted:], rows=run.rows[-counted:])
@@ -138,8 +139,11 @@ class Case:
         return math.ceil(max(wanted_hz, 1 / COARSE_STEP_S) * BIN_S) / BIN_S
 
     def profile(self, plan: Plan) -> Profile:
-        """That run in bins."""
-        return gather(self.run(plan), self.limits)
+        """That run in bins; the pump's power counts in a fed film."""
+        run = self.run(plan)
+        if self.fed:
+            run.rows[:, COLUMNS.index("power_W")] += run.pump_power_W(self.rig.supply.pump_efficiency)
+        return gather(run, self.limits)
 
 
 def _delayed(target: Callable[[float], float], time_s: float) -> float:
