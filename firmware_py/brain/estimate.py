@@ -44,9 +44,9 @@ STATES: Final = PARAMETERS + 2
 
 LOAD_DRIFT: Final = 0.5
 """Random walk of ``ln`` load per root second."""
-VISCOSITY_DRIFT: Final = 0.003
+VISCOSITY_DRIFT: Final = 0.01
 CLEARANCE_DRIFT_UM: Final = 0.05
-RATE_DRIFT: Final = (0.015, 0.2)
+RATE_DRIFT: Final = (0.02, 0.2)
 """Random walk of the two rates: 1/s, um/s, per root second."""
 RATE_MEMORY_S: Final = 30.0
 MODEL_MEMORY_S: Final = 1.0

@@ -40,9 +40,11 @@ ASPERITY_OHM: Final = 10.0
 CLEARANCE_NOISE_UM: Final = 0.2
 POSITION_MODEL_UM: Final = 0.15
 """Mean of an orbit against the static position, and the surrogate's own error."""
-ORBIT_CURVATURE: Final = 0.5
+ORBIT_CURVATURE: Final = 2.0
 """Shift of the mean by an orbit, as a share of its amplitude squared over the clearance."""
-POWER_MODEL: Final = (0.3, 0.01)
+RUNOUT_M: Final = 6e-6
+"""Amplitude that is taken for runout, not motion."""
+POWER_MODEL: Final = (0.2, 0.007)
 """Deviation of the modelled power: W, and share."""
 CONTACT_NOISE_V: Final = 0.003
 
@@ -132,7 +134,8 @@ class Instruments:
 
     def noise(self, values: Floats, slopes: Floats, measured: Measured) -> Floats:
         """Covariance (4, 4) of what varies from reading to reading: model, noise, orbit, reported clearance."""
-        curved_um = ORBIT_CURVATURE * (0.5 * measured.peak_to_peak_m) ** 2 / measured.clearance_m / UM
+        amplitude_m = max(0.0, 0.5 * measured.peak_to_peak_m - RUNOUT_M)
+        curved_um = ORBIT_CURVATURE * amplitude_m**2 / measured.clearance_m / UM
         position = math.hypot(POSITION_MODEL_UM, curved_um)
         volt = math.hypot(CONTACT_NOISE_V, self._roughness_V(values[3]))
         own = np.array([position, position, math.hypot(POWER_MODEL[0], POWER_MODEL[1] * values[2]),
