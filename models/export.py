@@ -6,6 +6,7 @@ import hashlib
 import io
 import json
 import subprocess
+import time
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
@@ -103,6 +104,19 @@ def session(path: Path) -> onnxruntime.InferenceSession:
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
     return onnxruntime.InferenceSession(path.read_bytes(), options, providers=["CPUExecutionProvider"])
+
+
+def milliseconds_per_call(path: Path, calls: int = 300) -> float:
+    """Median time of one answer for one row, one thread."""
+    run = session(path)
+    given = run.get_inputs()[0]
+    row = {given.name: np.zeros((1, given.shape[1]), np.float64 if "double" in given.type else np.float32)}
+    times = []
+    for _ in range(calls):
+        started = time.perf_counter()
+        run.run(None, row)
+        times.append(time.perf_counter() - started)
+    return round(1e3 * float(np.median(times)), 4)
 
 
 def parity(module: torch.nn.Module, path: Path, x: NDArray[np.generic]) -> float:

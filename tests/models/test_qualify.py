@@ -139,3 +139,24 @@ def test_metrics_go_to_csv_and_tensorboard(tmp_path):
     assert [(e.step, e.value) for e in events.Scalars("return")] == [(10, 1.5), (20, 2.5)]
     assert (run.folder / "metrics.csv").read_text().splitlines()[0] == "step,return,why"
     assert run.command == f"orbitd train some --seed 0 --config {tmp_path / 'mine.toml'}"
+
+
+def test_damaged_films_are_named_and_left_alone(tmp_path):
+    from dataclasses import dataclass
+
+    from models.film_cache import kept
+
+    @dataclass
+    class Films:
+        force: np.ndarray
+
+    kept(tmp_path, "films", 1, Films, lambda: Films(np.ones(3)))
+    (path,) = tmp_path.glob("films-*.npz")
+    path.write_bytes(path.read_bytes()[:50])
+    with pytest.raises(checkpoint.CheckpointError, match=r"films-.*damaged.*delete"):
+        kept(tmp_path, "films", 1, Films, lambda: Films(np.ones(3)))
+    assert path.stat().st_size == 50
+
+
+def test_a_call_is_timed(tmp_path):
+    assert 0.0 < export.milliseconds_per_call(model(tmp_path / "actor.onnx", 0.5), calls=5) < 1000.0
