@@ -24,7 +24,7 @@ from sim_hil.control_task import OBSERVATIONS
 from sim_hil.rigs import RigData, load_rig
 from sim_hil.vector_environment import RotorVectorEnv
 
-JUDGE_SEED, VALIDATION_SEED = 1_000_000, 500_000
+JUDGE_SEED, VALIDATION_SEED = 1_001_000, 500_000
 """Added to the seed of judged episodes, and of those that choose among the agents, so that no training sees them."""
 
 PI = (0.45, 40e-6, 60e-6)

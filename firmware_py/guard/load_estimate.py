@@ -15,12 +15,17 @@ import msgspec
 
 from firmware_py.config import Config
 from firmware_py.guard.bearing_laws import CLEARANCE_ERROR_M, TEMPERATURE_ERROR_C, load_per_viscous_speed
+from firmware_py.guard.motion import DISPLACEMENTS
 from firmware_py.guard.viscosity import ViscosityTable
 
 ZERO_ERROR_M: Final = 2.9e-6
 """Two probes of 2 um zero error each, along the eccentricity."""
 
 GAIN_ERROR: Final = 0.03
+ZEROED_ERROR_M: Final = 0.71e-6
+ZEROED_GAIN_ERROR: Final = 0.01
+"""Both after the zero and slow-roll procedure (0.5 um each probe), where the configuration says that it was done."""
+
 MODEL_ERROR: Final = 0.25
 """Rupture and inlet conditions move the load at one eccentricity by up to 21 %, the batch of oil by 10 %."""
 
@@ -52,6 +57,9 @@ class LoadEstimator:
     def __init__(self, config: Config) -> None:
         self._radius_m, self._length_m = config.bearing.journal_radius_m, config.bearing.length_m
         self._inlet_min_C = config.oil.inlet_min_C
+        zeroed = all(config.channel[i].zeroed for i in DISPLACEMENTS)
+        self._zero_m = ZEROED_ERROR_M if zeroed else ZERO_ERROR_M
+        self._gain = ZEROED_GAIN_ERROR if zeroed else GAIN_ERROR
         self._viscosity = ViscosityTable(config.oil)
         self._declared = LoadInterval(config.operating.load_min_N, config.operating.load_max_N, False)
 
@@ -69,7 +77,7 @@ class LoadEstimator:
         downward load, or contradicts the declared range altogether.
         """
         e_m = sqrt(x_m * x_m + y_m * y_m)
-        error_m = ZERO_ERROR_M + GAIN_ERROR * e_m
+        error_m = self._zero_m + self._gain * e_m
         if not speed_rad_s > 0.0 or peak_to_peak_m > ORBIT_SHARE_MAX * clearance_m:
             return self._declared
         if not self._direction_agrees(x_m, y_m, e_m, error_m, clearance_m):

@@ -1,5 +1,6 @@
 from math import pi
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -40,6 +41,18 @@ def test_the_interval_holds_the_true_load_under_every_sensor_error(
             x * gains[0] + zeros[0], y * gains[1] + zeros[1], clearance_um * 1e-6, rpm * RPM, 41.0, 5e-6
         )
         assert found.low_N <= load_N <= found.high_N
+
+
+def test_the_zero_procedure_narrows_the_interval_and_its_errors_are_still_covered() -> None:
+    config = bench()
+    done = [msgspec.structs.replace(c, zeroed=c.name.startswith("disp")) for c in config.channel]
+    zeroed, plain = LoadEstimator(msgspec.structs.replace(config, channel=done)), LoadEstimator(config)
+    for load_N, rpm in ((30.0, 9000.0), (100.0, 6000.0), (250.0, 3000.0)):
+        x, y = position(load_N, rpm, 81e-6, 41.0)
+        seen = (x * 1.01 + 0.5e-6, y * 0.99 - 0.5e-6, 80e-6, rpm * RPM, 41.0, 5e-6)
+        narrow, wide = zeroed.estimate(*seen), plain.estimate(*seen)
+        assert wide.low_N <= narrow.low_N <= load_N <= narrow.high_N <= wide.high_N
+        assert narrow.high_N - narrow.low_N < wide.high_N - wide.low_N
 
 
 def test_the_estimate_is_worth_having_in_the_middle_of_the_range() -> None:
