@@ -41,10 +41,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"orbitd evaluate: {path}: no such file; train one with `orbitd train {args.model}`", file=sys.stderr)
         return EXIT_BAD_INPUT
     try:
-        if args.data:
-            report = _measured(args)
-        else:
-            report = _qualified(path, args) if args.qualify else _JUDGES[args.model](path, args)
+        judge = _qualified if args.qualify else _judged
+        report = _measured(args) if args.data else judge(path, args)
     except ValueError as error:
         print(f"orbitd evaluate: {error}", file=sys.stderr)
         return EXIT_BAD_INPUT
@@ -53,11 +51,21 @@ def main(argv: Sequence[str] | None = None) -> int:
     return 0
 
 
+def _judged(path: Path, args: argparse.Namespace) -> dict[str, object]:
+    """The model's own evaluation; what the device calls often is timed as well."""
+    report = _JUDGES[args.model](path, args)
+    if path.suffix == ".onnx":
+        from models.export import milliseconds_per_call
+
+        report["milliseconds_per_call"] = milliseconds_per_call(path)
+    return report
+
+
 def _qualified(path: Path, args: argparse.Namespace) -> dict[str, object]:
     from models.qualify import qualify
 
     def evaluate(file: Path, seed: int, size: int) -> dict[str, object]:
-        return _JUDGES[args.model](file, argparse.Namespace(**vars(args) | {"seed": seed, "size": size}))
+        return _judged(file, argparse.Namespace(**vars(args) | {"seed": seed, "size": size}))
 
     return qualify(args.model, path, evaluate, ship=args.ship)
 
