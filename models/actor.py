@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -184,12 +185,14 @@ def evaluate(path: Path, seed: int, size: int | None, out: Path) -> dict[str, ob
     rig = load_rig(settings.rig)
     with progress_bar("lookup table", settings.lookup_points[0]) as bar:
         table = lookup(rig, settings.lookup_points, bar)
-    policies = {"actor": of_file(path), **_rivals(rig, of_module(table))}
+    policies = {"agent": of_file(path), **_rivals(rig, of_module(table))}
     beside = path.with_name("actor_ddpg.onnx")
     if beside.is_file():
         policies["ddpg"] = of_file(beside)
-    report = judge(_bench(settings, seed, out), policies, [])
-    return report | {"whole_machine": _on_machine(policies, settings, seed)}
+    return {
+        "unseen_episodes": judge(_bench(settings, seed, out), policies, []),
+        "whole_machine": _on_machine(policies, settings, seed),
+    }  # fmt: skip
 
 
 def judge(bench: Bench, policies: dict[str, Policy], scores: list[Score]) -> dict[str, Any]:
@@ -256,7 +259,8 @@ def _learn_all(run: Run, settings: ActorSettings) -> list[Clearance]:
             def on_episode(step: int, total: float, number: int = number) -> None:
                 run.log({"agent": number, "step": step, "return": round(total, 3)})
 
-            agents.append(learn(settings, 1000 * run.seed + number, on_step, on_episode))
+            one = partial(learn, settings, 1000 * run.seed + number, on_step, on_episode)
+            agents.append(run.kept(f"agent{number}", one))
             torch.save(agents[-1].state_dict(), run.folder / f"agent{number}.pt")
     return agents
 

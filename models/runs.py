@@ -151,9 +151,9 @@ class Run:
         (self.folder / name).write_text(text, encoding="utf-8")
 
     def ship(self) -> None:
-        """Copy model, report and card to ``models/artifacts`` and renew the manifest."""
-        for suffix in ("onnx", "json", "md"):
-            path = self.folder / f"{self.kind}.{suffix}"
+        """Copy model, report, card and what stands beside the model to ``models/artifacts``; renew the manifest."""
+        main = (self.folder / f"{self.kind}.{suffix}" for suffix in ("onnx", "json", "md"))
+        for path in (*main, *self.folder.glob(f"{self.kind}_*.onnx")):
             if path.is_file():
                 shutil.copyfile(path, ARTIFACTS / path.name)
         write_manifest(ARTIFACTS)
