@@ -57,7 +57,7 @@ def main(argv: list[str]) -> int:
     parser.add_argument("--duty", type=Path, help="duty file like the published one (default)")
     parser.add_argument("--oil", choices=[*KINDS, "both"], default="both", help="whether the film warms the oil")
     parser.add_argument("--board", choices=[*BOARDS, "both"], default="both", help="what may be set")
-    parser.add_argument("--quick", action="store_true", help="coarser map: half the time, some 1 % more power")
+    parser.add_argument("--quick", action="store_true", help="coarser map: sooner done, schedules less sharp")
     parser.add_argument("--json", action="store_true", help="for programs")
     options = parser.parse_args(argv)
     kinds = [options.oil] if options.oil != "both" else list(KINDS)

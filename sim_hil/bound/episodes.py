@@ -28,7 +28,7 @@ def episode_references(
     speed ramps as fast as the declared ones; it knows the build at its end of the episode, with the warmer inlet.
     An episode whose `preview` is None breaks a limit under any schedule found, and is not to be counted.
 
-    Some 10 s a call on one core: `ProcessPoolExecutor.map(episode_references, seeds)`.
+    Some 15 s a call on one core: `ProcessPoolExecutor.map(episode_references, seeds)`.
     """
     declared = disturbances or control_task.Disturbances()
     runner = _Runner(seed, rig, episode_s, declared)

@@ -57,7 +57,7 @@ def references(
     ramp over the rig's whole range of speed and load; its margin to the limits is the smallest with which it breaks
     none in the time domain.
 
-    About 1/3 s per second of duty and 10 s per build on one core; runs are kept in the user's cache, so the same
+    Some 15 s on one core for half a minute of duty; runs are kept in the user's cache, so the same
     question costs next to nothing the second time.  Call it in several processes for several episodes.
 
     Parameters
