@@ -79,6 +79,8 @@ PREDICTOR = Prose(
 DATA = {
     "surrogate": "Solutions of the Reynolds equation (`sim_hil.film`) at points drawn from the seed; judged on a finer "
     "mesh at points of another seed.",
+    "surrogate_fed": "Solutions of the Reynolds equation of the grooved, pressure-fed film at points drawn from the "
+    "seed; judged on a finer mesh at points of another seed.",
     "predictor": "Episodes of the whole machine in software: builds, sensor errors, duties and growing faults drawn "
     "from the seed within `sensors.json` and `classes.json`; judged on episodes of another seed.",
     "classifier": "Recordings of builds of the machine in software, one group a build, severities of `classes.json`; "
