@@ -70,6 +70,12 @@ def _qualified(path: Path, args: argparse.Namespace) -> dict[str, object]:
     return qualify(args.model, path, evaluate, ship=args.ship)
 
 
+def _surrogate_fed(path: Path, args: argparse.Namespace) -> dict[str, object]:
+    from models import surrogate_fed
+
+    return surrogate_fed.evaluate(path, args.seed, args.size, args.out)
+
+
 def _predictor(path: Path, args: argparse.Namespace) -> dict[str, object]:
     from models import predictor
 
@@ -101,7 +107,10 @@ def _actor(path: Path, args: argparse.Namespace) -> dict[str, object]:
     return actor.evaluate(path, args.seed, args.size, args.out)
 
 
-_JUDGES = {"surrogate": _surrogate, "predictor": _predictor, "classifier": _classifier, "actor": _actor}
+_JUDGES = {
+    "surrogate": _surrogate, "surrogate_fed": _surrogate_fed, "predictor": _predictor, "classifier": _classifier,
+    "actor": _actor,
+}  # fmt: skip
 
 
 def _lines(report: object, prefix: str = "") -> list[str]:

@@ -35,6 +35,17 @@ class Bar:
         return {"bar": self.name, "value": float(f"{self.value:.4g}"), "limit": self.limit, "pass": self.passed}
 
 
+def verdict(bars: Sequence[Bar]) -> dict[str, object]:
+    """Figures, rows and the whole verdict, for a report."""
+    rows = [bar.row() for bar in bars]
+    return {"unseen_films": figures_of(bars), "bars": rows, "all_passed": all(bar.passed for bar in bars)}
+
+
+def figures_of(bars: Sequence[Bar]) -> dict[str, float]:
+    """Value of every bar by its name."""
+    return {bar.name: float(f"{bar.value:.4g}") for bar in bars}
+
+
 def accuracy(film: FilmModel, judged: JudgedFilms) -> list[Bar]:
     """Relative errors of force, torque (of turning journals) and side flow on unseen films, percent."""
     force, torque, flow = film(judged.state)[:3]

@@ -13,7 +13,7 @@ from models import card, export, figures, film_dynamics, film_judge
 from models.film_cache import kept
 from models.film_data import FilmSamples, draw_points, solve_points
 from models.film_fit import Fit, Search, Targets, fit
-from models.film_judge import Bar, FilmModel
+from models.film_judge import FilmModel, figures_of
 from models.film_network import ReducedFilm, half_film_integrals, layers_of_file
 from models.film_rivals import Bearing, RawNetwork, raw_network, table_model
 from models.film_states import STATE, JudgedFilms, draw_states, solve_states
@@ -94,8 +94,7 @@ def judge(
         *film_dynamics.whirl(film, shape, settings.grid),
         *film_dynamics.orbits(load_rig("bench"), law),
     ]
-    return {"unseen_films": _rows(bars), "bars": [bar.row() for bar in bars],
-            "all_passed": all(bar.passed for bar in bars)}  # fmt: skip
+    return film_judge.verdict(bars)
 
 
 def evaluate(path: Path, seed: int, points: int | None, out: Path) -> dict[str, object]:
@@ -105,7 +104,7 @@ def evaluate(path: Path, seed: int, points: int | None, out: Path) -> dict[str, 
     shape = settings.length_over_diameter
     return {
         **judge(of_file(path), law_of(path), judged, settings, seed),
-        "spline_table": _rows(film_judge.accuracy(table_model(shape), judged)),
+        "spline_table": figures_of(film_judge.accuracy(table_model(shape), judged)),
         "linear_orbit_error_percent_of_clearance": film_dynamics.linear_orbits(load_rig("bench")),
     }
 
@@ -120,7 +119,7 @@ def rivals(judged: JudgedFilms, settings: SurrogateSettings, seed: int, out: Pat
         return raw_network(Bearing.of_rig("bench", 6000.0, clearances_m), rng, search, out, settings.paper_points)
 
     return {
-        "spline_table": _rows(film_judge.accuracy(table_model(settings.length_over_diameter), judged)),
+        "spline_table": figures_of(film_judge.accuracy(table_model(settings.length_over_diameter), judged)),
         "paper_4_n_2_at_one_clearance": raw(None).report(),
         "paper_5_n_2_with_the_clearance": raw((bench.clearance_min_m, bench.clearance_max_m)).report(),
         "linear_orbit_error_percent_of_clearance": film_dynamics.linear_orbits(load_rig("bench")),
@@ -210,10 +209,6 @@ def _spread(net: Mlp, fits: list[Fit], judged: JudgedFilms, settings: SurrogateS
         "interval": [float(f"{min(errors):.4g}"), float(f"{max(errors):.4g}")],
         "validation": [float(f"{one.score:.4g}") for one in fits],
     }
-
-
-def _rows(bars: list[Bar]) -> dict[str, float]:
-    return {bar.name: float(f"{bar.value:.4g}") for bar in bars}
 
 
 def _export(

@@ -19,7 +19,7 @@ EXIT_BAD_INPUT = 2
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="orbitd train", description=__doc__)
-    parser.add_argument("model", choices=("surrogate", "predictor", "classifier", "actor"))
+    parser.add_argument("model", choices=("surrogate", "surrogate_fed", "predictor", "classifier", "actor"))
     parser.add_argument("--seed", type=int, default=0, help="every random number follows from it")
     parser.add_argument("--smoke", action="store_true", help="the same steps in seconds, a model for tests only")
     parser.add_argument("--config", type=Path, help="TOML file with training settings")
