@@ -11,7 +11,7 @@ import matplotlib
 import numpy as np
 from numpy.typing import NDArray
 
-from models.film_data import FilmSamples
+from models.film_states import JudgedFilms
 from models.scores import CALIBRATION_BINS, Decisions, severity_grid
 
 matplotlib.use("Agg")
@@ -31,7 +31,7 @@ def _figure(path: Path, draw: Callable[[Any], None], *, x: str, y: str) -> None:
     pyplot.close(figure)
 
 
-def surrogate(folder: Path, judged: FilmSamples, force: Floats) -> None:
+def surrogate(folder: Path, judged: JudgedFilms, force: Floats) -> None:
     """Relative force error against eccentricity, over the direction of the squeeze velocity."""
     eps, gamma = np.hypot(*judged.ab.T), np.degrees(np.arctan2(judged.ab[:, 1], judged.ab[:, 0]))
     error = 100.0 * np.hypot(*(force - judged.force).T) / np.hypot(*judged.force.T)
