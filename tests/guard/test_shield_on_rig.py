@@ -29,7 +29,8 @@ def test_the_widest_and_the_narrowest_advice_violate_nothing(advised_um: float) 
         commands = [CommandRequest(1, "mode", mode=2), CommandRequest(2, "arm")] if k == ARM_S * 1000 else []
         if ramps and k >= (START_S + ramps[0].start_s - ANNOUNCED_S) * 1000:
             r = ramps.pop(0)
-            told = PlannedRamp(ANNOUNCED_S, ANNOUNCED_S + r.end_s - r.start_s, r.speed_rad_s / RAD_S_PER_RPM, r.load_N)
+            rpm = round(r.speed_rad_s / RAD_S_PER_RPM, 6)
+            told = PlannedRamp(ANNOUNCED_S, ANNOUNCED_S + r.end_s - r.start_s, rpm, r.load_N)
             commands.append(CommandRequest(k, "announce", ramp=told))
         if k == START_S * 1000:
             rig.follow(Duty.published())
