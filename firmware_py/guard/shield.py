@@ -6,7 +6,6 @@ Three laws bound the clearance ``c``:
   must be at least ``h``.
 * **whirl** (upper): a rigid rotor of effective mass ``m`` on the film is stable while
   ``w sqrt(c m / W) < Omega(eps)``; the smallest credible load decides, for ``W Omega(eps)^2`` rises with ``W``.
-
 * **vibration** (lower and upper): the measured peak-to-peak ``s`` may fill a share of ``c``.  It grows at least
   as the square of the clearance where it is large, so ``c (k c / s)`` with ``k`` below that share is the widest
   that keeps it: growing unbalance and beginning whirl both find the bearing narrowing before the limit.
