@@ -1,0 +1,48 @@
+"""The report on the paper: self-contained, every claim with its figures, and the independent Reynolds orbit."""
+
+import json
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from models.reproduce import main
+from models.reproduce.claims import MISPRINTS, OPEN, POWER, SIX_CLASSES, SPEED, TRANSIENTS, TWO_CLASSES
+from models.reproduce.report import Row, Series, write
+
+
+def test_the_report_holds_its_figures_and_escapes_its_text(tmp_path):
+    row = Row("some", "a < b", "1", "2", "careful")
+    page = write(tmp_path, [Series("Some", [row], {"x": 1.5}, [(Figure(), "empty")])], "orbitd reproduce", 3.0)
+    text = page.read_text()
+    assert "a &lt; b" in text
+    assert "data:image/png;base64," in text
+    assert "http" not in text
+    table = json.loads((tmp_path / "report.json").read_text())
+    assert table["claims"][0]["claim"] == "a < b"
+    assert table["measured"] == {"Some": {"x": 1.5}}
+    assert len(table["misprints"]) == len(MISPRINTS)
+    assert table["open"] == list(OPEN)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(400)
+def test_a_quick_run_answers_every_claim(tmp_path, capsys):
+    assert main(["--quick", "--out", str(tmp_path)]) == 0
+    table = json.loads((tmp_path / "report.json").read_text())
+    assert [row["claim"] for row in table["claims"]] == [SPEED, TRANSIENTS, SIX_CLASSES, TWO_CLASSES, POWER]
+    assert all(row["paper_method"] and row["our_method"] and row["caveat"] for row in table["claims"])
+    apart = table["measured"]["Trajectories"]["largest_distance_percent_of_clearance"]
+    assert max(apart["reduced network"].values()) < 1.0 < max(apart["springs and dampers"].values())
+    assert POWER in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_equation_2_integrated_apart_follows_the_compiled_rotor():
+    from models.reproduce.trajectories import CASES, compiled, reynolds
+    from sim_hil.rigs import load_rig
+
+    rig = load_rig("seed")
+    for case in CASES:
+        apart = np.hypot(*(reynolds(rig, case, 1)[0] - compiled(rig, case, 1, "table")[0]).T)
+        assert apart.max() < 0.002 * rig.bearing.clearance_nominal_m
