@@ -35,14 +35,19 @@ SURROGATE = Prose(
 
 CLASSIFIER = Prose(
     "Fault classifier",
-    "Probabilities of four faults (pedestal bolt A, pedestal bolt B, motor bolt, unbalance) from the order "
-    "features of one window, and a novelty score; the brain pools ten windows and derives six classes.",
+    "Probabilities of four faults (pedestal bolt A, pedestal bolt B, motor bolt, unbalance) from the mean features of "
+    "ten windows (orders over shaft angle, ringing of pedestal and motor, film by the contact channel), a novelty "
+    "score, and what drove each head; the brain derives six classes.",
     (
         "Trained on simulated builds of one rig only; a measured machine is another matter.",
-        "It sees no baseline of the machine at hand: a healthy build at the edge of the declared spread looks "
-        "like a slight fault, and half-loosened bolts are mostly not found (see the grid).",
-        "Half-order whirl from clearance is in the data of every class and is not a verdict of this model.",
-        "The novelty score is one distance for all operating points; it misses unknown faults that look taught.",
+        "It sees no baseline of the machine at hand.  One bolt without preload and two bolts at half of it change the "
+        "modes alike and are taken for one another; a bolt at 75 % and grade G6.3 are not found (see the grid).",
+        "Unbalance of G16 below about 3000 rpm hides in probe runout and is found in part only.",
+        "The novelty score does not see a rub: its distance is that of healthy machines.",
+        "Faults at slight severities (half preload) weigh less in training.  Which rung ships is decided by the worst "
+        "inner regime; that rule was made plain (no significance) after judged figures of a first run were seen.",
+        "Which features make novelty was chosen looking at the unknown faults of judge seed 0.",
+        "The agent in the recorded loops is the guard's shield with a wish for a wide clearance, not the trained net.",
     ),
 )
 

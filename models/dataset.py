@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +11,10 @@ from numpy.typing import NDArray
 from firmware_py.acquire.features import FEATURE_NAMES
 
 Floats = NDArray[np.float64]
-Rows = NDArray[np.bool_]
+Rows = NDArray[np.bool_] | NDArray[np.intp]
+
+WINDOWS_PER_DECISION = 10
+"""Windows whose mean features make one decision."""
 
 HEADS = ("pedestal bolt A", "pedestal bolt B", "motor bolt", "unbalance")
 CLASSES = (
@@ -27,6 +31,15 @@ HEADS_OF_CLASS = np.array(
 """``six_classes_from_heads`` of classes.json as a matrix (class, head)."""
 
 
+SLIGHT_WEIGHT = 0.4
+
+
+def severe(kind: NDArray[np.intp], severity: Floats) -> NDArray[np.bool_]:
+    """Healthy, or a fault at a severity that must be found: grade G16 and more, at most 25 % of the preload."""
+    needed = np.where(kind == CLASSES.index("unbalance"), severity >= 16.0, severity <= 25.0)
+    return np.asarray((kind <= 0) | needed)
+
+
 class DatasetError(ValueError):
     """The data cannot be trained on or judged with; the text names cause, place and next step."""
 
@@ -37,7 +50,7 @@ class Dataset:
 
     ``features`` ``(n, F)``, or raw samples in their place; ``kind`` the class of each window; ``severity``
     what is left of the preload in percent, or the balance grade; ``group`` the build, ``recording`` the
-    recording that it comes from.
+    recording that it comes from; ``loop`` and ``duty`` who moved the clearance and what speed and load did.
     """
 
     features: NDArray[np.floating]
@@ -45,6 +58,8 @@ class Dataset:
     severity: Floats
     group: NDArray[np.intp]
     recording: NDArray[np.intp]
+    loop: NDArray[np.intp]
+    duty: NDArray[np.intp]
 
     def __len__(self) -> int:
         return len(self.features)
@@ -53,6 +68,11 @@ class Dataset:
     def heads(self) -> Floats:
         """Which of the four heads each window's class has, ``(n, 4)``."""
         return HEADS_OF_CLASS[self.kind]
+
+    @property
+    def weight(self) -> Floats:
+        """Weight of each row in training, ``(n,)``: 1, and :data:`SLIGHT_WEIGHT` for faults that need not be found."""
+        return np.where(severe(self.kind, self.severity), 1.0, SLIGHT_WEIGHT)
 
     def subset(self, rows: Rows) -> Dataset:
         """The windows at ``rows``."""
@@ -88,6 +108,23 @@ class Dataset:
                     f"class {CLASSES[kind]} has {count} recording: at least 2 are needed so that one can be "
                     "held out; record more or leave the class out"
                 )
+
+
+def pooled(data: Dataset, windows: int, step: int | None = None) -> Dataset:
+    """Mean features of every ``windows`` windows of a recording, every ``step`` windows (default: no overlap).
+
+    A recording that is shorter than ``windows`` but has half of them gives one row.
+    """
+    means, first = [], []
+    borders = np.flatnonzero(np.r_[True, np.diff(data.recording) != 0, True])
+    for start, end in pairwise(borders.tolist()):
+        for at in range(start, max(start + 1, end - windows + 1), step or windows):
+            if min(end, at + windows) - at >= windows / 2:
+                means.append(data.features[at : min(end, at + windows)].mean(axis=0, dtype=np.float64))
+                first.append(at)
+    features = np.array(means).reshape(-1, data.features.shape[1])
+    rows = data.subset(np.array(first, dtype=np.intp))
+    return replace(rows, features=features)
 
 
 def split_groups(data: Dataset, share: float, rng: np.random.Generator) -> tuple[Dataset, Dataset]:

@@ -1,28 +1,35 @@
-"""Scores of a diagnosis: classes from heads, decisions over ten windows, balanced accuracy, calibration."""
+"""Scores of a diagnosis: classes from heads, balanced accuracy, worst group, calibration."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
 
-from models.dataset import CLASSES, HEADS_OF_CLASS, Dataset
+from firmware_py.acquire.features import FEATURE_NAMES
+from models.clearance_loops import LOOPS
+from models.dataset import CLASSES, HEADS_OF_CLASS, Dataset, severe
+from models.recordings import DUTIES
 
 Floats = NDArray[np.float64]
 
-WINDOWS_PER_DECISION = 10
 CALIBRATION_BINS = 10
+SPEED_BORDERS = np.log10(np.array([3000.0, 6000.0]) * np.pi / 30.0)
+REGIMES = (LOOPS, DUTIES, ("below 3000 rpm", "3000 to 6000 rpm", "above 6000 rpm"))
+"""Names of the columns of :attr:`Decisions.regime`."""
+
 
 
 @dataclass(frozen=True)
 class Decisions:
-    """Class probabilities ``(n, 6)`` beside the truth; one row a window or a decision of ten windows."""
+    """Class probabilities ``(n, 6)`` beside the truth, one row a decision; ``regime`` ``(n, k)`` for worst groups."""
 
     probability: Floats
     kind: NDArray[np.intp]
     severity: Floats
     group: NDArray[np.intp]
+    regime: NDArray[np.intp]
 
     @property
     def named(self) -> NDArray[np.intp]:
@@ -33,6 +40,10 @@ class Decisions:
     def abnormal(self) -> NDArray[np.bool_]:
         """True where any fault is more probable than none."""
         return self.probability[:, 0] < 0.5
+
+    def subset(self, rows: NDArray[np.bool_]) -> Decisions:
+        """The decisions at ``rows``."""
+        return Decisions(*(getattr(self, f.name)[rows] for f in fields(self)))
 
 
 def class_probabilities(logits: Floats) -> Floats:
@@ -54,39 +65,34 @@ def log_odds(probability: Floats) -> Floats:
     return odds
 
 
-def by_window(logits: Floats, data: Dataset) -> Decisions:
-    """One decision a window."""
-    return Decisions(class_probabilities(logits), data.kind, data.severity, data.group)
+def decide(probability: Floats, data: Dataset) -> Decisions:
+    """Decisions from class probabilities of the rows of ``data``."""
+    return Decisions(probability, data.kind, data.severity, data.group, regimes(data))
 
 
-def pool(logits: Floats, data: Dataset, windows: int = WINDOWS_PER_DECISION) -> tuple[Floats, NDArray[np.intp]]:
-    """Mean log-odds of every ``windows`` windows of a recording, and the row of the first of them.
-
-    A recording that is shorter than ``windows`` but has half of them gives one decision.
-    """
-    means, first = [], []
-    for recording in np.unique(data.recording):
-        rows = np.flatnonzero(data.recording == recording)
-        for start in range(0, max(1, len(rows) - windows + 1), windows):
-            some = rows[start : start + windows]
-            if len(some) >= windows / 2:
-                means.append(logits[some].mean(axis=0))
-                first.append(some[0])
-    return np.array(means).reshape(-1, logits.shape[1]), np.array(first, dtype=np.intp)
+def regimes(data: Dataset) -> NDArray[np.intp]:
+    """Who moved the clearance, what speed and load did, third of the speeds: ``(n, 3)``."""
+    speed = np.zeros(len(data), dtype=np.intp)
+    if data.features.shape[1] == len(FEATURE_NAMES):
+        speed = np.digitize(data.features[:, FEATURE_NAMES.index("log_speed_rad_s")], SPEED_BORDERS)
+    return np.column_stack([data.loop, data.duty, speed])
 
 
-def by_ten_windows(logits: Floats, data: Dataset) -> Decisions:
-    """One decision for every ten windows of a recording, from their mean log-odds."""
-    pooled, at = pool(logits, data)
-    return Decisions(class_probabilities(pooled), data.kind[at], data.severity[at], data.group[at])
+def worst_group(decisions: Decisions) -> tuple[str, NDArray[np.bool_]]:
+    """Name and rows of the regime with the lowest balanced accuracy."""
+    found: list[tuple[float, str, NDArray[np.bool_]]] = []
+    for column, names in enumerate(REGIMES):
+        for index, name in enumerate(names):
+            rows = decisions.regime[:, column] == index
+            if len(np.unique(decisions.kind[rows])) == len(np.unique(decisions.kind)):
+                found.append((balanced_accuracy(decisions.kind[rows], decisions.named[rows]), name, rows))
+    _, name, rows = min(found, key=lambda item: item[0], default=(0.0, "all", decisions.kind >= 0))
+    return name, rows
 
 
 def required(decisions: Decisions) -> Decisions:
     """The decisions at the severities that must be found: G16 and more, at most 25 % of the preload."""
-    unbalance = CLASSES.index("unbalance")
-    enough = np.where(decisions.kind == unbalance, decisions.severity >= 16.0, decisions.severity <= 25.0)
-    rows = enough | (decisions.kind == 0)
-    return Decisions(decisions.probability[rows], decisions.kind[rows], decisions.severity[rows], decisions.group[rows])
+    return decisions.subset(severe(decisions.kind, decisions.severity))
 
 
 def balanced_accuracy(truth: NDArray[np.intp], named: NDArray[np.intp]) -> float:
@@ -108,14 +114,18 @@ def summary(decisions: Decisions) -> dict[str, object]:
     if len(decisions.kind) == 0:
         return {"decisions": 0}
     low, high = bootstrap(decisions)
+    worst, rows = worst_group(decisions)
     two = balanced_accuracy((decisions.kind > 0).astype(np.intp), decisions.abnormal.astype(np.intp))
     return {
         "decisions": len(decisions.kind),
         "builds": len(np.unique(decisions.group)),
-        "six_class_balanced_accuracy": round(balanced_accuracy(decisions.kind, decisions.named), 4),
-        "six_class_interval_95": [round(low, 4), round(high, 4)],
-        "two_class_balanced_accuracy": round(two, 4),
-        "expected_calibration_error": round(calibration_error(decisions), 4),
+        "six_classes": {
+            "balanced_accuracy": round(balanced_accuracy(decisions.kind, decisions.named), 4),
+            "interval_95": [round(low, 4), round(high, 4)],
+            "worst_group": {worst: round(balanced_accuracy(decisions.kind[rows], decisions.named[rows]), 4)},
+        },
+        "two_classes": {"balanced_accuracy": round(two, 4)},
+        "ece": round(calibration_error(decisions), 4),
     }
 
 
@@ -172,9 +182,9 @@ def false_alarms(decisions: Decisions) -> dict[str, object]:
     }
 
 
-def nll(logits: Floats, heads: Floats) -> float:
-    """Mean negative log-likelihood of the heads, equation (8) without its regulariser."""
-    return float(np.mean(np.logaddexp(0.0, logits) - heads * logits))
+def nll(logits: Floats, heads: Floats, weight: Floats | float = 1.0) -> float:
+    """Mean (weighted) negative log-likelihood of the heads, equation (8) without its regulariser."""
+    return float(np.mean(weight * (np.logaddexp(0.0, logits) - heads * logits)))
 
 
 def temperature(logits: Floats, heads: Floats) -> float:

@@ -3,19 +3,25 @@
 Amplitudes are ``log10`` of SI values (m, m/s2, Pa, W) above a floor near the sensor noise; orders above
 the first stand as ``log10`` ratios to the first order or to the total, which cancels gain errors and
 most of the spread between builds; phases are sine and cosine of differences between channels at one
-order, which cancels the unknown angle of the mark.
+order, which cancels the unknown angle of the mark.  Faster recordings are brought to one rate first, so that
+models of one rate serve all.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_py.acquire.orders import ORDERS, Orders, analyse
+from firmware_py.acquire import ringing
+from firmware_py.acquire.orders import CONTACT, ORDERS, Orders, analyse
 from firmware_py.acquire.windows import Window
+
+RATE_HZ: Final = 5000.0
+"""Rate that features are taken at; the bands and crest factors would change with another."""
 
 BAND_EDGES_HZ: Final = (20.0, 100.0, 250.0, 500.0, 900.0, 1400.0, 2000.0)
 """Fixed bands for housing resonances and the microphone."""
@@ -25,6 +31,16 @@ FLOOR_ACCELERATION_M_S2: Final = 1e-3
 FLOOR_SOUND_PA: Final = 1e-4
 FLOOR_VOLT: Final = 1e-3
 FLOOR_POWER_W: Final = 0.1
+FLOOR_FILM: Final = 1e-4
+FLOOR_FILM_SHARE: Final = 2e-2
+FLOOR_POSITION: Final = 1e-2
+CIRCUIT_V: Final = 2.0
+CONTACT_LEAST_V: Final = 1e-3
+FILM_PER_RATIO_M: Final = 5e-6
+"""Contact channel: supply, how near to its ends it is read, film at half the supply (100 kOhm at 20 GOhm/m)."""
+LEAST_SHARE: Final = 0.02
+LOG_VISCOSITY_PER_K: Final = -0.013
+"""``log10`` of the oil's viscosity per degree."""
 
 _ACC: Final = ("acc_bearing_vertical", "acc_bearing_horizontal", "acc_motor")
 _BANDED: Final = (*_ACC, "microphone")
@@ -37,30 +53,57 @@ _PAIRS: Final = (
 )
 """Channel pairs whose phase difference at 1X is a feature."""
 
+_OPERATION: Final = (
+    "log_speed_rad_s", "clearance_100um", "pressure_bar", "log_shaft_power_W", "oil_outlet_50C",
+    "mean_x_over_clearance", "mean_y_over_clearance", "log_clearance_100um", "log_power_over_petroff",
+    "eccentricity_square", "log_film_share",
+)
+"""How the machine is run: speed, readings, and where the shaft floats."""
+
 
 def _names() -> tuple[str, ...]:
     """Names in the order in which :func:`from_orders` fills the vector."""
     return (
-        "log_speed_rad_s", "clearance_100um", "pressure_bar", "log_shaft_power_W", "oil_outlet_50C",
-        "mean_x_over_clearance", "mean_y_over_clearance",
+        *_OPERATION,
         "log_shaft_rms_m", "log_shaft_fwd_1x_m", "shaft_bwd_fwd_1x", "shaft_fwd_2x_1x", "shaft_bwd_2x_1x",
         "shaft_fwd_3x_1x", "shaft_bwd_3x_1x", "shaft_half_fwd_rms", "shaft_half_bwd_rms", "shaft_not_1x_rms",
         "shaft_p2p_x_clearance", "shaft_p2p_y_clearance",
         *(f"{name}_{what}" for name in _ACC for what in (
             "log_rms", "1x_rms", "2x_1x", "3x_1x", "4x_1x", "half_rms", "not_1x_rms", "kurtosis", "crest",
             "1x_per_shaft", "2x_phase_sin", "2x_phase_cos")),
-        "acc_horizontal_vertical_1x", "acc_motor_bearing_1x",
-        "acc_horizontal_vertical_rms", "acc_motor_bearing_rms",
+        "acc_bearing_horizontal_vertical_1x", "acc_motor_bearing_1x",
+        "acc_bearing_horizontal_vertical_rms", "acc_motor_bearing_rms",
         *(f"{a}_{b}_1x_{part}" for a, _, b, _ in _PAIRS for part in ("sin", "cos")),
         "microphone_log_rms", "microphone_1x_rms", "microphone_2x_rms",
         *(f"{name}_band_{low:.0f}_{high:.0f}" for name in _BANDED
           for low, high in pairwise(BAND_EDGES_HZ)),
         "pressure_log_std", "contact_mean_V", "contact_log_std_V", "contact_low_V",
+        "contact_1x_film", "contact_2x_film", "contact_half_film", "contact_log_film", "contact_film_over_position",
+        "contact_log_unbalance", "contact_log_unbalance_by_orbit", "contact_log_load", "contact_eccentricity",
+        *ringing.names(),
     )
 
 
 FEATURE_NAMES: Final = _names()
 """Names of the features, in order; part of every classifier's metadata."""
+
+
+def _group(name: str) -> str:
+    """What a feature is about: a channel's orders or its ringing, or how the machine is run."""
+    if name in _OPERATION:
+        return "operation"
+    about = "ringing" if "ringing" in name else "orders"
+    stem = name.split("_to_")[0]
+    for channel in (*_BANDED, "shaft", "contact"):
+        if stem.removeprefix("log_").startswith(channel):
+            return f"{channel}_{about}"
+    return "pressure"
+
+
+GROUPS: Final = tuple(dict.fromkeys(map(_group, FEATURE_NAMES)))
+"""What features are about, in order of their first appearance."""
+GROUP_OF_FEATURE: Final = np.array([GROUPS.index(_group(name)) for name in FEATURE_NAMES])
+"""Index into :data:`GROUPS` of every feature."""
 
 
 def features(window: Window) -> NDArray[np.float32]:
@@ -74,11 +117,23 @@ def features(window: Window) -> NDArray[np.float32]:
     window
         With whole turns (quality without ``NO_MARK``).
     """
+    window = at_one_rate(window)
     return from_orders(window, analyse(window))
 
 
+def at_one_rate(window: Window) -> Window:
+    """``window`` at :data:`RATE_HZ`: the spectrum of a faster one is cut at the new Nyquist frequency."""
+    faster = round(window.rate_hz / RATE_HZ)
+    if faster <= 1:
+        return window
+    n = len(window.samples) // faster
+    spectrum = np.fft.rfft(window.samples[: n * faster], axis=0)[: n // 2 + 1]
+    return replace(window, samples=np.fft.irfft(spectrum, n, axis=0) / faster, rate_hz=RATE_HZ,
+                   marks=window.marks / faster)
+
+
 def from_orders(window: Window, orders: Orders) -> NDArray[np.float32]:
-    """As :func:`features`, with the order analysis already at hand."""
+    """As :func:`features`, with window and order analysis of :data:`RATE_HZ` already at hand."""
     log_bands, log_rms = _bands(window)
     vector = np.concatenate([
         _operating(window, orders),
@@ -89,6 +144,8 @@ def from_orders(window: Window, orders: Orders) -> NDArray[np.float32]:
         _microphone(orders),
         (log_bands - log_rms[:, None]).ravel(),
         _slow_channels(window),
+        _contact_film(window, orders),
+        ringing.ringing(window),
     ])
     return vector.astype(np.float32)
 
@@ -99,6 +156,7 @@ def _log(value: object, floor: float) -> NDArray[np.float64]:
 
 
 def _operating(window: Window, orders: Orders) -> NDArray[np.float64]:
+    square = float(orders.mean[0] ** 2 + orders.mean[1] ** 2) / window.clearance_m**2
     return np.array([
         np.log10(orders.speed_rad_s),
         window.clearance_m / 1e-4,
@@ -107,6 +165,10 @@ def _operating(window: Window, orders: Orders) -> NDArray[np.float64]:
         window.oil_outlet_C / 50.0,
         orders.mean[0] / window.clearance_m,
         orders.mean[1] / window.clearance_m,
+        np.log10(window.clearance_m / 1e-4),
+        _log(window.shaft_power_W, FLOOR_POWER_W) + np.log10(window.clearance_m / orders.speed_rad_s**2),
+        square,
+        _log(max(1.0 - square**0.5, 0.0), FLOOR_FILM_SHARE),
     ])
 
 
@@ -195,3 +257,39 @@ def _slow_channels(window: Window) -> NDArray[np.float64]:
         _log(contact.std(), FLOOR_VOLT),
         np.partition(contact, len(contact) // 100)[len(contact) // 100],
     ])
+
+
+def _contact_film(window: Window, orders: Orders) -> NDArray[np.float64]:
+    """Film by the contact channel, free of the probes' runout, and the unbalance that its first order stands for.
+
+    The divider gives ``h`` in proportion to ``V / (V0 - V)``, so ``dh / h = dV V0 / (V (V0 - V))``.
+    """
+    volt = min(max(float(orders.mean[CONTACT]), CONTACT_LEAST_V), CIRCUIT_V - CONTACT_LEAST_V)
+    per_volt = CIRCUIT_V / (volt * (CIRCUIT_V - volt))
+    swing = np.array([*np.abs(orders.harmonics[CONTACT, :2]), orders.half[CONTACT]]) * per_volt
+    ratio = volt / (CIRCUIT_V - volt)
+    position_m = window.clearance_m - float(np.hypot(orders.mean[0], orders.mean[1]))
+    eccentricity = min(max(1.0 - FILM_PER_RATIO_M * ratio / window.clearance_m, LEAST_SHARE), 1.0 - LEAST_SHARE)
+    log_swing = _log(swing, FLOOR_FILM)
+    load, stiffness = _short_bearing(eccentricity)
+    base = load + stiffness - np.log10(orders.speed_rad_s * window.clearance_m**2) + LOG_VISCOSITY_PER_K * (
+        window.oil_outlet_C)
+    return np.array([
+        *log_swing, np.log10(ratio), np.log10(ratio) - _log(max(position_m, 0.0) / 1e-4, FLOOR_POSITION),
+        base + np.log10(1.0 - eccentricity) + log_swing[0],
+        base + _log(orders.forward[0], FLOOR_DISPLACEMENT_M) - np.log10(window.clearance_m),
+        load, eccentricity,
+    ])
+
+
+def _short_bearing(eccentricity: float) -> tuple[float, float]:
+    """``log10`` of the load per viscosity and speed, and of its slope ``d ln W / d e``; Ocvirk's half film (1952).
+
+    ``W ~ e sqrt(16 e^2 + pi^2 (1 - e^2)) / (1 - e^2)^2``.  Slow against the film, a rotating force ``F`` moves the
+    film by ``dh / h = F / (W (1 - e) d ln W / d e)``: with ``F = U omega^2`` this tells unbalance without its phase.
+    """
+    square = eccentricity * eccentricity
+    root = 16.0 * square + np.pi**2 * (1.0 - square)
+    slope = 1.0 / eccentricity + (16.0 - np.pi**2) * eccentricity / root + 4.0 * eccentricity / (1.0 - square)
+    load = eccentricity * np.sqrt(root) / (1.0 - square) ** 2
+    return float(np.log10(load)), float(np.log10(slope))

@@ -28,8 +28,10 @@ ORDERS: Final = 4
 """Whole orders that are reported: 1X .. 4X."""
 HALF_BAND: Final = (0.35, 0.60)
 """Orders in which oil whirl and half-order looseness show."""
-ROTATING: Final = 6
-"""Channels analysed over angle: shaft x, y, three accelerations, microphone."""
+ROTATING: Final = (0, 1, 2, 3, 4, 5, 7)
+"""Channels analysed over angle: shaft x, y, three accelerations, microphone, contact resistance."""
+CONTACT: Final = 6
+"""Row of the contact resistance, whose orders show the true film, free of the probes' runout."""
 
 _HANN_ENBW: Final = 1.5
 
@@ -46,9 +48,9 @@ class Orders:
     speed_rad_s
         Mean shaft speed over the whole turns.
     harmonics
-        Shape (6, 4), complex: order k+1 of shaft x, y, accelerations, microphone; phase from the mark.
+        Shape (7, 4), complex: order k+1 of the channels of :data:`ROTATING`; phase from the mark.
     half
-        Shape (6,): amplitude of a sine with the energy of the half-order band.
+        Shape (7,): amplitude of a sine with the energy of the half-order band.
     forward, backward
         Shape (4,): amplitudes of the orbit's orders 1 .. 4 with and against the rotation.
     half_forward, half_backward
@@ -56,11 +58,11 @@ class Orders:
     peak_to_peak
         Shape (2,): median over the turns, shaft x and y.
     mean
-        Shape (6,).
+        Shape (7,).
     rms
-        Shape (6,): without the mean.
+        Shape (7,): without the mean.
     not_1x
-        Shape (6,): rms of everything but the first order.
+        Shape (7,): rms of everything but the first order.
     """
 
     speed_rad_s: float
@@ -88,8 +90,8 @@ def analyse(window: Window) -> Orders:
     turns = window.turns - window.turns % TURN_STEP
     marks = window.marks[-1 - turns :]
     samples_per_turn = float(marks[-1] - marks[0]) / turns
-    angle = _by_angle(window.samples, marks)
-    whole = window.samples[int(marks[0]) : int(marks[-1]), :ROTATING]
+    angle = by_angle(window.samples, marks)
+    whole = window.samples[int(marks[0]) : int(marks[-1]), ROTATING]
     mean = angle.mean(axis=1)
     rms = whole.std(axis=0)
 
@@ -116,11 +118,11 @@ def analyse(window: Window) -> Orders:
     )
 
 
-def _by_angle(samples: Floats, marks: Floats) -> Floats:
-    """Means over equal angle bins between the first and the last mark, shape (6, turns * BINS)."""
+def by_angle(samples: Floats, marks: Floats) -> Floats:
+    """Means of :data:`ROTATING` over equal angle bins from the first to the last mark, shape (7, turns * BINS)."""
     turns = len(marks) - 1
     edges = np.interp(np.arange(turns * BINS + 1) / BINS, np.arange(turns + 1), marks)
-    rotating = np.ascontiguousarray(samples[:, :ROTATING].T)
+    rotating = np.ascontiguousarray(samples[:, ROTATING].T)
     integral = np.cumsum(rotating, axis=1) - rotating
     # Sample i stands for [i - 1/2, i + 1/2): an edge at position t has t + 1/2 samples behind it.
     position = np.clip(edges + 0.5, 0.0, len(samples))

@@ -16,6 +16,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from firmware_py.acquire.plausible import plausible
 from firmware_py.config import Config
 from firmware_py.records import N_CHANNELS, Block, Quality, RigReading
 
@@ -103,7 +104,7 @@ class Window:
     quality
         :class:`~firmware_py.records.Quality` flags; ``NO_MARK`` when there are no usable turns.
     channel_ok
-        Bit ``i`` set: channel ``i`` was OK throughout.
+        Bit ``i`` set: channel ``i`` was OK throughout, and plausible.
     clearance_m, shaft_power_W, oil_outlet_C
         Means of the rig's readings inside the window; NaN when there was none.
     """
@@ -244,13 +245,13 @@ class Windower:
         start_us = end_us - n * period_us
         marks = (marks_us[marks_us >= start_us] - start_us) / period_us
         quality, channel_ok = self._flags_over(self._next_end - n)
+        counts = self._ring[self._fill - back - n : self._fill - back]
+        channel_ok &= plausible(counts, self.channels.scale, self.channels.offset, 1e6 / period_us, marks)
         if not _usable(marks):
             quality |= Quality.NO_MARK
         after_ns = (chunk.tick_us + len(chunk.counts) * period_us - end_us) // period_us * chunk.period_ns
         end_ns = chunk.t_acq_ns + len(chunk.counts) * chunk.period_ns - after_ns
-        stop = self._fill - back
-        samples = self.channels.to_si(self._ring[stop - n : stop])
-        return Window(samples, 1e6 / period_us, marks, end_us, end_ns, chunk.seq,
+        return Window(self.channels.to_si(counts), 1e6 / period_us, marks, end_us, end_ns, chunk.seq,
                       quality, channel_ok, *self._reading_means(start_us, end_us))
 
     def _length(self, marks_us: NDArray[np.int64]) -> int:

@@ -11,7 +11,7 @@ from firmware_py.acquire.windows import ChannelMap, Window, Windower
 from firmware_py.brain.diagnosis import Diagnoser
 from firmware_py.brain.observation import Observer
 from firmware_py.brain.policy import Policy, Proposal
-from firmware_py.brain.prediction import HORIZON_S
+from firmware_py.brain.prediction import HORIZON_S, slow_roll_forward
 from firmware_py.brain.store import Models
 from firmware_py.config import Config
 from firmware_py.records import (
@@ -52,7 +52,7 @@ class BrainCore:
         channels = ChannelMap.from_config(config)
         self._windower = Windower(channels, config.sampling.rate_hz)
         self._observer = Observer(channels)
-        self._diagnoser = Diagnoser(models.classifier)
+        self._diagnoser = Diagnoser(models.classifier, slow_roll_forward(config))
         self._policy = Policy(models, config)
         self._pressure_bar = config.actuator.safe_pressure_bar
         self._cpu_features = cpu_features
@@ -124,7 +124,7 @@ class BrainCore:
 
     def _forecast(self, proposal: Proposal) -> Forecast | None:
         """The record of the forecast for where the clearance will be; None without one."""
-        outlook, estimate, um = proposal.forecast, proposal.estimate, 1e6
+        outlook, estimate, sensed, um = proposal.forecast, proposal.estimate, proposal.sensed, 1e6
         if outlook is None or estimate is None:
             return None
         return Forecast(
@@ -133,7 +133,10 @@ class BrainCore:
             peak_to_peak_um=_triple(outlook.peak_to_peak_m[0] * um), power_W=_triple(outlook.power_W[0]),
             min_film_um=_triple(outlook.min_film_m[0] * um), whirl_margin=_triple(outlook.whirl_margin[0]),
             load_N=estimate.load_interval_N, viscosity_Pa_s=estimate.viscosity_interval_Pa_s,
-            unbalance_kg_m=proposal.unbalance_kg_m, model=self._predictor_label)
+            unbalance_kg_m=proposal.unbalance_kg_m, model=self._predictor_label,
+            now_min_film_um=_triple(sensed.min_film_m[0] * um) if sensed else None,
+            now_friction_W=_triple(sensed.friction_W[0]) if sensed else None,
+            time_to_limit_s=proposal.time_to_limit_s)
 
 
 def _triple(values: NDArray[np.float64]) -> tuple[float, float, float]:

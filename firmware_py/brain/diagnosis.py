@@ -1,12 +1,14 @@
-"""The diagnosis: from the heads of single windows to one word that a person can act on (ISO 13374 HA).
+"""The diagnosis: from the features of the last windows to one word that a person can act on (ISO 13374 HA).
 
 In this order: ``sensor_fault:CHANNEL`` (a bad channel is never called a machine fault), ``none`` (nothing to
 judge from), ``whirl`` (from clearance or light load, told to the policy), ``unknown`` (unlike everything that
-was taught), ``doubt`` (more windows, please), then one of the six classes.
+was taught), ``doubt`` (more windows, please), then one of the six classes.  Beside it stands *why*: what was measured,
+how the first order has moved, and which channels drove the verdict.
 """
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections import deque
 from dataclasses import dataclass
@@ -15,7 +17,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_py.acquire.features import from_orders
+from firmware_py.acquire.features import GROUPS, at_one_rate, from_orders
 from firmware_py.acquire.orders import Orders, analyse
 from firmware_py.acquire.windows import Window
 from firmware_py.brain.errors import ModelAnswerError
@@ -23,7 +25,7 @@ from firmware_py.brain.store import HEADS, Model
 from firmware_py.records import CHANNELS, Diagnosis, Quality
 
 WINDOWS: Final = 10
-"""Windows that speak together, as in the authors' practice of a vote over ten."""
+"""Windows whose features are averaged, as the authors voted over ten: noise falls before anything is decided."""
 DOUBT_BELOW: Final = 0.7
 """Probability of the best class under which the word is ``doubt``."""
 CONFIRM_NS: Final = 3_000_000_000
@@ -33,7 +35,7 @@ WHIRL_CLEARANCE_SHARE: Final = 0.05
 """Whirl: the half-order band holds this share of the orbit's energy, with this amplitude per clearance."""
 
 _HISTORY_NS: Final = 6_000_000_000
-_LOG_ODDS_MAX: Final = 6.0
+_DRIVERS: Final = 3
 
 CLASSES: Final[dict[str, tuple[int, ...]]] = {
     "normal": (),
@@ -49,12 +51,12 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class _Vote:
-    """What one window said."""
+class _Answer:
+    """What the model says of the last windows: heads (4,), novelty, and drivers (groups, 4) in log-odds."""
 
-    end_ns: int
-    log_odds: Floats
+    heads: Floats
     score: float
+    drivers: Floats
 
 
 class Diagnoser:
@@ -64,85 +66,113 @@ class Diagnoser:
     ----------
     model
         ``classifier.onnx``; without it the verdict is ``none`` (or whirl, or a sensor fault).
+    slow_roll_m
+        Forward first order of the probes' runout, complex, phase from the mark.
     """
 
-    def __init__(self, model: Model | None) -> None:
+    def __init__(self, model: Model | None, slow_roll_m: complex = 0j) -> None:
         self._model = model
         self._threshold = _threshold(model)
-        self._votes: deque[_Vote] = deque(maxlen=WINDOWS)
+        self._slow_roll_m = slow_roll_m
+        self._normal_1x_m: complex | None = None
+        self._heard: deque[tuple[int, Floats]] = deque(maxlen=WINDOWS)
         self._held = ("none", 0)
         self._seq = 0
         self.counters = {"diagnoses": 0, "model_answers_refused": 0}
 
     def step(self, window: Window) -> tuple[Diagnosis, Orders | None]:
         """Diagnosis after ``window``, and the window's order analysis (None without usable turns)."""
+        window = at_one_rate(window)
         orders = None if window.quality & Quality.NO_MARK else analyse(window)
         bad = [name for index, name in enumerate(CHANNELS) if not window.channel_ok >> index & 1]
         if orders is not None and not bad:
-            self._vote(window, orders)
-        while self._votes and window.end_ns - self._votes[0].end_ns > _HISTORY_NS:
-            self._votes.popleft()
-        heads = self._heads()
-        classes = class_probabilities(heads) if self._votes else {}
-        score = float(np.median([vote.score for vote in self._votes])) if self._votes else 0.0
-        verdict = self._verdict(window, orders, bad, classes, score)
+            self._hear(window, orders)
+        while self._heard and window.end_ns - self._heard[0][0] > _HISTORY_NS:
+            self._heard.popleft()
+        answer = self._ask()
+        classes = class_probabilities(answer.heads) if answer else {}
+        verdict = self._verdict(window, orders, bad, classes, answer)
         self._seq += 1
         self.counters["diagnoses"] += 1
         record = Diagnosis(
             seq=self._seq, t_acq_ns=window.end_ns, quality=int(window.quality), verdict=verdict,
             probability=classes.get(verdict, max(classes.values(), default=0.0)),
-            heads=dict(zip(HEADS, heads.tolist(), strict=True)) if self._votes else {}, classes=classes,
+            heads=dict(zip(HEADS, answer.heads.tolist(), strict=True)) if answer else {}, classes=classes,
             doubt=verdict == "doubt", unknown=verdict == "unknown",
-            evidence=self._evidence(window, orders, score, verdict),
+            evidence=self._evidence(window, orders, answer, verdict),
             model=self._model.label if self._model else "")
         return record, orders
 
-    def _vote(self, window: Window, orders: Orders) -> None:
-        """Ask the model about one window; an answer that is not finite, or rests on NaN, has no vote."""
-        vector = from_orders(window, orders)
-        if self._model is None or not np.isfinite(vector).all():
-            return
+    def _hear(self, window: Window, orders: Orders) -> None:
+        """Keep the features of one window; those that rest on a missing reading are left out."""
+        vector = from_orders(window, orders).astype(np.float64)
+        if np.isfinite(vector).all():
+            self._heard.append((window.end_ns, vector))
+
+    def _ask(self) -> _Answer | None:
+        """The model's answer on the mean features; None without a model, windows or a finite answer."""
+        if self._model is None or not self._heard:
+            return None
+        mean = np.mean([vector for _, vector in self._heard], axis=0)
         try:
-            answer = self._model.session.run(vector[None, :])
+            answer = self._model.session.run(mean[None, :])
         except ModelAnswerError:
             self.counters["model_answers_refused"] += 1
-            return
-        heads = np.clip(answer["heads"][0], 1e-6, 1 - 1e-6)
-        log_odds = np.clip(np.log(heads / (1 - heads)), -_LOG_ODDS_MAX, _LOG_ODDS_MAX)
-        self._votes.append(_Vote(window.end_ns, log_odds, float(answer["score"][0, 0])))
-
-    def _heads(self) -> Floats:
-        """Probabilities of the four heads from the mean log-odds, shape (4,)."""
-        if not self._votes:
-            return np.zeros(len(HEADS))
-        mean = np.mean([vote.log_odds for vote in self._votes], axis=0)
-        return np.asarray(1.0 / (1.0 + np.exp(-mean)))
+            return None
+        drivers = answer.get("drivers", np.zeros((1, 0)))[0].reshape(-1, len(HEADS))
+        return _Answer(np.clip(answer["heads"][0], 1e-6, 1 - 1e-6), float(answer["score"][0, 0]), drivers)
 
     def _verdict(self, window: Window, orders: Orders | None, bad: list[str], classes: dict[str, float],
-                 score: float) -> str:
+                 answer: _Answer | None) -> str:
         if bad:
             return f"sensor_fault:{'+'.join(bad)}"
         if orders is None:
             return "none"
         if is_whirl(orders, window.clearance_m):
             return "whirl"
-        if not self._votes or window.end_ns != self._votes[-1].end_ns:
+        if answer is None or window.end_ns != self._heard[-1][0]:
             return "none"
-        if score > self._threshold:
+        if answer.score > self._threshold:
             return "unknown"
         best = max(classes, key=lambda name: classes[name])
-        return "doubt" if len(self._votes) < WINDOWS or classes[best] < DOUBT_BELOW else best
+        return "doubt" if len(self._heard) < WINDOWS or classes[best] < DOUBT_BELOW else best
 
-    def _evidence(self, window: Window, orders: Orders | None, score: float, verdict: str) -> dict[str, float]:
-        """Why: the amplitudes behind the verdict, and for how long it has stood."""
+    def _evidence(
+        self, window: Window, orders: Orders | None, answer: _Answer | None, verdict: str
+    ) -> dict[str, float]:
+        """Why: the amplitudes behind the verdict, what drove it, and for how long it has stood."""
         if verdict != self._held[0]:
             self._held = (verdict, window.end_ns)
         held_ns = window.end_ns - self._held[1]
-        evidence = {"windows": float(len(self._votes)), "held_s": held_ns * 1e-9,
+        evidence = {"windows": float(len(self._heard)), "held_s": held_ns * 1e-9,
                     "confirmed": float(held_ns >= CONFIRM_NS)}
-        if self._votes:
-            evidence |= {"novelty": score, "novelty_threshold": self._threshold}
-        return evidence | (amplitudes(orders) if orders is not None else {})
+        if answer is not None:
+            evidence |= {"novelty": answer.score, "novelty_threshold": self._threshold}
+            evidence |= drivers(answer.drivers, verdict)
+        if orders is None:
+            return evidence
+        return evidence | amplitudes(orders) | self._first_order(orders, verdict, held_ns >= CONFIRM_NS)
+
+    def _first_order(self, orders: Orders, verdict: str, confirmed: bool) -> dict[str, float]:
+        """The orbit's forward first order without the runout, and its move since the last confirmed normal."""
+        forward_m = complex(0.5 * (orders.harmonics[0, 0] + 1j * orders.harmonics[1, 0])) - self._slow_roll_m
+        found = {"shaft_1x_compensated_um": abs(forward_m) * 1e6,
+                 "shaft_1x_phase_deg": math.degrees(cmath.phase(forward_m))}
+        if self._normal_1x_m is not None:
+            found["shaft_1x_move_um"] = abs(forward_m - self._normal_1x_m) * 1e6
+        if verdict == "normal" and confirmed:
+            self._normal_1x_m = forward_m
+        return found
+
+
+def drivers(log_odds: Floats, verdict: str) -> dict[str, float]:
+    """The groups of features that did most for ``verdict``: log-odds that its heads gained by them."""
+    if verdict not in CLASSES or not log_odds.size:
+        return {}
+    sign = np.array([1.0 if head in CLASSES[verdict] else -1.0 for head in range(len(HEADS))])
+    gained = log_odds @ sign
+    first = np.argsort(-gained, kind="stable")[:_DRIVERS]
+    return {f"driver_{GROUPS[i]}": float(gained[i]) for i in first if gained[i] > 0.0}
 
 
 def class_probabilities(heads: Floats) -> dict[str, float]:

@@ -9,8 +9,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from firmware_py.acquire.features import GROUPS
 from firmware_py.acquire.windows import ChannelMap, Window, Windower
-from firmware_py.brain.diagnosis import CLASSES, WINDOWS, Diagnoser, class_probabilities, is_whirl
+from firmware_py.brain.diagnosis import CLASSES, WINDOWS, Diagnoser, class_probabilities, drivers, is_whirl
 from firmware_py.brain.store import HEADS
 from firmware_py.records import Block, Quality
 
@@ -63,7 +64,7 @@ def test_heads_are_named_as_in_the_class_definitions() -> None:
 
 
 def test_one_wild_window_does_not_turn_the_verdict() -> None:
-    """Log-odds are pooled: nine windows at 1:e^3 against one at e^6:1."""
+    """Features are averaged: nine quiet windows against a loud one."""
     loud = window(Machine(unbalance_kg_m=1e-4))
     diagnoser = Diagnoser(model(classifier((-3.0, -3.0, -3.0, -3.0), unbalance_above=-5.4)))
     assert set(words(diagnoser, [at(0.25 * i) for i in range(WINDOWS + 1)])[WINDOWS:]) == {"normal"}
@@ -121,3 +122,37 @@ def test_evidence_carries_the_amplitudes_that_were_there() -> None:
     assert diagnosis.evidence["shaft_half_um"] == pytest.approx(4.0, rel=0.03)
     assert diagnosis.evidence["speed_rpm"] == pytest.approx(6000, rel=1e-3)
     assert diagnosis.evidence["acc_motor_1x_m_s2"] == pytest.approx(2.0, rel=0.02)
+
+
+def test_first_order_is_told_without_the_runout_and_against_the_last_normal() -> None:
+    orders = Diagnoser(None).step(GOOD)[1]
+    assert orders is not None
+    forward_m = complex(0.5 * (orders.harmonics[0, 0] + 1j * orders.harmonics[1, 0]))
+    diagnoser = Diagnoser(model(classifier((-5.0,) * 4)), slow_roll_m=0.25 * forward_m)
+    told = [diagnoser.step(at(0.25 * i))[0] for i in range(30)]
+    assert told[-1].evidence["shaft_1x_compensated_um"] == pytest.approx(0.75e6 * abs(forward_m), rel=1e-6)
+    assert told[-1].evidence["shaft_1x_move_um"] == pytest.approx(0.0, abs=1e-9)
+    assert "shaft_1x_move_um" not in told[0].evidence
+    loud = window(Machine(unbalance_kg_m=1e-4))
+    assert diagnoser.step(at(8.0, loud))[0].evidence["shaft_1x_move_um"] > 1.0
+
+
+def test_drivers_name_the_groups_that_speak_for_the_verdict() -> None:
+    log_odds = np.zeros((len(GROUPS), 4))
+    log_odds[GROUPS.index("contact_orders"), 3] = 4.0
+    log_odds[GROUPS.index("acc_motor_ringing")] = [-1.0, 0.0, -0.5, 0.0]
+    log_odds[GROUPS.index("operation"), 0] = 2.0
+    assert drivers(log_odds, "unbalance") == {"driver_contact_orders": 4.0, "driver_acc_motor_ringing": 1.5}
+    assert drivers(log_odds, "doubt") == {}
+
+
+def test_a_faster_recording_gives_the_same_words() -> None:
+    diagnoser = Diagnoser(model(classifier()))
+    slow = [diagnoser.step(at(0.25 * i))[0] for i in range(WINDOWS)][-1]
+    doubled = replace(GOOD, samples=np.repeat(GOOD.samples, 2, axis=0), marks=2 * GOOD.marks + 0.5,
+                      rate_hz=2 * GOOD.rate_hz)
+    diagnoser = Diagnoser(model(classifier()))
+    fast = [diagnoser.step(at(0.25 * i, doubled))[0] for i in range(WINDOWS)][-1]
+    assert fast.verdict == slow.verdict
+    for name in ("shaft_forward_1x_um", "acc_motor_1x_m_s2", "speed_rpm"):
+        assert fast.evidence[name] == pytest.approx(slow.evidence[name], rel=0.02), name

@@ -1,38 +1,143 @@
-"""The classifier's graph and its recordings."""
+"""The classifier's recordings, its graph, its words, and what is counted on watched machines."""
 
 import numpy as np
 import pytest
 
-from firmware_py.acquire.features import FEATURE_NAMES
-from models.recordings import Plan, record_builds, training_cases
+from firmware_py.acquire.features import FEATURE_NAMES, GROUPS
+from models import recordings
+from models.data_cache import load, make_recordings
+from models.dataset import Dataset, DatasetError
+from models.recordings import Plan, record_build, training_cases
+from models.windowed import usable_windows, views_of
+
+PLAN = Plan("bench", 5, 5000, 1.1, training_cases)
 
 
-def two_builds(workers=1):
-    return record_builds(Plan("bench", 5, 5000, 1.1, training_cases), range(2), workers, lambda _: None)
+def rows(n, seed=0, kind=0, **columns):
+    rng = np.random.default_rng(seed)
+    found = {"kind": np.full(n, kind), "severity": np.full(n, 100.0), "group": np.zeros(n, int),
+             "recording": np.zeros(n, int), "loop": np.zeros(n, int), "duty": np.zeros(n, int)}  # fmt: skip
+    return Dataset(rng.normal(size=(n, len(FEATURE_NAMES))), **(found | columns))
 
 
-def test_recordings_follow_from_the_seed_and_are_whole():
-    first, second = two_builds(), two_builds()
-    np.testing.assert_array_equal(first.orders.features, second.orders.features)
-    first.orders.subset(first.orders.kind == 0).check()
-    assert first.orders.features.shape[1] == len(FEATURE_NAMES)
-    assert len(np.unique(first.raw.recording)) == len(first.raw) == 10
-    assert first.raw.features.shape[1] == 800 * 8
+def test_recordings_follow_from_plan_and_build_and_are_kept(tmp_path):
+    files = make_recordings(tmp_path, PLAN, 2, 1, lambda _: None)
+    again = record_build(PLAN, 1)
+    kept = load(files[1])
+    assert [raw.kind for raw in kept] == [raw.kind for raw in again]
+    np.testing.assert_array_equal(kept[2].counts, again[2].counts)
+    np.testing.assert_array_equal(kept[2].marks_us, again[2].marks_us)
+    stamp = files[0].stat().st_mtime_ns
+    make_recordings(tmp_path, PLAN, 2, 1, lambda _: None)
+    assert files[0].stat().st_mtime_ns == stamp
 
 
-@pytest.mark.slow
-def test_recordings_do_not_depend_on_the_number_of_workers():
-    np.testing.assert_array_equal(two_builds(2).orders.features, two_builds(1).orders.features)
-
-
-def test_recordings_are_kept_and_read_back(tmp_path):
-    from models.data_cache import recorded
-
-    plan = Plan("bench", 6, 5000, 1.1, training_cases)
-    made, read = recorded(tmp_path, plan, 1, 1), recorded(tmp_path, plan, 1, 1)
-    assert len(list(tmp_path.iterdir())) == 1
+def test_views_hold_every_recording_and_are_read_back(tmp_path):
+    made, read = views_of(tmp_path, PLAN, 1, 1), views_of(tmp_path, PLAN, 1, 1)
     np.testing.assert_array_equal(made.orders.features, read.orders.features)
-    np.testing.assert_array_equal(made.raw.kind, read.raw.kind)
+    assert made.orders.features.shape[1] == len(FEATURE_NAMES)
+    assert len(made.raw) == len(made.waves) == 5
+    assert made.raw.features.shape[1] == 800 * 8
+    assert np.isfinite(made.waves.features).all()
+
+
+def test_a_torn_recording_is_refused(tmp_path):
+    file = tmp_path / "build-00000.npz"
+    file.write_bytes(b"PK torn")
+    with pytest.raises(DatasetError, match="delete it, it is then made again"):
+        load(file)
+
+
+def test_every_loop_moves_the_clearance_inside_the_bearing():
+    from models.clearance_loops import LOOPS, loop_of
+    from sim_hil.build import Build
+    from sim_hil.duty import Duty
+    from sim_hil.machine import Machine
+    from sim_hil.rigs import load_rig
+
+    rig = load_rig("bench")
+    moved = {}
+    for kind, name in enumerate(LOOPS):
+        loop = loop_of(kind, rig, 1.5, np.random.default_rng(1))
+        machine = Machine(rig, Build.nominal(rig), 0, clearance_m=loop.start_m)
+        batch = loop.run(machine, Duty.hold(3000.0, 100.0), 1.5, 1e5)
+        clearance = batch.truth[:, 3]
+        assert len(batch.counts) == 7500
+        assert 39e-6 < clearance.min() <= clearance.max() < 161e-6
+        moved[name] = np.ptp(clearance)
+    assert moved["fixed"] < 2e-6
+    assert min(moved["random actor"], moved["agent"]) > 5e-6
+
+
+def test_features_do_not_depend_on_the_rate():
+    """One machine without ambient noise, sampled at both rates: what turns with the shaft is the same."""
+    from sim_hil.build import Build
+    from sim_hil.duty import Duty
+    from sim_hil.rigs import load_rig
+    from sim_hil.runs import record
+
+    rig = load_rig("bench")
+    found = []
+    for rate in (5000, 10000):
+        taken = record(rig, Build.nominal(rig), Duty.hold(6000.0, 150.0), 1.5, clearance=6e-5, seed=3, rate_hz=rate)
+        status = np.column_stack([taken.status[:, 0] * 1e6, taken.status[:, 3], taken.status[:, 1:3]])
+        raw = recordings.Raw(taken.counts, round(taken.time_s[0] * 1e6), np.round(taken.mark_s * 1e6).astype(np.int64),
+                             status, rate, 0, 100.0, 0, 0)  # fmt: skip
+        from firmware_py.acquire.features import features
+
+        found.append(features(usable_windows(raw)[-1]))
+    change = dict(zip(FEATURE_NAMES, np.abs(found[1] - found[0]), strict=True))
+    for name in ("log_speed_rad_s", "log_shaft_fwd_1x_m", "acc_bearing_vertical_1x_per_shaft", "contact_1x_film"):
+        assert change[name] < 0.05, name
+    levels = [change[f"{c}_ringing_log_psd"] for c in ("acc_bearing_vertical", "acc_bearing_horizontal", "acc_motor")]
+    assert max(levels) < 0.5
+
+
+def graph(seed=0):
+    from models.diagnosis_network import Diagnosis
+    from models.ladder import Scaler
+    from models.network import Mlp
+    from models.novelty import fit_novelty
+
+    rng, n = np.random.default_rng(seed), len(FEATURE_NAMES)
+    net, train = Mlp((n, 12, 4)), rows(60, 1, kind=np.arange(60) % 6)
+    scaler = Scaler.of(train)
+    return Diagnosis(
+        rng.normal(size=n), rng.uniform(0.1, 2.0, n), net.layers(net.initial(rng)), 1.3,
+        (scaler.mean, scaler.deviation), fit_novelty(scaler, train, rows(40, 2), 0.9),
+    )  # fmt: skip
+
+
+def test_novelty_in_the_graph_is_that_of_the_parts():
+    from models.classifier_judge import of_module
+    from models.ladder import Scaler
+    from models.novelty import fit_novelty, novelty
+
+    train, inner, other = rows(80, 1, kind=np.arange(80) % 2), rows(50, 2), rows(20, 3)
+    scaler = Scaler.of(train)
+    parts = fit_novelty(scaler, train, inner, 0.9)
+    assert np.mean([part.distance((inner.features - scaler.mean) / scaler.deviation) for part in parts] > np.array(1.0)
+                   ) == pytest.approx(0.1, abs=0.03)  # fmt: skip
+    _, score = of_module(graph())(other.features)
+    assert score.shape == (20,)
+    far = (other.features + 6.0 - scaler.mean) / scaler.deviation
+    assert (novelty(parts, far) > novelty(parts, (other.features - scaler.mean) / scaler.deviation)).all()
+
+
+def test_drivers_are_what_a_head_loses_with_a_group():
+    import torch
+
+    from firmware_py.acquire.features import GROUP_OF_FEATURE
+
+    module = graph()
+    x = rows(3).features.astype(np.float32)
+    with torch.no_grad():
+        heads, _, drivers = (t.double().numpy() for t in module(torch.from_numpy(x)))
+        at = GROUPS.index("acc_motor_ringing")
+        without = np.where(at == GROUP_OF_FEATURE, module.mean.numpy(), x).astype(np.float32)
+        less = module(torch.from_numpy(without))[0].double().numpy()
+    lost = np.log(heads / (1 - heads)) - np.log(less / (1 - less))
+    np.testing.assert_allclose(drivers.reshape(3, len(GROUPS), 4)[:, at], lost, atol=2e-4)
 
 
 @pytest.mark.slow
@@ -40,22 +145,56 @@ def test_one_file_answers_like_the_module(tmp_path):
     import torch
 
     from models import export
-    from models.diagnosis_network import Diagnosis
-    from models.network import Mlp
 
-    rng, n = np.random.default_rng(0), len(FEATURE_NAMES)
-    net = Mlp((n, 12, 4))
-    module = Diagnosis(
-        rng.normal(size=n), rng.uniform(0.1, 2.0, n), net.layers(net.initial(rng)), 1.3, rng.normal(size=(n, n))
-    )
-    metadata = export.Metadata("classifier", "0", FEATURE_NAMES, ("heads", "score"), {}, (), "", {}, ())
+    rng, n, module = np.random.default_rng(0), len(FEATURE_NAMES), graph()
+    names = ("heads", "score", "drivers")
+    metadata = export.Metadata("classifier", "0", FEATURE_NAMES, names, {}, (), "", {}, ())
     path, x = tmp_path / "classifier.onnx", rng.normal(0.0, 5.0, (10_000, n)).astype(np.float32)
     x[0], x[1] = 0.0, 1e6
     export.export(
-        module, torch.from_numpy(x[:2]), path, input_name="features", output_names=("heads", "score"), metadata=metadata
+        module, torch.from_numpy(x[:2]), path, input_name="features", output_names=names, metadata=metadata
     )
     assert export.parity(module, path, x) <= 1e-6
-    heads, score = export.session(path).run(None, {"features": x})
+    heads, score, _ = export.session(path).run(None, {"features": x})
     assert heads.shape == (10_000, 4)
     assert score.shape == (10_000, 1)
     assert ((heads >= 0) & (heads <= 1)).all()
+
+
+def verdicts(sure):
+    """Unbalance where the first feature is positive, with ``sure`` log-odds."""
+
+    def answer(features):
+        heads = np.full((len(features), 4), 0.01)
+        heads[:, 3] = 1 / (1 + np.exp(-np.where(features[:, 0] > 0, sure, -sure)))
+        return heads, np.where(features[:, 1] > 5, 2.0, 0.5)
+
+    return answer
+
+
+def test_false_alarms_need_a_named_fault_and_persistence_to_be_confirmed():
+    from models.classifier_judge import false_alarms
+
+    quiet = rows(50, recording=np.repeat([0, 1], 25), group=np.repeat([0, 1], 25))
+    quiet.features[:, :2] = -1.0
+    counted = false_alarms(verdicts(6.0), quiet, 1.0)
+    assert (counted["false_alarms"], counted["confirmed_alarms"]) == (0, 0)
+    assert counted["upper_95"] == 3.0 / 2
+    quiet.features[25:, 0] = 1.0
+    counted = false_alarms(verdicts(6.0), quiet, 1.0)
+    assert counted["builds_with_a_false_alarm"] == counted["confirmed_alarms"] == 1
+    assert counted["share_of_decisions"] == 0.5
+    assert false_alarms(verdicts(0.3), quiet, 1.0)["doubt"] == 1.0
+    quiet.features[:, 1] = 9.0
+    assert false_alarms(verdicts(6.0), quiet, 1.0)["called_unknown"] == 1.0
+
+
+def test_detection_delay_counts_from_the_first_faulty_window():
+    from models.classifier_judge import detection
+
+    healthy, fault = rows(13), rows(13, kind=4, severity=np.full(13, 16.0), recording=np.ones(13, int))
+    healthy.features[:, 0], fault.features[:, 0] = -1.0, 1.5
+    from models.dataset import join
+
+    found = detection(verdicts(6.0), join([healthy, fault]), 1.0)
+    assert found["unbalance"]["median_s"] == 0.25 * 5

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from firmware_py.acquire.features import FEATURE_NAMES
-from models.dataset import CLASSES, HEADS_OF_CLASS, Dataset, DatasetError, check_disjoint, join, split_groups
+from models.dataset import CLASSES, HEADS_OF_CLASS, Dataset, DatasetError, check_disjoint, join, pooled, split_groups
 
 
 def dataset(kinds=(0, 0, 1, 1, 4, 4), windows=3):
@@ -17,6 +17,8 @@ def dataset(kinds=(0, 0, 1, 1, 4, 4), windows=3):
         np.full(n, 25.0),
         of_window // 2,
         of_window,
+        np.zeros(n, int),
+        np.zeros(n, int),
     )
 
 
@@ -78,3 +80,16 @@ def test_classes_are_those_of_the_reference():
     short = ["A", "B", "motor", "unbalance"]
     for row, heads in zip(HEADS_OF_CLASS, reference.values(), strict=True):
         assert [name for name, on in zip(short, row, strict=True) if on] == heads
+
+
+def test_decisions_are_means_over_windows_of_one_recording():
+    data = dataset(kinds=(0, 1), windows=13)
+    rows = pooled(data, 10)
+    assert list(rows.recording) == [0, 1]
+    np.testing.assert_allclose(rows.features[1], data.features[13:23].mean(axis=0))
+    assert len(pooled(data, 10, 1)) == 8
+
+
+def test_short_recordings_decide_when_they_hold_half_the_windows():
+    assert len(pooled(dataset(kinds=(0, 1), windows=5), 10)) == 2
+    assert len(pooled(dataset(kinds=(0, 1), windows=4), 10)) == 0

@@ -1,17 +1,20 @@
 """Scores on cases whose answer is known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from models import scores
-from models.dataset import HEADS_OF_CLASS, Dataset
+from models.dataset import HEADS_OF_CLASS, SLIGHT_WEIGHT, Dataset
 from models.scores import Decisions
 
 
 def decisions(kind, named, severity=25.0, confidence=0.9):
     probability = np.full((len(kind), 6), (1 - confidence) / 5)
     probability[np.arange(len(kind)), named] = confidence
-    return Decisions(probability, np.array(kind), np.full(len(kind), severity), np.arange(len(kind)))
+    regime = np.zeros((len(kind), 3), int)
+    return Decisions(probability, np.array(kind), np.full(len(kind), severity), np.arange(len(kind)), regime)
 
 
 def test_sure_heads_give_their_class():
@@ -35,18 +38,9 @@ def test_calibration_error_of_the_overconfident():
     assert scores.calibration_error(ten) == pytest.approx(0.3)
 
 
-def test_ten_windows_decide_by_mean_log_odds_and_leave_out_the_rest():
-    n = 23
-    data = Dataset(np.zeros((n, 1)), np.zeros(n, int), np.zeros(n), np.zeros(n, int), np.zeros(n, int))
-    logits = np.linspace(-1.0, 1.0, n)[:, None] * np.ones(4)
-    pooled, first = scores.pool(logits, data)
-    assert list(first) == [0, 10]
-    np.testing.assert_allclose(pooled[1], logits[10:20].mean(axis=0))
-
-
 def test_required_severities():
     ten = decisions([1, 4, 4, 0], [1, 4, 4, 0])
-    ten = Decisions(ten.probability, ten.kind, np.array([50.0, 6.3, 16.0, 100.0]), ten.group)
+    ten = replace(ten, severity=np.array([50.0, 6.3, 16.0, 100.0]))
     assert list(scores.required(ten).kind) == [4, 0]
 
 
@@ -76,7 +70,20 @@ def test_beats_weighs_classes_not_rows():
     assert scores.beats(better, simpler)
 
 
-def test_false_alarms_are_counted_by_decision_and_by_build():
-    ten = decisions([0, 0, 0, 1], [0, 4, 0, 1])
-    counted = scores.false_alarms(ten)
-    assert (counted["healthy_decisions"], counted["false_alarms"], counted["builds_with_a_false_alarm"]) == (3, 1, 1)
+def test_worst_group_is_the_regime_with_the_lowest_score():
+    kind = np.tile([0, 1], 30)
+    some = decisions(kind, np.where(np.arange(60) < 20, 0, kind))
+    loops = np.repeat([0, 1, 2], 20)
+    name, rows = scores.worst_group(replace(some, regime=np.column_stack([loops, np.zeros((60, 2), int)])))
+    assert name == "fixed"
+    assert list(np.flatnonzero(rows)) == list(range(20))
+
+
+def test_slight_faults_weigh_less_in_training():
+    severity = np.array([100.0, 50.0, 25.0, 16.0])
+    data = Dataset(np.zeros((4, 1)), np.array([0, 1, 1, 4]), severity, *np.zeros((4, 4), int))
+    assert list(data.weight) == [1.0, SLIGHT_WEIGHT, 1.0, 1.0]
+    logits = np.array([[1.0, -1.0, 0.5, 2.0]] * 4)
+    whole = scores.nll(logits, data.heads, data.weight[:, None])
+    each = [scores.nll(logits[i : i + 1], data.heads[i : i + 1]) for i in range(4)]
+    assert whole == pytest.approx(np.mean(np.array(each) * data.weight))
