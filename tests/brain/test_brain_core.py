@@ -6,6 +6,7 @@ import dataclasses
 from itertools import pairwise
 
 import msgspec
+import numpy as np
 import pytest
 
 from firmware_py.brain.core import ADVICE_PERIOD_NS, BrainCore
@@ -25,7 +26,7 @@ from firmware_py.records import (
     encode,
 )
 
-from .machine import CONFIG, Machine, model, models
+from .machine import CONFIG, Machine, film, model, models
 from .onnx_models import actor
 
 STEP_NS = 24_000_000
@@ -110,6 +111,12 @@ def test_forecast_brackets_what_then_happens() -> None:
     forecast: Forecast = of(Forecast, feed(core, [guard_state(), *machine.run(5.0)]))[-1]
     assert forecast.conditional_on == "speed, load and oil held; clearance follows the advice"
     assert forecast.clearance_um == pytest.approx(80.0)
+    film_um = (machine.clearance_m - np.hypot(*film().steady(machine.points()).position_m[0])) * 1e6
+    assert forecast.now_min_film_um is not None
+    assert forecast.now_min_film_um[0] < film_um < forecast.now_min_film_um[2] + 1.5  # the orbit takes its part
+    assert forecast.now_friction_W is not None
+    assert forecast.now_friction_W[1] == pytest.approx(float(film().steady(machine.points()).power_W[0]), rel=0.05)
+    assert forecast.time_to_limit_s is None  # nothing grows
     machine.clearance_m = 80e-6
     then: Forecast = of(Forecast, feed(core, machine.run(1.0)))[-1]
     for name in ("power_W", "min_film_um", "peak_to_peak_um", "whirl_margin"):
