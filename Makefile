@@ -49,7 +49,7 @@ $(VENV)/.dev: pyproject.toml constraints.txt | $(BIN)/python
 	@$(PIP) -e '.[dev]' && touch $@ $(VENV)/.sim
 
 $(VENV)/.train: pyproject.toml constraints.txt | $(BIN)/python
-	@$(PIP) -e '.[train]' && touch $@ $(VENV)/.sim
+	@$(PIP) -e '.[train,crosscheck]' && touch $@ $(VENV)/.sim
 
 dialect: $(VENV)/.dev   ## generate the MAVLink dialect module from its XML again
 	@$(BIN)/mavgen.py --lang=Python3 --wire-protocol=2.0 --output=firmware_py/wire/mav_dialect.py firmware_py/wire/orbitd.xml

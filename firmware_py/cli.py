@@ -33,6 +33,7 @@ SUMMARIES = (
     ("disarm", "take that back; never refused"),
     ("reset", "clear a latched trip"),
     ("set", "set clearance or pressure by hand (mode manual)"),
+    ("announce", "tell a faster ramp of speed or load ahead of time"),
     ("inject", "give the rig in software a fault or another operating point"),
     ("verify", "the film and rotor against closed forms and published tables"),
     ("bench", "speed of the simulator against a reference kernel"),
@@ -42,6 +43,7 @@ SUMMARIES = (
     ("install", "install or remove the systemd units"),
     ("train", "train a model (extra `train`)"),
     ("evaluate", "judge a model on builds and duties drawn from a seed (extra `train`)"),
+    ("reproduce", "the paper's three series of tests again, as a report (extra `train`)"),
 )
 
 
