@@ -138,7 +138,6 @@ class Operating(Section, frozen=True):
     load_min_N: Positive
     load_max_N: Positive
     speed_ramp_max_rpm_s: Positive
-    load_ramp_max_N_s: Positive
     speed_ramp_unannounced_rpm_s: Positive
     """Faster ramps of speed or load are announced before they start (command ``announce``)."""
     load_ramp_unannounced_N_s: Positive
