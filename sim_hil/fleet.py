@@ -66,7 +66,7 @@ def measure_orbits(out: Floats, probe: Floats, normal: Floats, which: Numbers, o
     Parameters
     ----------
     out
-        What :func:`advance_fleet` wrote, shape (n, periods, 9).
+        What :func:`advance_fleet` wrote, shape (n, periods, 11).
     probe
         Of the probes at 45 and 135 degrees: gain, zero, m, and runout of orders 1 to 3, m, real then imaginary
         parts of ``R exp(i k angle)``, shape (n, 2, 8).

@@ -14,8 +14,11 @@ from sim_hil.bench.film import repeat_of_reference
 from sim_hil.bench.reference_kernel import spread_reference
 from sim_hil.bench.timing import ROUNDS, Timing, beside, wall
 from sim_hil.build import Build
-from sim_hil.duty import RAD_S_PER_RPM
+from sim_hil.control_task import CONTROL_S
+from sim_hil.duty import RAD_S_PER_RPM, Duty
 from sim_hil.film.table import FilmTable
+from sim_hil.fleet import STEP_S as FLEET_STEP_S
+from sim_hil.fleet import advance_fleet, records
 from sim_hil.response import equilibrium_at
 from sim_hil.rigs import RigData, load_rig
 from sim_hil.rotor.assembly import assemble
@@ -123,15 +126,40 @@ def speed_ups(count: int, threads: int, seconds: float) -> tuple[float, float]:
     return float(found[0]), float(found[1])
 
 
+def kernel_share(count: int) -> float:
+    """Processor time of `count` rotors advanced together for a control step, over as many calls for one each."""
+    single, many = _together(1), _together(count)
+    return beside(lambda: [single() for _ in range(count)], many, (1, 1)).ratio
+
+
+def _together(count: int) -> Callable[[], object]:
+    """A call that advances `count` rotors by a control step as training does, without anything around it."""
+    one = orbit("table", 10000)
+    w, scalar = (np.stack(each) for each in zip(*(one.state() for _ in range(count)), strict=True))
+    n = round(CONTROL_S / FLEET_STEP_S)
+    drive = np.tile([one.speed_rad_s, LOAD_N], (count, n + 1, 1))
+    target = np.tile([CLEARANCE_M, 1e5], (count, n, 1))
+    out = np.empty((count, n, len(COLUMNS)))
+    parts = []
+    for part in (one.plant.shaft, one.plant.film, one.plant.act):
+        parts.append(records(part._fields, count))
+        parts[-1][:] = tuple(part)
+    return partial(advance_fleet, *parts, np.asarray(one.law), w, scalar, drive, target, np.arange(count), out)
+
+
 def environment_steps(rotors: int) -> tuple[Timing, float]:
-    """Processor time of a step of one of `rotors` in the vectorised environment, and that over one alone."""
+    """Processor time of a step of one of `rotors` in one environment, and that over the step of one alone in its own.
+
+    Both are what a user pays: compiled kernel, Python and call, at the same duty and build.
+    """
     many, single = _training(rotors), _training(1)
     return beside(repeat_of_reference(2000), many, (2000, rotors)), beside(single, many, (1, rotors)).ratio
 
 
 def _training(rotors: int) -> Callable[[], object]:
     """A call that makes one step of an environment of that many rotors."""
-    envs = RotorVectorEnv(rotors)
+    duty, build = Duty.hold(6000, LOAD_N, 30.0), Build.nominal(_bench())
+    envs = RotorVectorEnv(rotors, duty=duty, build=build)
     envs.reset(seed=0)
     action = np.full((rotors, 1), -0.7, np.float32)
     return lambda: envs.step(action)

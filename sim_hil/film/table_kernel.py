@@ -15,6 +15,7 @@ interpolation error.
 
 import math
 
+import numpy as np
 from numba import njit
 
 from .records import Floats
@@ -25,6 +26,8 @@ CONTACT_FRICTION = 0.1
 RATE_LIMIT = 0.2
 """First order in the clearance rate up to here, squeeze against the moving wall from twice that on."""
 _MAX_TURN = math.pi / 2
+_PER_LOG = -1 / math.log1p(-EPS_TABLE)
+_1, _2, _3 = np.uint64(1), np.uint64(2), np.uint64(3)  # unsigned: no check for an index from the end
 
 Four = tuple[float, float, float, float]
 
@@ -36,31 +39,38 @@ def _weights(t: float) -> Four:
     return s * s * s / 6, (4 - 3 * t * t * (2 - t)) / 6, (4 - 3 * s * s * (2 - s)) / 6, t * t * t / 6
 
 
-@njit(cache=True, inline="always")
-def _cell(coefficients: Floats, eps: float, gamma: float) -> tuple[int, int, Four, Four]:
+@njit(cache=True, forceinline=True, fastmath={"contract"}, error_model="numpy")
+def _cell(coefficients: Floats, eps: float, gamma: float) -> tuple[np.uint64, np.uint64, Four, Four]:
     """Where to look: cell of an eccentricity ratio in [0, EPS_TABLE] and an angle in [0, pi], and its weights."""
     rows = coefficients.shape[0] - 3
     columns = coefficients.shape[1] - 3
-    u = -math.log1p(-eps) * (rows / -math.log1p(-EPS_TABLE))
-    v = gamma * (columns / math.pi)
-    i = min(int(u), rows - 1)
-    j = min(int(v), columns - 1)
-    return i, j, _weights(u - i), _weights(v - j)
+    u = -math.log(1.0 - eps) * (rows * _PER_LOG)
+    v = gamma * (columns * (1 / math.pi))
+    i = min(max(int(u), 0), rows - 1)  # what is no number looks into the first cell, and gives none
+    j = min(max(int(v), 0), columns - 1)
+    return np.uint64(i), np.uint64(j), _weights(u - i), _weights(v - j)
 
 
-@njit(cache=True, inline="always", fastmath={"contract"})
-def _blend(coefficients: Floats, cell: tuple[int, int, Four, Four], column: int) -> float:
-    """One value of the table in a cell."""
-    i, j, wu, (v0, v1, v2, v3) = cell
-    value = 0.0
-    for k in range(4):
-        c0, c1 = coefficients[i + k, j, column], coefficients[i + k, j + 1, column]
-        c2, c3 = coefficients[i + k, j + 2, column], coefficients[i + k, j + 3, column]
-        value += wu[k] * ((v0 * c0 + v1 * c1) + (v2 * c2 + v3 * c3))
+@njit(cache=True, forceinline=True, fastmath={"contract"}, error_model="numpy")
+def _line(coefficients: Floats, i: np.uint64, j: np.uint64, weights: Four, column: int) -> float:
+    """One value of the table along one of the four lines of a cell."""
+    v0, v1, v2, v3 = weights
+    c0, c1 = coefficients[i, j, column], coefficients[i, j + _1, column]
+    c2, c3 = coefficients[i, j + _2, column], coefficients[i, j + _3, column]
+    value: float = (v0 * c0 + v1 * c1) + (v2 * c2 + v3 * c3)
     return value
 
 
-@njit(cache=True, fastmath={"contract"}, error_model="numpy")
+@njit(cache=True, forceinline=True, fastmath={"contract"}, error_model="numpy")
+def _blend(coefficients: Floats, cell: tuple[np.uint64, np.uint64, Four, Four], column: int) -> float:
+    """One value of the table in a cell."""
+    i, j, (u0, u1, u2, u3), v = cell
+    value: float = u0 * _line(coefficients, i, j, v, column) + u1 * _line(coefficients, i + _1, j, v, column)
+    value += u2 * _line(coefficients, i + _2, j, v, column) + u3 * _line(coefficients, i + _3, j, v, column)
+    return value
+
+
+@njit(cache=True, forceinline=True, fastmath={"contract"}, error_model="numpy")
 def lookup(coefficients: Floats, eps: float, gamma: float, ratio: float = 0.0) -> tuple[float, float, float]:
     """Table values (a + a' r, d + d' r, q) at an eccentricity ratio in [0, EPS_TABLE], an angle in [0, pi] and `r`.
 
@@ -101,7 +111,7 @@ def _moving_wall(sx: float, sy: float, ex: float, ey: float, c: float, c_rate: f
     return sx - shift * ex, sy - shift * ey, math.copysign((1 - wall) * RATE_LIMIT, c_rate)
 
 
-@njit(cache=True, fastmath={"contract"}, error_model="numpy")
+@njit(cache=True, fastmath={"contract", "arcp"}, error_model="numpy")
 def table_force(
     coefficients: Floats,
     ex: float,
@@ -133,9 +143,10 @@ def table_force(
     Past EPS_TABLE the film stays that of EPS_TABLE and asperities carry the rest, with Coulomb friction against
     the surface. Finite for every finite state; conventions of `film_force`, Couette part full.
     """
-    e = math.hypot(ex, ey)
-    film_x, film_y, eps = ex, ey, e / c
+    film_x, film_y, eps = ex, ey, math.sqrt(ex * ex + ey * ey) / c
+    contact_x = contact_y = rub = 0.0
     if eps > EPS_TABLE:
+        contact_x, contact_y, rub = contact_force(ex, ey, omega, c)
         film_x *= EPS_TABLE / eps
         film_y *= EPS_TABLE / eps
         eps = EPS_TABLE
@@ -144,20 +155,16 @@ def table_force(
     ratio = 0.0
     if c_rate != 0.0:
         sx, sy, ratio = _moving_wall(sx, sy, film_x, film_y, c, c_rate)
-    squeeze = math.hypot(sx, sy)
-    fx = fy = flow = 0.0
-    if squeeze > 1e-30:
-        cross = film_x * sy - film_y * sx
-        gamma = math.atan2(cross, film_x * sx + film_y * sy)
-        a, d, q = lookup(coefficients, eps, abs(gamma), ratio)
-        gain = -12 * mu * R * (R / c) ** 3 * math.exp(a)
-        turn = min(max(d, -_MAX_TURN), _MAX_TURN)
-        turn = -turn if gamma < 0 else turn
-        fx = gain * (math.cos(turn) * sx - math.sin(turn) * sy)
-        fy = gain * (math.sin(turn) * sx + math.cos(turn) * sy)
-        flow = R * R * squeeze * q
+    squeeze = math.sqrt(sx * sx + sy * sy)
+    gamma = math.atan2(film_x * sy - film_y * sx, film_x * sx + film_y * sy)
+    a, d, q = lookup(coefficients, eps, abs(gamma), ratio)
+    gain = -12 * mu * R * (R / c) ** 3 * math.exp(a)
+    turn = min(max(d, -_MAX_TURN), _MAX_TURN)
+    turn = -turn if gamma < 0 else turn
+    fx = gain * (math.cos(turn) * sx - math.sin(turn) * sy)
+    fy = gain * (math.sin(turn) * sx + math.cos(turn) * sy)
+    flow = R * R * squeeze * q
     sense = -1.0 if omega < 0 else 1.0
     shear = 2 * math.pi * mu * abs(omega) * R * R * R * L / (c * math.sqrt(1 - eps * eps))
     torque = shear + sense * 0.5 * (film_x * fy - film_y * fx)
-    contact_x, contact_y, rub = contact_force(ex, ey, omega, c)
     return fx + contact_x, fy + contact_y, torque + rub * R, flow

@@ -103,7 +103,7 @@ def _linear(
     return fx, fy, shear + sense * 0.5 * (ex * fy - ey * fx), 0.0
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def _tabulated(
     law: Floats, ex: float, ey: float, vx: float, vy: float, omega: float, c: float, mu: float, R: float,
     L: float, c_rate: float,
@@ -144,7 +144,7 @@ def _of_type(kind: type) -> Callable[..., Forces]:
     return chosen
 
 
-@overload(film_law)
+@overload(film_law, jit_options={"forceinline": True})
 def _film_law(law, ex, ey, vx, vy, omega, c, mu, R, L, c_rate, supply_Pa=0.0):  # type: ignore[no-untyped-def]
     kind = law.instance_class if isinstance(law, types.BaseNamedTuple) else type(law)
     chosen = _of_type(kind)

@@ -18,7 +18,7 @@ import math
 from numba import njit
 
 from sim_hil.rotor.bearing import bearing_force, gap
-from sim_hil.rotor.film_law import Law
+from sim_hil.rotor.film_law import Forces, Law
 from sim_hil.rotor.kernel import relative
 from sim_hil.rotor.parameters import Eight, Film, Oil, Plant, Six, State
 
@@ -32,12 +32,12 @@ _CROSSED_SHARE = 0.5
 
 @njit(cache=True, error_model="numpy")
 def film_slopes(
-    law: Law, film: Film, oil: Oil, ex: float, ey: float, vx: float, vy: float, omega: float, c: float, c_rate: float
-) -> Eight:
-    """Forward differences of the film force: dF/de (xx, xy, yx, yy), then dF/dv."""
+    law: Law, film: Film, oil: Oil, f0: Forces, ex: float, ey: float, vx: float, vy: float, omega: float, c: float,
+    c_rate: float,
+) -> Eight:  # fmt: skip
+    """Forward differences of the film force from ``f0``, the force there: dF/de (xx, xy, yx, yy), then dF/dv."""
     de = 1e-5 * max(gap(film, ex, ey, c), 0.01 * c)
     dv = 1e-4 * (c * abs(omega) + abs(vx) + abs(vy)) + 1e-9
-    f0 = bearing_force(law, film, oil, ex, ey, vx, vy, omega, c, c_rate)
     f1 = bearing_force(law, film, oil, ex + de, ey, vx, vy, omega, c, c_rate)
     f2 = bearing_force(law, film, oil, ex, ey + de, vx, vy, omega, c, c_rate)
     f3 = bearing_force(law, film, oil, ex, ey, vx + dv, vy, omega, c, c_rate)
@@ -48,16 +48,17 @@ def film_slopes(
     )  # fmt: skip
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def crossing(film: float, wx: float, wy: float, c: float, dt: float) -> bool:
     """Whether the journal is near contact, or crosses its smallest ``film`` within a step."""
-    return film <= NEAR_CONTACT * c or math.hypot(wx, wy) * dt >= _CROSSED_SHARE * film
+    return film <= NEAR_CONTACT * c or math.sqrt(wx * wx + wy * wy) * dt >= _CROSSED_SHARE * film
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True)
 def turned(sx: float, sy: float, held_x: float, held_y: float) -> bool:
     """Whether the squeeze velocity is no longer the one of the held slopes."""
-    return math.hypot(sx - held_x, sy - held_y) >= _TURNED_SHARE * math.hypot(held_x, held_y)
+    dx, dy = sx - held_x, sy - held_y
+    return dx * dx + dy * dy >= _TURNED_SHARE * _TURNED_SHARE * (held_x * held_x + held_y * held_y)
 
 
 @njit(cache=True)
@@ -75,7 +76,8 @@ def film_reaction(
     smooth = not crossing(gap(plant.film, ex, ey, c), wx, wy, c, dt) and not turned(sx, sy, held[4], held[5])
     kxx = kxy = kyx = kyy = 0.0
     if renew or not smooth:
-        slopes = film_slopes(law, plant.film, oil, ex, ey, wx, wy, omega, c, c_rate)
+        force = bearing_force(law, plant.film, oil, ex, ey, wx, wy, omega, c, c_rate)
+        slopes = film_slopes(law, plant.film, oil, force, ex, ey, wx, wy, omega, c, c_rate)
         kxx, kxy, kyx, kyy, held[0], held[1], held[2], held[3] = slopes
         held[4], held[5] = sx, sy
     if smooth:

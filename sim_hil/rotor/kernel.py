@@ -54,17 +54,17 @@ def relative(plant: Plant, z: Floats) -> tuple[float, float]:
     return z[0] + b * z[2] - (z[4] - height * z[6]), z[1] + b * z[3] - z[5]
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True, error_model="numpy")
 def move_actuator(act: Act, scalar: Floats, clearance: float, pressure: float, dt: float) -> float:
     """Rate limit, first-order lag, backlash; returns the rate of change of the clearance, m/s."""
     step = min(max(clearance - scalar[DEMAND], -act.rate * dt), act.rate * dt)
     scalar[DEMAND] += step
-    scalar[POSITION] += (scalar[DEMAND] - scalar[POSITION]) * -math.expm1(-dt / act.time_constant)
+    scalar[POSITION] += (scalar[DEMAND] - scalar[POSITION]) * (1 - math.exp(-dt / act.time_constant))
     before = scalar[CLEARANCE]
     play = 0.5 * act.backlash
     scalar[CLEARANCE] = min(max(before, scalar[POSITION] - play), scalar[POSITION] + play)
     supplied = act.pressure_gain * pressure
-    scalar[PRESSURE] += (supplied - scalar[PRESSURE]) * -math.expm1(-dt / act.pressure_time_constant)
+    scalar[PRESSURE] += (supplied - scalar[PRESSURE]) * (1 - math.exp(-dt / act.pressure_time_constant))
     rate: float = (scalar[CLEARANCE] - before) / dt
     return rate
 

@@ -18,10 +18,25 @@ import math
 from numba import njit, prange
 
 from sim_hil.rotor.bearing import bearing_force, gap, heat_oil, oil_now
-from sim_hil.rotor.film_law import Law
+from sim_hil.rotor.film_law import Forces, Law
 from sim_hil.rotor.film_step import crossing, film_slopes, turned
 from sim_hil.rotor.kernel import GRAVITY, move_actuator
-from sim_hil.rotor.parameters import ANGLE, CLEARANCE, FLOW, OIL, POWER, PRESSURE, Act, Eight, Film, Floats, Oil, Shaft
+from sim_hil.rotor.parameters import (
+    ANGLE,
+    CLEARANCE,
+    FLOW,
+    OIL,
+    POWER,
+    PRESSURE,
+    Act,
+    Eight,
+    Film,
+    Floats,
+    Four,
+    Oil,
+    Shaft,
+    Two,
+)
 
 GAMMA = 1 - math.sqrt(0.5)
 RENEW_STEPS = 4
@@ -33,36 +48,42 @@ COLUMNS = (
 """Columns of the output: journal at the bearing; smallest film, mean power and side flow since the row before."""
 
 
-@njit(cache=True, error_model="numpy")
-def rates(
-    shaft: Shaft, film: Film, law: Law, oil: Oil, w: Eight, angle: float, omega: float, alpha: float, load: float,
-    c: float, c_rate: float,
-) -> tuple[Eight, float, float]:  # fmt: skip
-    """Rates of change of ``w``: the coordinates (x, y, A, B) and their rates; dissipated power, W; side flow, m3/s.
+@njit(cache=True, forceinline=True, fastmath={"contract", "arcp"}, error_model="numpy")
+def journal(shaft: Shaft, w: Eight) -> Four:
+    """Place and velocity of the journal at the bearing: x, y, m, and their rates."""
+    b = shaft.to_bearing
+    return w[0] + b * w[2], w[1] + b * w[3], w[4] + b * w[6], w[5] + b * w[7]
 
-    `load` is the total static load at the bearing, N.
+
+@njit(cache=True, forceinline=True)
+def direction(shaft: Shaft, angle: float) -> Two:
+    """Cosine and sine of the unbalance's angle."""
+    return math.cos(angle + shaft.unbalance_angle), math.sin(angle + shaft.unbalance_angle)
+
+
+@njit(cache=True, forceinline=True, fastmath={"contract", "arcp"}, error_model="numpy")
+def rates(shaft: Shaft, force: Forces, w: Eight, heavy: Two, omega: float, alpha: float, load: float) -> Eight:
+    """Rates of change of ``w``: the coordinates (x, y, A, B) and their rates.
+
+    `force` is the film's, `heavy` the direction of the unbalance, `load` the total static load at the bearing, N.
     """
     s, b, d = shaft, shaft.to_bearing, shaft.to_coupling
     x, y, tilt_x, tilt_y, x_rate, y_rate, tilt_x_rate, tilt_y_rate = w
-    ex, ey, vx, vy = x + b * tilt_x, y + b * tilt_y, x_rate + b * tilt_x_rate, y_rate + b * tilt_y_rate
-    fx, fy, torque, flow = bearing_force(law, film, oil, ex, ey, vx, vy, omega, c, c_rate)
-    cosine, sine = math.cos(angle + s.unbalance_angle), math.sin(angle + s.unbalance_angle)
+    fx, fy, cosine, sine = force[0], force[1], heavy[0], heavy[1]
     gravity_share = s.mass * GRAVITY * d / (b + d)
     bx = fx + s.unbalance * (omega * omega * cosine + alpha * sine)
     by = fy + s.unbalance * (omega * omega * sine - alpha * cosine) - (load - gravity_share)
     k, damping = s.coupling_stiffness, s.coupling_damping
     cx = -k * (x - d * tilt_x) - damping * (x_rate - d * tilt_x_rate)
     cy = -k * (y - d * tilt_y) - damping * (y_rate - d * tilt_y_rate) + s.mass * GRAVITY - gravity_share
-    power = torque * abs(omega) - (fx * vx + fy * vy) + film.windage * abs(omega) ** 3
-    rate = (
+    return (
         x_rate, y_rate, tilt_x_rate, tilt_y_rate, (bx + cx) / s.mass, (by + cy) / s.mass - GRAVITY,
         (b * bx - d * cx - s.polar * (omega * tilt_y_rate + alpha * tilt_y)) / s.diametral,
         (b * by - d * cy + s.polar * (omega * tilt_x_rate + alpha * tilt_x)) / s.diametral,
     )  # fmt: skip
-    return rate, power, flow
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, forceinline=True, fastmath={"contract", "arcp"}, error_model="numpy")
 def solve_stage(shaft: Shaft, slopes: Eight, reach: float, move: Eight) -> Eight:
     """Solve `(I - reach J) k = move` for positions and rates, with the film as the only J."""
     b = shaft.to_bearing
@@ -83,7 +104,7 @@ def solve_stage(shaft: Shaft, slopes: Eight, reach: float, move: Eight) -> Eight
     return m0 + reach * k4, m1 + reach * k5, m2 + reach * k6, m3 + reach * k7, k4, k5, k6, k7
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True, fastmath={"contract"})
 def mixed(p: float, a: Eight, q: float, b: Eight) -> Eight:
     """`p a + q b`."""
     return (
@@ -92,24 +113,31 @@ def mixed(p: float, a: Eight, q: float, b: Eight) -> Eight:
     )  # fmt: skip
 
 
-@njit(cache=True)
+@njit(cache=True, forceinline=True, fastmath={"contract"})
 def step(
-    shaft: Shaft, film: Film, law: Law, oil: Oil, slopes: Eight, rough: bool, w: Eight, angle: float, omega: float,
-    alpha: float, load: float, c: float, c_rate: float, dt: float,
-) -> tuple[Eight, float, float]:  # fmt: skip
-    """State after one step (numbers, not arrays: these stay in registers); power and side flow at its start."""
-    rate, power, flow = rates(shaft, film, law, oil, w, angle, omega, alpha, load, c, c_rate)
+    shaft: Shaft, film: Film, law: Law, oil: Oil, slopes: Eight, rough: bool, force: Forces, w: Eight, heavy: Two,
+    ahead: Two, omega: float, alpha: float, load: float, c: float, c_rate: float, dt: float,
+) -> Eight:  # fmt: skip
+    """State after one step (numbers, not arrays: these stay in registers).
+
+    `force` acts at its start; the unbalance points in the direction `heavy` there and `ahead` at its end.
+    """
+    rate = rates(shaft, force, w, heavy, omega, alpha, load)
     if rough:
-        return mixed(1.0, w, 1.0, solve_stage(shaft, slopes, dt, mixed(dt, rate, 0.0, rate))), power, flow
-    k1 = solve_stage(shaft, slopes, GAMMA * dt, mixed(dt, rate, 0.0, rate))
-    ahead = angle + (omega + 0.5 * alpha * dt) * dt
-    probe = mixed(1.0, w, 1.0, k1)
-    rate, _, _ = rates(shaft, film, law, oil, probe, ahead, omega + alpha * dt, alpha, load, c, c_rate)
-    k2 = solve_stage(shaft, slopes, GAMMA * dt, mixed(dt, rate, -2.0, k1))
-    return mixed(1.0, mixed(1.0, w, 1.5, k1), 0.5, k2), power, flow
+        after: Eight = mixed(1.0, w, 1.0, solve_stage(shaft, slopes, dt, mixed(dt, rate, 0.0, rate)))
+    else:
+        k1 = solve_stage(shaft, slopes, GAMMA * dt, mixed(dt, rate, 0.0, rate))
+        probe = mixed(1.0, w, 1.0, k1)
+        omega += alpha * dt
+        ex, ey, vx, vy = journal(shaft, probe)
+        force = bearing_force(law, film, oil, ex, ey, vx, vy, omega, c, c_rate)
+        rate = rates(shaft, force, probe, ahead, omega, alpha, load)
+        k2 = solve_stage(shaft, slopes, GAMMA * dt, mixed(dt, rate, -2.0, k1))
+        after = mixed(1.0, mixed(1.0, w, 1.5, k1), 0.5, k2)
+    return after
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath={"contract"}, error_model="numpy")
 def advance_rotor(
     shaft: Shaft, film: Film, act: Act, law: Law, w: Floats, scalar: Floats, drive: Floats, target: Floats,
     period: float, substeps: int, renew: int, out: Floats,
@@ -131,7 +159,7 @@ def advance_rotor(
     now = (w[0], w[1], w[2], w[3], w[4], w[5], w[6], w[7])
     slopes = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     age, old_x, old_y, old_sx, old_sy = renew, 0.0, 0.0, 0.0, 0.0
-    b = shaft.to_bearing
+    heavy = direction(shaft, scalar[ANGLE])
     for n in range(out.shape[0]):
         alpha = (drive[n + 1, 0] - drive[n, 0]) / period
         load_rate = (drive[n + 1, 1] - drive[n, 1]) / period
@@ -141,27 +169,31 @@ def advance_rotor(
         power, flow, smallest = 0.0, 0.0, 1e9
         for i in range(substeps):
             omega, load = drive[n, 0] + alpha * dt * i, drive[n, 1] + load_rate * dt * i
-            ex, ey, vx, vy = now[0] + b * now[2], now[1] + b * now[3], now[4] + b * now[6], now[5] + b * now[7]
+            ex, ey, vx, vy = journal(shaft, now)
+            force = bearing_force(law, film, oil, ex, ey, vx, vy, omega, c, c_rate)
             thin = gap(film, ex, ey, c)
             rough = crossing(thin, vx, vy, c, dt)
             sx, sy = vx + 0.5 * omega * ey, vy - 0.5 * omega * ex
-            moved = math.hypot(ex - old_x, ey - old_y) > _RENEW_SHARE * max(thin, 0.01 * c)
+            dx, dy, near = ex - old_x, ey - old_y, _RENEW_SHARE * max(thin, 0.01 * c)
+            moved = dx * dx + dy * dy > near * near
             if rough or moved or age >= renew or turned(sx, sy, old_sx, old_sy):
-                slopes = film_slopes(law, film, oil, ex, ey, vx, vy, omega, c, c_rate)
+                slopes = film_slopes(law, film, oil, force, ex, ey, vx, vy, omega, c, c_rate)
                 age, old_x, old_y, old_sx, old_sy = 0, ex, ey, sx, sy
             age += 1
-            now, lost, scalar[FLOW] = step(
-                shaft, film, law, oil, slopes, rough, now, scalar[ANGLE], omega, alpha, load, c, c_rate, dt
-            )
-            power += lost
-            flow += scalar[FLOW]
             scalar[ANGLE] += (omega + 0.5 * alpha * dt) * dt
+            ahead = direction(shaft, scalar[ANGLE])
+            now = step(
+                shaft, film, law, oil, slopes, rough, force, now, heavy, ahead, omega, alpha, load, c, c_rate, dt
+            )
+            heavy = ahead
+            power += force[2] * abs(omega) - (force[0] * vx + force[1] * vy) + film.windage * abs(omega) ** 3
+            flow += force[3]
             c += c_rate * dt
-            smallest = min(smallest, gap(film, now[0] + b * now[2], now[1] + b * now[3], c))
-        scalar[POWER] = power / substeps
+            ex, ey, _, _ = journal(shaft, now)
+            smallest = min(smallest, gap(film, ex, ey, c))
+        scalar[POWER], scalar[FLOW] = power / substeps, force[3]
         heat_oil(film, scalar, period)
-        out[n, 0], out[n, 1] = now[0] + b * now[2], now[1] + b * now[3]
-        out[n, 2], out[n, 3] = now[4] + b * now[6], now[5] + b * now[7]
+        out[n, 0], out[n, 1], out[n, 2], out[n, 3] = journal(shaft, now)
         out[n, 4], out[n, 5], out[n, 6], out[n, 7] = smallest, c, scalar[POWER], scalar[OIL]
         out[n, 8], out[n, 9], out[n, 10] = scalar[ANGLE], flow / substeps, scalar[PRESSURE]
     for i in range(8):

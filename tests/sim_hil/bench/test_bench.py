@@ -37,6 +37,7 @@ def test_training_is_timed(monkeypatch):
     step, share = rotors.environment_steps(2)
     assert step.seconds > 0
     assert 0.1 < share < 10
+    assert 0.1 < rotors.kernel_share(2) < 10
 
 
 def test_a_point_left_out_of_the_grid_is_counted():

@@ -85,6 +85,13 @@ def test_still_journal_in_still_oil_feels_nothing(coefficients):
     assert table_force(coefficients, 0.0, 0.0, 0.0, 0.0, 0.0, C, MU, R, L) == (0.0, 0.0, 0.0, 0.0)
 
 
+@pytest.mark.parametrize("at", range(5))
+def test_what_is_no_number_gives_none(coefficients, at):
+    state = [1e-5, 2e-5, 1e-3, 0.0, 300.0]
+    state[at] = np.nan
+    assert np.isnan(table_force(coefficients, *state, C, MU, R, L)[:2]).all()
+
+
 @pytest.mark.parametrize("excess", [1e-9, 1e-6, 1e-3])
 def test_past_the_table_asperities_push_back_and_stay_finite(coefficients, excess):
     e = EPS_TABLE * C + excess
