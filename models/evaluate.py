@@ -20,7 +20,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--file", type=Path, help="model file to judge (default: the shipped one)")
     parser.add_argument("--size", "--episodes", type=int, help="films, builds or episodes (default: as in training)")
     parser.add_argument("--rate-hz", type=int, default=5000, choices=(5000, 10000), help="classifier: sampling rate")
-    parser.add_argument("--data", type=Path, help="classifier: folder of measured recordings (models/DATASET.md)")
+    parser.add_argument("--data", type=Path, help="classifier: measured recordings (models/diagnosis/DATASET.md)")
     parser.add_argument("--group", default="group", help="with --data: column whose values are left out one by one")
     parser.add_argument("--out", type=Path, default=Path("runs"), help="folder where recordings are kept")
     parser.add_argument("--qualify", action="store_true",
@@ -71,38 +71,38 @@ def _qualified(path: Path, args: argparse.Namespace) -> dict[str, object]:
 
 
 def _surrogate_fed(path: Path, args: argparse.Namespace) -> dict[str, object]:
-    from models import surrogate_fed
+    from models.film import surrogate_fed
 
     return surrogate_fed.evaluate(path, args.seed, args.size, args.out)
 
 
 def _predictor(path: Path, args: argparse.Namespace) -> dict[str, object]:
-    from models import predictor
+    from models.prediction import predictor
 
     return predictor.evaluate(path, args.seed, args.size, args.out)
 
 
 def _surrogate(path: Path, args: argparse.Namespace) -> dict[str, object]:
-    from models import surrogate
+    from models.film import surrogate
 
     return surrogate.evaluate(path, args.seed, args.size, args.out)
 
 
 def _classifier(path: Path, args: argparse.Namespace) -> dict[str, object]:
-    from models import classifier
+    from models.diagnosis import classifier
 
     return classifier.evaluate(path, args.seed, args.size, args.out, args.rate_hz)
 
 
 def _measured(args: argparse.Namespace) -> dict[str, object]:
-    from models import measured
-    from models.dataset_folder import read_folder
+    from models.diagnosis import measured
+    from models.diagnosis.dataset_folder import read_folder
 
     return measured.evaluate(measured.windows_of(read_folder(args.data, args.group)), args.seed)
 
 
 def _actor(path: Path, args: argparse.Namespace) -> dict[str, object]:
-    from models import actor
+    from models.control import actor
 
     return actor.evaluate(path, args.seed, args.size, args.out)
 

@@ -11,8 +11,8 @@ import matplotlib
 import numpy as np
 from numpy.typing import NDArray
 
-from models.film_states import JudgedFilms
-from models.scores import CALIBRATION_BINS, Decisions, severity_grid
+from models.diagnosis.scores import CALIBRATION_BINS, Decisions, severity_grid
+from models.film.states import JudgedFilms
 
 matplotlib.use("Agg")
 from matplotlib import pyplot

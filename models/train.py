@@ -16,14 +16,23 @@ from models.runs import Run, load_settings
 
 EXIT_BAD_INPUT = 2
 
+TRAINERS = {
+    "surrogate": "models.film.surrogate",
+    "surrogate_fed": "models.film.surrogate_fed",
+    "predictor": "models.prediction.predictor",
+    "classifier": "models.diagnosis.classifier",
+    "actor": "models.control.actor",
+}
+MEASURED = "models.diagnosis.measured_model"
+
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="orbitd train", description=__doc__)
-    parser.add_argument("model", choices=("surrogate", "surrogate_fed", "predictor", "classifier", "actor"))
+    parser.add_argument("model", choices=tuple(TRAINERS))
     parser.add_argument("--seed", type=int, default=0, help="every random number follows from it")
     parser.add_argument("--smoke", action="store_true", help="the same steps in seconds, a model for tests only")
     parser.add_argument("--config", type=Path, help="TOML file with training settings")
-    parser.add_argument("--data", type=Path, help="classifier: folder of measured recordings (models/DATASET.md)")
+    parser.add_argument("--data", type=Path, help="classifier: measured recordings (models/diagnosis/DATASET.md)")
     parser.add_argument("--group", default="group", help="with --data: column whose values never cross a split")
     parser.add_argument("--out", type=Path, default=Path("runs"), help="folder for the run (default: runs)")
     parser.add_argument("--resume", action="store_true", help="go on where the same training was interrupted")
@@ -52,7 +61,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _train(args: argparse.Namespace) -> dict[str, object]:
     name = "measured_model" if args.data else args.model
-    trainer = importlib.import_module(f"models.{name}")  # brings torch: only the one that is asked for
+    trainer = importlib.import_module(MEASURED if args.data else TRAINERS[name])  # brings torch: only the one asked for
     settings = load_settings(trainer.SETTINGS, args.config)
     settings = settings.smoked() if args.smoke else settings
     if args.data:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from models.actor import ActorSettings, learn, of_module
-from models.ddpg import DdpgSettings
-from models.episodes import Fixed, Score, play
+from models.control.actor import ActorSettings, learn, of_module
+from models.control.episodes import Fixed, Score, play
+from models.learning.ddpg import DdpgSettings
 from models.reproduce.claims import POWER
 from models.reproduce.report import Row, Series
 from models.runs import progress_bar

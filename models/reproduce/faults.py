@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from firmware_py.acquire.features import FEATURE_NAMES, features
 from firmware_py.acquire.windows import iter_windows
 from firmware_py.records import CHANNELS, Quality
-from models.dataset import CLASSES, Dataset
-from models.ladder import PaperNetwork
-from models.recordings import FAULT_OF_CLASS
+from models.diagnosis.dataset import CLASSES, Dataset
+from models.diagnosis.ladder import PaperNetwork
+from models.diagnosis.recordings import FAULT_OF_CLASS
 from models.reproduce.claims import SIX_CLASSES, TWO_CLASSES
 from models.reproduce.report import Row, Series
 from models.runs import progress_bar

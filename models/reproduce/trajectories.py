@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from models import ARTIFACTS
-from models.film_fit import Search
-from models.film_rivals import Bearing, raw_network
+from models.film.fit import Search
+from models.film.rivals import Bearing, raw_network
+from models.film.surrogate import law_of
 from models.reproduce.claims import SPEED, TRANSIENTS
 from models.reproduce.report import Row, Series
-from models.surrogate import law_of
 from sim_hil.build import Build
 from sim_hil.duty import RAD_S_PER_RPM, Duty
 from sim_hil.film import equilibrium, film_force

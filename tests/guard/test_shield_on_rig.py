@@ -5,7 +5,7 @@ import pytest
 from firmware_py.guard.core import GuardCore
 from firmware_py.records import Advice, ArmState, CommandRequest, Cycle, GuardState, PlannedRamp, RawFrame
 from firmware_py.wire.codec import CanCodec
-from models.shielded import ANNOUNCED_S, fast_ramps
+from models.control.shielded import ANNOUNCED_S, fast_ramps
 from sim_hil.duty import RAD_S_PER_RPM, Duty
 from sim_hil.rig import Rig, node_limits
 from sim_hil.rigs import load_rig

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from firmware_py.guard.shield import Ramp
-from models.actor_rivals import AdaptivePI, EccentricityPI, Lookup
-from models.episodes import Fixed, Score, play
-from models.shielded import (
+from models.control.episodes import Fixed, Score, play
+from models.control.rivals import AdaptivePI, EccentricityPI, Lookup
+from models.control.shielded import (
     ANNOUNCED_S,
     Keeper,
     ShieldedRotor,
@@ -159,8 +159,8 @@ def test_one_file_answers_like_the_module_inside_the_bearings_range(tmp_path):
     import torch
 
     from models import export
-    from models.actor import RANGES, Clearance, random_observations
-    from models.ddpg import Actor, Scale
+    from models.control.actor import RANGES, Clearance, random_observations
+    from models.learning.ddpg import Actor, Scale
 
     torch.manual_seed(3)
     low, high = np.array([RANGES[name] for name in OBSERVATIONS], np.float32).T

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from firmware_py.acquire.features import FEATURE_NAMES, GROUPS
-from models import recordings
-from models.data_cache import load, make_recordings
-from models.dataset import Dataset, DatasetError
-from models.recordings import Plan, record_build, training_cases
-from models.windowed import usable_windows, views_of
+from models.diagnosis import recordings
+from models.diagnosis.data_cache import load, make_recordings
+from models.diagnosis.dataset import Dataset, DatasetError
+from models.diagnosis.recordings import Plan, record_build, training_cases
+from models.diagnosis.windowed import usable_windows, views_of
 
 PLAN = Plan("bench", 5, 5000, 1.1, training_cases)
 
@@ -49,7 +49,7 @@ def test_a_torn_recording_is_refused(tmp_path):
 
 
 def test_every_loop_moves_the_clearance_inside_the_bearing():
-    from models.clearance_loops import LOOPS, loop_of
+    from models.diagnosis.clearance_loops import LOOPS, loop_of
     from sim_hil.build import Build
     from sim_hil.duty import Duty
     from sim_hil.machine import Machine
@@ -94,10 +94,10 @@ def test_features_do_not_depend_on_the_rate():
 
 
 def graph(seed=0):
-    from models.diagnosis_network import Diagnosis
-    from models.ladder import Scaler
-    from models.network import Mlp
-    from models.novelty import fit_novelty
+    from models.diagnosis.graph import Diagnosis
+    from models.diagnosis.ladder import Scaler
+    from models.diagnosis.novelty import fit_novelty
+    from models.learning.network import Mlp
 
     rng, n = np.random.default_rng(seed), len(FEATURE_NAMES)
     net, train = Mlp((n, 12, 4)), rows(60, 1, kind=np.arange(60) % 6)
@@ -109,9 +109,9 @@ def graph(seed=0):
 
 
 def test_novelty_in_the_graph_is_that_of_the_parts():
-    from models.classifier_judge import of_module
-    from models.ladder import Scaler
-    from models.novelty import fit_novelty, novelty
+    from models.diagnosis.judge import of_module
+    from models.diagnosis.ladder import Scaler
+    from models.diagnosis.novelty import fit_novelty, novelty
 
     train, inner, other = rows(80, 1, kind=np.arange(80) % 2), rows(50, 2), rows(20, 3)
     scaler = Scaler.of(train)
@@ -173,7 +173,7 @@ def verdicts(sure):
 
 
 def test_false_alarms_need_a_named_fault_and_persistence_to_be_confirmed():
-    from models.classifier_judge import false_alarms
+    from models.diagnosis.judge import false_alarms
 
     quiet = rows(50, recording=np.repeat([0, 1], 25), group=np.repeat([0, 1], 25))
     quiet.features[:, :2] = -1.0
@@ -190,11 +190,11 @@ def test_false_alarms_need_a_named_fault_and_persistence_to_be_confirmed():
 
 
 def test_detection_delay_counts_from_the_first_faulty_window():
-    from models.classifier_judge import detection
+    from models.diagnosis.judge import detection
 
     healthy, fault = rows(13), rows(13, kind=4, severity=np.full(13, 16.0), recording=np.ones(13, int))
     healthy.features[:, 0], fault.features[:, 0] = -1.0, 1.5
-    from models.dataset import join
+    from models.diagnosis.dataset import join
 
     found = detection(verdicts(6.0), join([healthy, fault]), 1.0)
     assert found["unbalance"]["median_s"] == 0.25 * 5

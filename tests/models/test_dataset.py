@@ -4,7 +4,16 @@ import numpy as np
 import pytest
 
 from firmware_py.acquire.features import FEATURE_NAMES
-from models.dataset import CLASSES, HEADS_OF_CLASS, Dataset, DatasetError, check_disjoint, join, pooled, split_groups
+from models.diagnosis.dataset import (
+    CLASSES,
+    HEADS_OF_CLASS,
+    Dataset,
+    DatasetError,
+    check_disjoint,
+    join,
+    pooled,
+    split_groups,
+)
 
 
 def dataset(kinds=(0, 0, 1, 1, 4, 4), windows=3):

@@ -5,8 +5,8 @@ import csv
 import numpy as np
 import pytest
 
-from models.dataset import DatasetError
-from models.dataset_folder import read_folder
+from models.diagnosis.dataset import DatasetError
+from models.diagnosis.dataset_folder import read_folder
 
 COLUMNS = ("file", "label", "group", "rate_hz", "channels", "build")
 

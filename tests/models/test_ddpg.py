@@ -43,7 +43,7 @@ IDLE = mean_return(lambda s: np.zeros((4, 1)))
 
 
 def settings(**switches):
-    from models import ddpg
+    from models.learning import ddpg
 
     return ddpg.DdpgSettings(
         steps=2000, warm_up=400, batch=64, hidden=(32, 32), tau=0.02, actor_rate=1e-3, updates_per_step=4, **switches
@@ -51,28 +51,28 @@ def settings(**switches):
 
 
 def scale():
-    from models import ddpg
+    from models.learning import ddpg
 
     one = np.ones(1, np.float32)
     return ddpg.Scale(-one, one)
 
 
 def learn(seed=1, **switches):
-    from models import ddpg
+    from models.learning import ddpg
 
     return ddpg.train_ddpg(PointsOnALine(), scale(), settings(**switches), seed)
 
 
 @pytest.mark.parametrize("switches", [{}, {"twin_critics": True, "policy_delay": 2, "target_noise": 0.1}])
 def test_ddpg_learns_nearly_the_best_policy(switches):
-    from models.ddpg import act
+    from models.learning.ddpg import act
 
     actor = learn(**switches)
     assert mean_return(lambda s: act(actor, s)) > BEST + 0.05 * (IDLE - BEST)
 
 
 def test_dqn_learns_nearly_the_best_of_its_choices():
-    from models.dqn import actions_of_choices, train_dqn
+    from models.learning.dqn import actions_of_choices, train_dqn
 
     values, row = train_dqn(PointsOnALine(), scale(), settings(), 7, 1), actions_of_choices(7)
     assert mean_return(lambda s: row[values.best(s)][:, None]) > BEST + 0.1 * (IDLE - BEST)
@@ -85,7 +85,7 @@ def test_same_seed_gives_the_same_policy_bit_for_bit():
 
 
 def test_a_strange_observation_gives_an_action_inside_the_range():
-    from models.ddpg import act
+    from models.learning.ddpg import act
 
     actor = learn()
     for value in (1e30, -1e30):

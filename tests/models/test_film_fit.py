@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from models.film_cache import kept
-from models.film_fit import Search, Targets, fit
-from models.network import Mlp
+from models.film.cache import kept
+from models.film.fit import Search, Targets, fit
+from models.learning.network import Mlp
 
 SIGNS = (np.array([1.0, -1.0]), np.array([1.0, -1.0]))
 

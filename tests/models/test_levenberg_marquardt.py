@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from models.levenberg_marquardt import LmOptions, levenberg_marquardt
-from models.network import Mlp
+from models.learning.levenberg_marquardt import LmOptions, levenberg_marquardt
+from models.learning.network import Mlp
 
 
 def rosenbrock(theta):

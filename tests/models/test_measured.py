@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from models import measured
-from models.dataset import DatasetError
-from models.dataset_folder import Measured, read_folder
-from models.public_recordings import write
+from models.diagnosis import measured
+from models.diagnosis.dataset import DatasetError
+from models.diagnosis.dataset_folder import Measured, read_folder
+from models.diagnosis.public_recordings import write
 
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "data"
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from models.network import Mlp
+from models.learning.network import Mlp
 
 NET = Mlp((3, 5, 4, 2))
 

@@ -8,11 +8,11 @@ import pytest
 
 from firmware_py.brain.film import Film, Points
 from firmware_py.brain.intervals import QUANTITIES, REGIMES
-from models import predictor
-from models.predictor_episodes import FORECASTS_S, after_procedure, draw, play, slow_roll_vectors
-from models.predictor_hearing import Said, join, listen
-from models.predictor_scores import conformal, intervals, report, rival_widths, winkler
-from models.predictor_truth import damping_ratio
+from models.prediction import predictor
+from models.prediction.episodes import FORECASTS_S, after_procedure, draw, play, slow_roll_vectors
+from models.prediction.hearing import Said, join, listen
+from models.prediction.scores import conformal, intervals, report, rival_widths, winkler
+from models.prediction.truth import damping_ratio
 from sim_hil.build import Build
 from sim_hil.rigs import load_rig
 

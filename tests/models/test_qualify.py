@@ -144,7 +144,7 @@ def test_metrics_go_to_csv_and_tensorboard(tmp_path):
 def test_damaged_films_are_named_and_left_alone(tmp_path):
     from dataclasses import dataclass
 
-    from models.film_cache import kept
+    from models.film.cache import kept
 
     @dataclass
     class Films:

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize, rosen, rosen_der
 
-from models.network import Mlp, sigmoid
-from models.scaled_conjugate_gradient import scaled_conjugate_gradient
+from models.learning.network import Mlp, sigmoid
+from models.learning.scaled_conjugate_gradient import scaled_conjugate_gradient
 
 
 def logistic_problem():

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from models import scores
-from models.dataset import HEADS_OF_CLASS, SLIGHT_WEIGHT, Dataset
-from models.scores import Decisions
+from models.diagnosis import scores
+from models.diagnosis.dataset import HEADS_OF_CLASS, SLIGHT_WEIGHT, Dataset
+from models.diagnosis.scores import Decisions
 
 
 def decisions(kind, named, severity=25.0, confidence=0.9):

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from models import ARTIFACTS
-from models.film_judge import dissipation, symmetry
-from models.film_states import draw_states, solve_states, squeeze_velocity
+from models.film.judge import dissipation, symmetry
+from models.film.states import draw_states, solve_states, squeeze_velocity
 
 SHAPE, ECCENTRICITY_MAX = 0.5, 0.97
 
 
 @pytest.fixture(scope="module")
 def net():
-    from models.network import Mlp
+    from models.learning.network import Mlp
 
     return Mlp((2, 5, 3))
 
@@ -26,20 +26,20 @@ def theta(net):
 
 @pytest.fixture(scope="module")
 def module(net, theta):
-    from models.film_network import ReducedFilm
+    from models.film.reduced_network import ReducedFilm
 
     return ReducedFilm(net.layers(theta), SHAPE, ECCENTRICITY_MAX)
 
 
 @pytest.fixture(scope="module")
 def film(module):
-    from models.surrogate import of_module
+    from models.film.surrogate import of_module
 
     return of_module(module)
 
 
 def states(count=10_000):
-    from models.surrogate import SurrogateSettings, random_states
+    from models.film.surrogate import SurrogateSettings, random_states
 
     return random_states(count, SurrogateSettings(), 3)
 
@@ -98,8 +98,8 @@ def test_one_file_answers_like_the_module_and_is_always_finite(module, tmp_path)
     import torch
 
     from models import export
-    from models.film_network import layers_of_file
-    from models.film_states import STATE
+    from models.film.reduced_network import layers_of_file
+    from models.film.states import STATE
 
     metadata = export.Metadata(
         kind="surrogate", version="0", inputs=STATE, outputs=("force", "friction_torque", "side_flow", "inside"),
@@ -134,7 +134,7 @@ def test_shipped_surrogate_passes_every_bar():
 
 @pytest.mark.slow
 def test_shipped_surrogate_keeps_its_bars_on_films_of_today():
-    from models.surrogate import SurrogateSettings, judge, law_of, of_file
+    from models.film.surrogate import SurrogateSettings, judge, law_of, of_file
 
     path = ARTIFACTS / "surrogate.onnx"
     judged = solve_states(draw_states(40, SHAPE, np.random.default_rng(11)), (240, 48))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from models.film_fed_data import draw_fed, fed_film, solve_fed
+from models.film.fed_data import draw_fed, fed_film, solve_fed
 
 SHAPE, ECCENTRICITY_MAX = 0.5, 0.97
 
@@ -11,23 +11,23 @@ SHAPE, ECCENTRICITY_MAX = 0.5, 0.97
 @pytest.fixture(scope="module")
 def unfed():
     from models import ARTIFACTS
-    from models.film_network import ReducedFilm, layers_of_file
+    from models.film.reduced_network import ReducedFilm, layers_of_file
 
     return ReducedFilm(layers_of_file(ARTIFACTS / "surrogate.onnx"), SHAPE, ECCENTRICITY_MAX)
 
 
 @pytest.fixture(scope="module")
 def film(unfed):
-    from models.film_fed_network import INPUT_SIGNS, FedFilm
-    from models.network import Mlp
-    from models.surrogate import of_module
+    from models.film.fed_network import INPUT_SIGNS, FedFilm
+    from models.film.surrogate import of_module
+    from models.learning.network import Mlp
 
     net = Mlp((len(INPUT_SIGNS), 5, 2))
     return of_module(FedFilm(net.layers(net.initial(np.random.default_rng(1))), unfed))
 
 
 def states(count=200):
-    from models.surrogate_fed import FedSettings, draw_fed_states
+    from models.film.surrogate_fed import FedSettings, draw_fed_states
 
     return draw_fed_states(FedSettings(judge_points=count), np.random.default_rng(2))
 
@@ -77,7 +77,7 @@ def test_reduced_points_are_the_film_of_any_bearing():
 
 
 def test_the_shipped_table_is_the_film_of_these_states():
-    from models.film_fed_table import shipped_table
+    from models.film.fed_table import shipped_table
 
     table, numbers = shipped_table(SHAPE)
     state = states(3)
@@ -96,8 +96,8 @@ def test_drawn_points_fill_one_side_of_the_groove():
 
 @pytest.mark.slow
 def test_smoke_training_makes_a_whole_run(tmp_path):
+    from models.film.surrogate_fed import SETTINGS, train
     from models.runs import Run
-    from models.surrogate_fed import SETTINGS, train
 
     settings = SETTINGS().smoked()
     run = Run(tmp_path, "surrogate_fed", 0, settings, smoke=True)

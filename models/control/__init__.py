@@ -1,0 +1,1 @@
+"""The clearance policy: DDPG behind the shield, its rivals, references and judge."""

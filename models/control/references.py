@@ -1,0 +1,58 @@
+"""Best schedules of judged episodes, with preview and causal: computed once, one small file an episode."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from models import PHYSICS_VERSION
+from models.diagnosis.data_cache import map_in_order
+from sim_hil.bound import Reference, episode_references
+
+SPACING_UM = 12
+"""Clearances of the map that are run: half the time of the standard spacing, and every schedule is judged in time."""
+
+Floats = NDArray[np.float64]
+
+
+class ReferencePower(msgspec.Struct, frozen=True):
+    """Mean power, W, of the references of one episode; None where no schedule keeps the limits."""
+
+    preview_W: float | None
+    causal_W: float | None
+
+
+def reference_powers(
+    out: Path, rig: str, seconds: float, seeds: Sequence[int], workers: int, progress: Callable[[int], None]
+) -> tuple[Floats, Floats]:
+    """Preview and causal power of the episodes of ``seeds``, W; nan where there is none.
+
+    Some 15 s an episode on one core, the first time.
+    """
+    folder = out / f"references-{rig}-{seconds:g}s-physics{PHYSICS_VERSION}"
+    folder.mkdir(parents=True, exist_ok=True)
+    found = []
+    for done, power in enumerate(map_in_order(partial(_kept, folder, rig, seconds), seeds, workers), 1):
+        found.append((power.preview_W, power.causal_W))
+        progress(done)
+    preview, causal = np.array(found, dtype=np.float64).T
+    return preview, causal
+
+
+def _kept(folder: Path, rig: str, seconds: float, seed: int) -> ReferencePower:
+    path = folder / f"{seed}.json"
+    if path.exists():
+        return msgspec.json.decode(path.read_bytes(), type=ReferencePower)
+    _, found = episode_references(seed, rig=rig, episode_s=seconds, spacing_um=SPACING_UM)
+    power = ReferencePower(_power(found.preview), _power(found.causal))
+    path.write_bytes(msgspec.json.encode(power))
+    return power
+
+
+def _power(reference: Reference | None) -> float | None:
+    return None if reference is None else reference.verdict.mean_power_W

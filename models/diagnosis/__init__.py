@@ -1,0 +1,1 @@
+"""The fault classifier: recordings, ladder, calibration, novelty, judge; measured recordings of any rig."""

@@ -1,0 +1,85 @@
+"""Recordings are made once: one file a build in a folder named after everything that decides them.
+
+An interrupted recording goes on where it stopped; a file appears under its name only when it is whole.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import multiprocessing
+import zipfile
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import fields
+from functools import partial
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models import PHYSICS_VERSION
+from models.diagnosis.dataset import DatasetError
+from models.diagnosis.recordings import Plan, Raw, record_build
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+
+def folder_of(out: Path, plan: Plan) -> Path:
+    """Where the recordings of ``plan`` lie."""
+    key = repr((PHYSICS_VERSION, plan.rig, plan.seed, plan.rate_hz, plan.seconds))
+    return out / f"recordings-{plan.draw.__name__}-{hashlib.sha256(key.encode()).hexdigest()[:12]}"
+
+
+def make_recordings(out: Path, plan: Plan, builds: int, workers: int, progress: Callable[[int], None]) -> list[Path]:
+    """Files of the first ``builds`` builds of ``plan``, recording those that are not there yet.
+
+    What lies in a file follows from plan and build alone, whatever the number of workers.
+    """
+    folder = folder_of(out, plan)
+    folder.mkdir(parents=True, exist_ok=True)
+    files = [folder / f"build-{number:05d}.npz" for number in range(builds)]
+    missing = [number for number, file in enumerate(files) if not file.exists()]
+    progress(builds - len(missing))
+    for done, _ in enumerate(map_in_order(partial(_make, folder, plan), missing, workers), 1):
+        progress(builds - len(missing) + done)
+    return files
+
+
+def load(file: Path) -> list[Raw]:
+    """The recordings in one file.
+
+    Raises
+    ------
+    DatasetError
+        The file is not whole.
+    """
+    names = [f.name for f in fields(Raw)]
+    try:
+        with np.load(file) as stored:
+            columns = {name: stored[name] for name in stored.files}
+            return [Raw(*(_plain(columns[f"{i}_{name}"]) for name in names)) for i in range(int(columns["count"]))]
+    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
+        raise DatasetError(f"{file}: not a whole recording ({error}); delete it, it is then made again") from error
+
+
+def _plain(array: NDArray[Any]) -> Any:
+    return array if array.ndim else array.item()
+
+
+def _make(folder: Path, plan: Plan, number: int) -> None:
+    recordings = record_build(plan, number)
+    columns = {f"{i}_{f.name}": getattr(raw, f.name) for i, raw in enumerate(recordings) for f in fields(Raw)}
+    part = folder / f"build-{number:05d}.part.npz"
+    np.savez(part, count=len(recordings), **columns)
+    part.replace(folder / f"build-{number:05d}.npz")
+
+
+def map_in_order(make: Callable[[T], R], items: Sequence[T], workers: int) -> Iterator[R]:
+    """``make`` of every item, in their order, on ``workers`` processes."""
+    if workers == 1:
+        yield from map(make, items)
+        return
+    with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
+        yield from pool.map(make, items, chunksize=2)

@@ -1,0 +1,182 @@
+"""The ladder of classifiers, simplest first, each a function from the views of recordings to decisions.
+
+Thresholds; logistic regression; the paper's network on raw windows and on order-tracked features; a small
+convolutional network on waveforms over shaft angle; regression and network with the ringing of the feet.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_py.acquire import ringing
+from firmware_py.acquire.features import FEATURE_NAMES
+from models.diagnosis.dataset import CLASSES, Dataset
+from models.diagnosis.scores import class_probabilities, nll
+from models.learning.network import Mlp, sigmoid
+from models.learning.scaled_conjugate_gradient import scaled_conjugate_gradient
+
+Floats = NDArray[np.float64]
+Columns = NDArray[np.bool_]
+
+THRESHOLD_FEATURES: Final = (
+    "log_shaft_fwd_1x_m",
+    "shaft_fwd_2x_1x",
+    "shaft_half_fwd_rms",
+    "acc_bearing_vertical_log_rms",
+    "acc_bearing_vertical_2x_1x",
+    "acc_bearing_vertical_half_rms",
+    "acc_motor_log_rms",
+    "acc_motor_2x_1x",
+    "acc_motor_half_rms",
+)
+"""What a plant engineer would put an alarm on: first, second and half order."""
+
+CLIP: Final = 10.0
+"""Standard deviations beyond which a feature moves the verdict no further."""
+
+ORDER_FEATURES: Final = ~np.isin(FEATURE_NAMES, ringing.names())
+"""All but the ringing of the feet."""
+ALL_FEATURES: Final = np.ones(len(FEATURE_NAMES), dtype=np.bool_)
+
+
+@dataclass(frozen=True)
+class Scaler:
+    """Mean and deviation of the training rows; a feature that is left out has an infinite deviation."""
+
+    mean: Floats
+    deviation: Floats
+
+    @classmethod
+    def of(cls, data: Dataset, columns: Columns | None = None) -> Scaler:
+        """Moments of ``data``; a feature that never moves gets the deviation 1."""
+        x = np.asarray(data.features, np.float64)
+        deviation = x.std(axis=0)
+        deviation = np.where(deviation > 1e-9, deviation, 1.0)
+        return cls(x.mean(axis=0), deviation if columns is None else np.where(columns, deviation, np.inf))
+
+    def __call__(self, features: NDArray[np.floating]) -> Floats:
+        """Scaled features, held to :data:`CLIP` deviations as in the exported graph."""
+        return np.clip((features - self.mean) / self.deviation, -CLIP, CLIP)
+
+
+@dataclass(frozen=True)
+class HeadNetwork:
+    """A trained network that gives four log-odds from features."""
+
+    name: str
+    scaler: Scaler
+    net: Mlp
+    theta: Floats
+    l2: float
+
+    def logits(self, features: NDArray[np.floating]) -> Floats:
+        """Log-odds ``(n, 4)``."""
+        return self.net.outputs(self.theta, self.scaler(features))
+
+
+def fit_heads(
+    name: str,
+    columns: Columns,
+    hidden: tuple[int, ...],
+    train: Dataset,
+    inner: Dataset,
+    l2: float,
+    iterations: int,
+    rng: np.random.Generator,
+    progress: Callable[[int, float], None] | None = None,
+) -> HeadNetwork:
+    """Four sigmoid heads by scaled conjugate gradient on equation (8) with the square that it lacks.
+
+    Parameters
+    ----------
+    columns
+        Features that are used.
+    hidden
+        Neurons of the hidden layers; none is logistic regression.
+    train, inner
+        Rows; the weights that are best on ``inner`` are kept.
+    """
+    scaler = Scaler.of(train, columns)
+    x, heads, x_inner, inner_heads = scaler(train.features), train.heads, scaler(inner.features), inner.heads
+    weight, inner_weight = train.weight[:, None], inner.weight[:, None]
+    net = Mlp((x.shape[1], *hidden, heads.shape[1]))
+    decay = l2 * net.is_weight()
+
+    def cost(theta: Floats) -> tuple[float, Floats]:
+        logits = net.outputs(theta, x)
+        slope = weight * (sigmoid(logits) - heads) / heads.size
+        return nll(logits, heads, weight) + 0.5 * float(decay @ theta**2), net.gradient(theta, x, slope) + decay * theta
+
+    result = scaled_conjugate_gradient(
+        cost, net.initial(rng), iterations=iterations, patience=40, progress=progress,
+        monitor=lambda t: nll(net.outputs(t, x_inner), inner_heads, inner_weight),
+    )  # fmt: skip
+    return HeadNetwork(name, scaler, net, result.theta, l2)
+
+
+def thresholds(train: Dataset, judged: Dataset) -> Floats:
+    """Class probabilities of one threshold a head, on the feature and side that separate ``train`` best."""
+    columns = [FEATURE_NAMES.index(name) for name in THRESHOLD_FEATURES]
+    logits = np.empty((len(judged), train.heads.shape[1]))
+    for head in range(logits.shape[1]):
+        truth = train.heads[:, head] > 0.5
+        best = (-1.0, 0, 0.0, 1.0)
+        for column in columns:
+            for limit in np.quantile(train.features[:, column], np.linspace(0.02, 0.98, 49)):
+                above = train.features[:, column] > limit
+                for side in (1.0, -1.0):
+                    called = above if side > 0 else ~above
+                    score = 0.5 * float(np.mean(called[truth]) + np.mean(~called[~truth]))
+                    best = max(best, (score, column, float(limit), side))
+        _, column, limit, side = best
+        logits[:, head] = np.where(side * (judged.features[:, column] - limit) > 0, 2.0, -2.0)
+    return class_probabilities(logits)
+
+
+@dataclass(frozen=True)
+class PaperNetwork:
+    """The paper's classifier as printed: one hidden sigmoid layer, softmax (7), scaled conjugate gradient.
+
+    The softmax sums over the outputs only (the printed upper limit is a misprint).
+    """
+
+    scaler: Scaler
+    net: Mlp
+    theta: Floats
+
+    @classmethod
+    def fit(
+        cls, train: Dataset, inner: Dataset, hidden: int, iterations: int, rng: np.random.Generator,
+        columns: Columns | None = None, progress: Callable[[int, float], None] | None = None,
+    ) -> PaperNetwork:  # fmt: skip
+        """Train on ``train``; the weights that are best on ``inner`` are kept."""
+        scaler, net = Scaler.of(train, columns), Mlp((train.features.shape[1], hidden, len(CLASSES)))
+        x, truth, x_inner = scaler(train.features), np.eye(len(CLASSES))[train.kind], scaler(inner.features)
+
+        def cost(theta: Floats) -> tuple[float, Floats]:
+            h = _softmax(net.outputs(theta, x))
+            value = -float(np.mean(np.sum(truth * np.log(h + 1e-300), axis=1)))
+            return value, net.gradient(theta, x, (h - truth) / len(x))
+
+        def inner_cost(theta: Floats) -> float:
+            h = _softmax(net.outputs(theta, x_inner))
+            return -float(np.mean(np.log(h[np.arange(len(h)), inner.kind] + 1e-300)))
+
+        result = scaled_conjugate_gradient(
+            cost, net.initial(rng), iterations=iterations, monitor=inner_cost, patience=20, progress=progress
+        )
+        return cls(scaler, net, result.theta)
+
+    def probability(self, features: NDArray[np.floating]) -> Floats:
+        """Class probabilities ``(n, 6)``."""
+        return _softmax(self.net.outputs(self.theta, self.scaler(features)))
+
+
+def _softmax(z: Floats) -> Floats:
+    e = np.exp(z - z.max(axis=1, keepdims=True))
+    return np.asarray(e / e.sum(axis=1, keepdims=True))

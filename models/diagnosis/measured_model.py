@@ -1,0 +1,70 @@
+"""``orbitd train classifier --data DIR``: a classifier of a user's own recordings as one ONNX file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from models import export
+from models.diagnosis import measured
+from models.diagnosis.dataset_folder import read_folder
+from models.diagnosis.measured import Network
+from models.film.reduced_network import Perceptron
+from models.runs import Run, Settings
+
+Floats = NDArray[np.float64]
+
+
+class MeasuredSettings(Settings, frozen=True):
+    """What ``orbitd train classifier --data`` does."""
+
+    data: str = ""
+    group: str = "group"
+
+    def smoked(self) -> MeasuredSettings:
+        """It takes seconds as it is."""
+        return self
+
+
+SETTINGS = MeasuredSettings
+
+
+class MeasuredGraph(nn.Module):
+    """``features (m, F)`` float32 -> ``classes (m, K)`` probabilities."""
+
+    def __init__(self, network: Network) -> None:
+        super().__init__()
+        self.net = Perceptron(network.net.layers(network.theta))
+        self.mean: Tensor
+        self.deviation: Tensor
+        self.register_buffer("mean", torch.from_numpy(network.mean))
+        self.register_buffer("deviation", torch.from_numpy(network.deviation))
+
+    def forward(self, features: Tensor) -> Tensor:
+        """Softmax (7), summed over the outputs only."""
+        return torch.softmax(self.net((features.double() - self.mean) / self.deviation), dim=1).float()
+
+
+def train(run: Run, settings: MeasuredSettings) -> dict[str, object]:
+    """Judge by leaving groups out, then train the regression on everything and export it."""
+    found = read_folder(Path(settings.data), settings.group)
+    data = measured.windows_of(found)
+    report = measured.evaluate(data, run.seed)
+    network = measured.fit_regression(data.features, data.label, len(data.labels), run.seed)
+    module, x = MeasuredGraph(network), data.features.astype(np.float32)
+    metadata = export.Metadata(
+        kind="measured classifier", version="0.1.0", inputs=[f"feature {i}" for i in range(x.shape[1])],
+        outputs=("classes",), units=(), channels=found[0].channels, rigs=(), domain={},
+        rate_hz=(round(found[0].rate_hz),), window={"samples": float(measured.window_samples(found[0].rate_hz))},
+        data_hash=export.data_hash(data.features, data.label, data.group), metrics=report,
+        settings={"labels": list(data.labels)},
+    )  # fmt: skip
+    export.export(module, torch.from_numpy(x[:2]), run.model, input_name="features", output_names=("classes",),
+                  metadata=metadata)  # fmt: skip
+    report |= {"export_parity": export.parity(module, run.model, x), "trained": "logistic regression, spectra"}
+    run.write_json("measured_model.json", report)
+    return report

@@ -1,0 +1,180 @@
+"""Recordings of rigs in software: builds, faults, operating points and clearance loops drawn from a seed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.diagnosis.clearance_loops import LOOPS, Loop, loop_of
+from sim_hil.build import Build
+from sim_hil.duty import Duty
+from sim_hil.machine import Machine
+from sim_hil.rigs import RigData, load_rig
+from sim_hil.runs import recording_of, run
+
+Floats = NDArray[np.float64]
+
+FAULT_OF_CLASS: Final = (
+    "",
+    "pedestal_bolt",
+    "pedestal_two_bolts",
+    "motor_bolt",
+    "unbalance",
+    "pedestal_and_motor_bolt",
+)
+"""The rig's fault for each class of :data:`models.diagnosis.dataset.CLASSES`."""
+
+UNBALANCE_GRADES: Final = (6.3, 16.0, 40.0)
+BOLT_PRELOADS: Final = (75.0, 50.0, 25.0, 0.0)
+"""The severities of classes.json."""
+
+UNKNOWNS: Final = ("misalignment", "rub", "starvation", "wear", "pedestal_bolt_c")
+"""Faults that are never taught; the last is a bolt that is no class."""
+
+UNKNOWN_KIND: Final = -1
+JUDGED_SECONDS: Final = 4.0
+"""Long enough for one decision of ten windows at any speed."""
+
+WATCH_SECONDS: Final = 7.0
+"""Length of a healthy run on which false alarms are counted."""
+
+DUTIES: Final = ("hold", "ramp", "run-up", "load step")
+SETTLE_S: Final = 0.4
+DRIFTING: Final = ("disp_x", "disp_y", "acc_bearing_vertical", "acc_motor", "supply_pressure")
+DRIFT_MOST: Final = 0.3
+"""Zero drift of a healthy machine's sensor: this share of 20 % of the range a minute."""
+_MICROSECONDS: Final = 1e6
+
+
+@dataclass(frozen=True)
+class Case:
+    """One recording to make: class, severity (of an unknown: index into :data:`UNKNOWNS`), the rig's faults."""
+
+    kind: int
+    severity: float
+    faults: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is recorded of every build: ``draw`` chooses the cases, each of ``seconds``."""
+
+    rig: str
+    seed: int
+    rate_hz: int
+    seconds: float
+    draw: Callable[[np.random.Generator], list[Case]]
+
+
+@dataclass(frozen=True)
+class Raw:
+    """One recording as the device would have received it, and what is true of it.
+
+    ``counts`` int16 (n, 8); ``start_us`` tick of the first row; ``marks_us`` ticks of the once-per-turn edges;
+    ``readings`` (m, 4): tick, clearance (m), shaft power (W), oil outlet (degC).  ``loop`` and ``duty`` index
+    :data:`LOOPS` and :data:`DUTIES`.
+    """
+
+    counts: NDArray[np.int16]
+    start_us: int
+    marks_us: NDArray[np.int64]
+    readings: Floats
+    rate_hz: int
+    kind: int
+    severity: float
+    loop: int
+    duty: int
+
+
+def training_cases(rng: np.random.Generator) -> list[Case]:
+    """Two healthy recordings and three faults a build, half preload and worse, grade G16 and worse."""
+    kinds = rng.permutation(np.arange(1, 6))[:3]
+    return [_healthy(), _healthy(), *(_taught(int(k), rng, slice(1, None)) for k in kinds)]
+
+
+def judged_cases(rng: np.random.Generator) -> list[Case]:
+    """One healthy recording and one of every fault, over the whole severity grid."""
+    return [_healthy(), *(_taught(k, rng, slice(None)) for k in range(1, 6))]
+
+
+def unknown_cases(rng: np.random.Generator) -> list[Case]:
+    """One healthy recording and one of every fault that was never taught, at full severity."""
+    return [_healthy(), *(Case(UNKNOWN_KIND, k, {name: 0.0 if name == "pedestal_bolt_c" else 1.0})
+                          for k, name in enumerate(UNKNOWNS))]  # fmt: skip
+
+
+def watch_cases(rng: np.random.Generator) -> list[Case]:
+    """One healthy run with the zero of one sensor drifting."""
+    drift = {f"sensor_drift:{rng.choice(DRIFTING)}": float(rng.uniform(0.0, DRIFT_MOST))}
+    return [Case(0, 100.0, drift)]
+
+
+def record_build(plan: Plan, build_number: int) -> list[Raw]:
+    """All recordings of one build; they follow from the plan and the number alone."""
+    rng = np.random.default_rng([plan.seed, build_number])
+    rig = load_rig(plan.rig)
+    build = Build.draw(rig, rng)
+    return [_record(rig, build, case, plan, rng) for case in plan.draw(rng)]
+
+
+def _record(rig: RigData, build: Build, case: Case, plan: Plan, rng: np.random.Generator) -> Raw:
+    duty_kind, duty = _duty(rig, plan.seconds, rng)
+    loop_kind = int(rng.integers(len(LOOPS)))
+    pressure = float(rng.uniform(rig.supply.min_Pa, rig.supply.max_Pa))
+    loop = loop_of(loop_kind, rig, plan.seconds, rng)
+    seed = int(rng.integers(2**31))
+    machine = Machine(
+        rig, build, seed, rate_hz=plan.rate_hz, inlet_C=float(rng.uniform(20.0, 60.0)),
+        clearance_m=loop.start_m, pressure_Pa=pressure,
+    )  # fmt: skip
+    _settle(machine, duty, loop, pressure, case)
+    batch = loop.run(machine, duty, plan.seconds, pressure)
+    taken = recording_of(machine, batch, np.random.default_rng([seed, 1]))
+    readings = np.column_stack([taken.status[:, 0] * _MICROSECONDS, taken.status[:, 3], taken.status[:, 1:3]])
+    return Raw(
+        taken.counts, round(float(taken.time_s[0]) * _MICROSECONDS),
+        np.round(taken.mark_s * _MICROSECONDS).astype(np.int64), readings,
+        plan.rate_hz, case.kind, case.severity, loop_kind, duty_kind,
+    )  # fmt: skip
+
+
+def _settle(machine: Machine, duty: Duty, loop: Loop, pressure: float, case: Case) -> None:
+    """Run healthy, then as long with the faults: a rub, say, needs to know where the shaft ran before."""
+    start = Duty.hold(duty.speed_rpm[0], duty.load_N[0])
+    run(machine, start, SETTLE_S, clearance=loop.start_m, pressure=pressure)
+    for name, severity in case.faults.items():
+        machine.inject(name, severity)
+    run(machine, start, SETTLE_S, clearance=loop.start_m, pressure=pressure)
+
+
+def _healthy() -> Case:
+    return Case(0, 100.0, {})
+
+
+def _taught(kind: int, rng: np.random.Generator, of_grid: slice) -> Case:
+    name = FAULT_OF_CLASS[kind]
+    grid = UNBALANCE_GRADES if name == "unbalance" else BOLT_PRELOADS
+    severity = float(rng.choice(grid[of_grid]))
+    return Case(kind, severity, {name: severity})
+
+
+def _duty(rig: RigData, seconds: float, rng: np.random.Generator) -> tuple[int, Duty]:
+    """Index into :data:`DUTIES` and the duty: half of all hold, ramps within 400 rpm/s, run-ups within 2000."""
+    low, high = rig.speed_min_rpm, rig.speed_max_rpm
+    first, last = np.exp(rng.uniform(math.log(low), math.log(high), 2)).tolist()
+    light, heavy = np.exp(rng.uniform(math.log(rig.load_min_N), math.log(rig.load_max_N), 2)).tolist()
+    kind = int(rng.choice(len(DUTIES), p=(0.5, 0.2, 0.15, 0.15)))
+    if DUTIES[kind] == "hold":
+        return kind, Duty.hold(first, light)
+    if DUTIES[kind] == "load step":
+        half = 0.5 * seconds
+        return kind, Duty((0.0, half, half + 0.05, seconds), (first,) * 4, (light, light, heavy, heavy))
+    rate = 400.0 if DUTIES[kind] == "ramp" else float(rng.uniform(400.0, 2000.0))
+    reach = rate * seconds
+    end = min(max(last, first - reach), first + reach) if DUTIES[kind] == "ramp" else min(first + reach, high)
+    return kind, Duty((0.0, seconds), (first, end), (light, heavy))

@@ -1,0 +1,110 @@
+"""The ladder climbed: every rung trained on the outer builds, the simplest that wins on inner builds chosen."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.diagnosis import ladder, scores
+from models.diagnosis.ladder import ALL_FEATURES, ORDER_FEATURES, HeadNetwork, PaperNetwork
+from models.diagnosis.scores import Decisions, class_probabilities, decide
+from models.diagnosis.waveform_network import fit_waveforms, waveform_probability
+from models.diagnosis.windowed import Views
+from models.runs import Settings, progress_bar
+
+Floats = NDArray[np.float64]
+
+
+class LadderSettings(Settings, frozen=True):
+    """How the rungs are trained."""
+
+    hidden: tuple[int, ...] = (24,)
+    l2: tuple[float, ...] = (1e-3, 1e-4)
+    iterations: int = 400
+    paper_hidden: int = 20
+    paper_iterations: int = 40
+    epochs: int = 30
+
+
+@dataclass(frozen=True)
+class Rung:
+    """One classifier of the ladder: its probabilities for the views of recordings, pooled to decisions."""
+
+    name: str
+    probability: Callable[[Views], Floats]
+    view: str = "orders"
+    network: HeadNetwork | None = None
+
+    def decisions(self, views: Views) -> Decisions:
+        """Decisions at the severities that must be found."""
+        return scores.required(decide(self.probability(views), getattr(views, self.view)))
+
+
+def climb(
+    outer: Views, inner: Views, settings: LadderSettings, rate_hz: int, seed: int, rng: np.random.Generator
+) -> list[Rung]:
+    """Every rung, simplest first, trained on ``outer`` with ``inner`` as what it must not see."""
+    rungs = [Rung("thresholds on 1X, 2X, half order", lambda v: ladder.thresholds(outer.orders, v.orders))]
+    for name, columns, hidden in (
+        ("logistic regression, order features", ORDER_FEATURES, ()),
+        ("logistic regression, order features and ringing", ALL_FEATURES, ()),
+    ):
+        rungs.append(_heads_rung(name, columns, hidden, outer, inner, settings, rng))
+    for name, view, columns_or_none in (
+        (f"paper's network, raw 800 points at {rate_hz} Hz", "raw", None),
+        ("paper's network, order features over 32 turns", "orders", ORDER_FEATURES),
+    ):
+        with progress_bar(name, settings.paper_iterations) as bar:
+            paper = PaperNetwork.fit(
+                getattr(outer, view), getattr(inner, view), settings.paper_hidden, settings.paper_iterations, rng,
+                columns_or_none, bar,
+            )  # fmt: skip
+        rungs.append(_paper_rung(name, view, paper))
+    with progress_bar("1-D CNN on 32 turns", settings.epochs) as bar:
+        waves = fit_waveforms(outer.waves, inner.waves, settings.epochs, seed, bar)
+    rungs.append(Rung(
+        "1-D CNN, waveforms of 32 turns", lambda v: waveform_probability(waves, v.waves.features), "waves"
+    ))  # fmt: skip
+    name = "-".join(["network", *map(str, settings.hidden)])
+    rungs.append(_heads_rung(f"{name}, order features and ringing", ALL_FEATURES, settings.hidden, outer, inner,
+                             settings, rng))  # fmt: skip
+    return rungs
+
+
+def _paper_rung(name: str, view: str, paper: PaperNetwork) -> Rung:
+    return Rung(name, lambda v: paper.probability(getattr(v, view).features), view)
+
+
+def _heads_rung(
+    name: str, columns: NDArray[np.bool_], hidden: tuple[int, ...], outer: Views, inner: Views,
+    settings: LadderSettings, rng: np.random.Generator,
+) -> Rung:  # fmt: skip
+    """Four heads; the decay that is best on the inner builds."""
+    tried = []
+    for l2 in settings.l2:
+        with progress_bar(f"{name}, l2 {l2:g}", settings.iterations) as bar:
+            tried.append(ladder.fit_heads(name, columns, hidden, outer.orders, inner.orders, l2,
+                                          settings.iterations, rng, bar))  # fmt: skip
+    best = min(tried, key=lambda n: scores.nll(n.logits(inner.orders.features), inner.orders.heads))
+    return Rung(name, lambda v: class_probabilities(best.logits(v.orders.features)), network=best)
+
+
+def choose(rungs: list[Rung], inner: Views) -> tuple[HeadNetwork, list[dict[str, object]]]:
+    """The simplest rung whose worst inner regime no later one betters; a row for each.
+
+    Only rungs that the device can run are chosen: those with four heads on features.
+    """
+    best: tuple[float, HeadNetwork] | None = None
+    rows: list[dict[str, object]] = []
+    for rung in rungs:
+        decisions = rung.decisions(inner)
+        rows.append({"rung": rung.name, **scores.summary(decisions)})
+        worst = decisions.subset(scores.worst_group(decisions)[1])
+        score = scores.balanced_accuracy(worst.kind, worst.named)
+        if rung.network is not None and (best is None or score > best[0]):
+            best = score, rung.network
+    assert best is not None  # the ladder holds regressions
+    return best[1], rows

@@ -1,0 +1,193 @@
+"""Scores of a diagnosis: classes from heads, balanced accuracy, worst group, calibration."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_py.acquire.features import FEATURE_NAMES
+from models.diagnosis.clearance_loops import LOOPS
+from models.diagnosis.dataset import CLASSES, HEADS_OF_CLASS, Dataset, severe
+from models.diagnosis.recordings import DUTIES
+
+Floats = NDArray[np.float64]
+
+CALIBRATION_BINS = 10
+SPEED_BORDERS = np.log10(np.array([3000.0, 6000.0]) * np.pi / 30.0)
+REGIMES = (LOOPS, DUTIES, ("below 3000 rpm", "3000 to 6000 rpm", "above 6000 rpm"))
+"""Names of the columns of :attr:`Decisions.regime`."""
+
+
+
+@dataclass(frozen=True)
+class Decisions:
+    """Class probabilities ``(n, 6)`` beside the truth, one row a decision; ``regime`` ``(n, k)`` for worst groups."""
+
+    probability: Floats
+    kind: NDArray[np.intp]
+    severity: Floats
+    group: NDArray[np.intp]
+    regime: NDArray[np.intp]
+
+    @property
+    def named(self) -> NDArray[np.intp]:
+        """The most probable class."""
+        return np.asarray(np.argmax(self.probability, axis=1), dtype=np.intp)
+
+    @property
+    def abnormal(self) -> NDArray[np.bool_]:
+        """True where any fault is more probable than none."""
+        return self.probability[:, 0] < 0.5
+
+    def subset(self, rows: NDArray[np.bool_]) -> Decisions:
+        """The decisions at ``rows``."""
+        return Decisions(*(getattr(self, f.name)[rows] for f in fields(self)))
+
+
+def class_probabilities(logits: Floats) -> Floats:
+    """Six class probabilities ``(n, 6)`` from the heads' log-odds ``(n, 4)``.
+
+    The heads are taken as independent, and of their 16 patterns only the six classes are allowed.
+    """
+    log_p, log_not = -np.logaddexp(0.0, -logits), -np.logaddexp(0.0, logits)
+    joint = log_p @ HEADS_OF_CLASS.T + log_not @ (1.0 - HEADS_OF_CLASS).T
+    joint = np.exp(joint - joint.max(axis=1, keepdims=True))
+    probability: Floats = joint / joint.sum(axis=1, keepdims=True)
+    return probability
+
+
+def log_odds(probability: Floats) -> Floats:
+    """Log-odds of probabilities, within those of float32."""
+    p = np.clip(probability, 1e-6, 1.0 - 1e-6)
+    odds: Floats = np.log(p) - np.log1p(-p)
+    return odds
+
+
+def decide(probability: Floats, data: Dataset) -> Decisions:
+    """Decisions from class probabilities of the rows of ``data``."""
+    return Decisions(probability, data.kind, data.severity, data.group, regimes(data))
+
+
+def regimes(data: Dataset) -> NDArray[np.intp]:
+    """Who moved the clearance, what speed and load did, third of the speeds: ``(n, 3)``."""
+    speed = np.zeros(len(data), dtype=np.intp)
+    if data.features.shape[1] == len(FEATURE_NAMES):
+        speed = np.digitize(data.features[:, FEATURE_NAMES.index("log_speed_rad_s")], SPEED_BORDERS)
+    return np.column_stack([data.loop, data.duty, speed])
+
+
+def worst_group(decisions: Decisions) -> tuple[str, NDArray[np.bool_]]:
+    """Name and rows of the regime with the lowest balanced accuracy."""
+    found: list[tuple[float, str, NDArray[np.bool_]]] = []
+    for column, names in enumerate(REGIMES):
+        for index, name in enumerate(names):
+            rows = decisions.regime[:, column] == index
+            if len(np.unique(decisions.kind[rows])) == len(np.unique(decisions.kind)):
+                found.append((balanced_accuracy(decisions.kind[rows], decisions.named[rows]), name, rows))
+    _, name, rows = min(found, key=lambda item: item[0], default=(0.0, "all", decisions.kind >= 0))
+    return name, rows
+
+
+def required(decisions: Decisions) -> Decisions:
+    """The decisions at the severities that must be found: G16 and more, at most 25 % of the preload."""
+    return decisions.subset(severe(decisions.kind, decisions.severity))
+
+
+def balanced_accuracy(truth: NDArray[np.intp], named: NDArray[np.intp]) -> float:
+    """Mean recall over the classes that occur."""
+    return float(np.mean([np.mean(named[truth == kind] == kind) for kind in np.unique(truth)]))
+
+
+def calibration_error(decisions: Decisions) -> float:
+    """Expected calibration error of the named class, ten equal bins (Naeini et al. 2015)."""
+    confidence = decisions.probability.max(axis=1)
+    right = decisions.named == decisions.kind
+    bins = np.minimum((confidence * CALIBRATION_BINS).astype(int), CALIBRATION_BINS - 1)
+    gaps = [np.mean(bins == k) * abs(confidence[bins == k].mean() - right[bins == k].mean()) for k in np.unique(bins)]
+    return float(np.sum(gaps))
+
+
+def summary(decisions: Decisions) -> dict[str, object]:
+    """Six-class and two-class balanced accuracy with 95 % intervals over builds, and calibration."""
+    if len(decisions.kind) == 0:
+        return {"decisions": 0}
+    low, high = bootstrap(decisions)
+    worst, rows = worst_group(decisions)
+    two = balanced_accuracy((decisions.kind > 0).astype(np.intp), decisions.abnormal.astype(np.intp))
+    return {
+        "decisions": len(decisions.kind),
+        "builds": len(np.unique(decisions.group)),
+        "six_classes": {
+            "balanced_accuracy": round(balanced_accuracy(decisions.kind, decisions.named), 4),
+            "interval_95": [round(low, 4), round(high, 4)],
+            "worst_group": {worst: round(balanced_accuracy(decisions.kind[rows], decisions.named[rows]), 4)},
+        },
+        "two_classes": {"balanced_accuracy": round(two, 4)},
+        "ece": round(calibration_error(decisions), 4),
+    }
+
+
+def bootstrap(decisions: Decisions, draws: int = 500, seed: int = 0) -> tuple[float, float]:
+    """95 % interval of the six-class balanced accuracy, builds drawn with replacement."""
+    rng = np.random.default_rng(seed)
+    rows_of = [np.flatnonzero(decisions.group == g) for g in np.unique(decisions.group)]
+    named, scores = decisions.named, []
+    for _ in range(draws):
+        rows = np.concatenate([rows_of[k] for k in rng.integers(0, len(rows_of), len(rows_of))])
+        scores.append(balanced_accuracy(decisions.kind[rows], named[rows]))
+    return float(np.quantile(scores, 0.025)), float(np.quantile(scores, 0.975))
+
+
+def beats(better: Decisions, simpler: Decisions, draws: int = 1000) -> bool:
+    """True when ``better`` has the higher balanced accuracy on the same decisions, beyond luck.
+
+    The lower 95 % limit of the paired difference, builds drawn with replacement, must lie above zero.
+    """
+    share = 1.0 / np.bincount(better.kind)[better.kind]
+    right = (better.named == better.kind).astype(np.float64) - (simpler.named == simpler.kind)
+    builds, index = np.unique(better.group, return_inverse=True)
+    total, weight = np.bincount(index, share * right), np.bincount(index, share)
+    rows = np.random.default_rng(0).integers(0, len(builds), (draws, len(builds)))
+    difference = total[rows].sum(axis=1) / weight[rows].sum(axis=1)
+    return bool(np.quantile(difference, 0.025) > 0.0)
+
+
+def severity_grid(decisions: Decisions) -> dict[str, dict[str, float]]:
+    """Share of decisions that named the right class, per class and severity; for normal: no alarm."""
+    grid: dict[str, dict[str, float]] = {}
+    for kind in np.unique(decisions.kind):
+        of_kind = decisions.kind == kind
+        grid[CLASSES[kind]] = {
+            f"{severity:g}": round(
+                float(np.mean(decisions.named[of_kind & (decisions.severity == severity)] == kind)), 4
+            )
+            for severity in np.unique(decisions.severity[of_kind])
+        }
+    return grid
+
+
+def false_alarms(decisions: Decisions) -> dict[str, object]:
+    """Healthy decisions that named a fault, decision by decision and by build."""
+    healthy = decisions.kind == 0
+    alarms, n = int(np.sum(healthy & (decisions.named != 0))), int(np.sum(healthy))
+    builds = decisions.group[healthy & (decisions.named != 0)]
+    return {
+        "healthy_decisions": n,
+        "healthy_builds": len(np.unique(decisions.group[healthy])),
+        "false_alarms": alarms,
+        "builds_with_a_false_alarm": len(np.unique(builds)),
+        "share": round(alarms / max(n, 1), 5),
+    }
+
+
+def nll(logits: Floats, heads: Floats, weight: Floats | float = 1.0) -> float:
+    """Mean (weighted) negative log-likelihood of the heads, equation (8) without its regulariser."""
+    return float(np.mean(weight * (np.logaddexp(0.0, logits) - heads * logits)))
+
+
+def temperature(logits: Floats, heads: Floats) -> float:
+    """Divisor of the log-odds that minimises :func:`nll` (Guo et al. 2017), on a grid of 1 %."""
+    grid = np.exp(np.arange(-1.5, 2.5, 0.01))
+    return float(grid[np.argmin([nll(logits / t, heads) for t in grid])])

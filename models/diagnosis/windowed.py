@@ -1,0 +1,122 @@
+"""Three views of the same recordings: features of every window, a raw window, a waveform over shaft angle."""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+import zipfile
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_py.acquire import features as feature_code
+from firmware_py.acquire import orders as order_code
+from firmware_py.acquire import ringing as ringing_code
+from firmware_py.acquire import windows as window_code
+from firmware_py.acquire.features import FEATURE_NAMES, at_one_rate, features
+from firmware_py.acquire.orders import BINS, ROTATING, by_angle
+from firmware_py.acquire.windows import TURNS, Window, iter_windows
+from firmware_py.records import Quality
+from models.diagnosis.data_cache import folder_of, load, make_recordings, map_in_order
+from models.diagnosis.dataset import WINDOWS_PER_DECISION, Dataset, DatasetError, join, pooled
+from models.diagnosis.recordings import Plan, Raw
+from models.runs import progress_bar
+
+RAW_POINTS: Final = 800
+"""Length of the paper's windows; at 5 kHz 0.16 s."""
+
+
+@dataclass(frozen=True)
+class Views:
+    """``orders``: features of every window; ``raw``, ``waves``: one row a recording."""
+
+    orders: Dataset
+    raw: Dataset
+    waves: Dataset
+
+
+def views_of(out: Path, plan: Plan, builds: int, workers: int) -> Views:
+    """Views of the recordings of ``plan`` under ``out``, recorded and analysed when they are not there yet."""
+    with progress_bar(f"recordings of {builds} builds", builds) as bar:
+        files = make_recordings(out, plan, builds, workers, bar)
+    path = folder_of(out, plan) / f"views-{builds}-{_code_hash()}.npz"
+    if path.exists():
+        return _read(path)
+    with progress_bar(f"features of {builds} builds", builds) as bar:
+        views = _analysed(files, workers, bar)
+    part = path.with_suffix(".part.npz")
+    np.savez(part, **{f"{view.name}_{column.name}": getattr(getattr(views, view.name), column.name)
+                      for view in fields(Views) for column in fields(Dataset)})  # fmt: skip
+    part.replace(path)
+    return views
+
+
+def per_decision(views: Views) -> Views:
+    """Features averaged over the windows of one decision; raw windows and waveforms stay one a recording."""
+    return Views(pooled(views.orders, WINDOWS_PER_DECISION), views.raw, views.waves)
+
+
+def usable_windows(raw: Raw) -> list[Window]:
+    """Windows of a recording with whole turns, as the device cuts them."""
+    windows = iter_windows(raw.counts, raw.start_us, raw.marks_us, raw.rate_hz, readings=raw.readings)
+    return [window for window in windows if not window.quality & Quality.NO_MARK]
+
+
+def _analysed(files: list[Path], workers: int, progress: Callable[[int], None]) -> Views:
+    parts = []
+    for done, part in enumerate(map_in_order(_views_of_build, files, workers), 1):
+        parts.append(part)
+        progress(done)
+    return Views(*(join([getattr(part, f.name) for part in parts]) for f in fields(Views)))
+
+
+def _views_of_build(file: Path) -> Views:
+    build = int(file.stem.partition("-")[2])
+    return joined_views([_views(raw, build, 100 * build + i) for i, raw in enumerate(load(file))])
+
+
+def joined_views(parts: list[Views]) -> Views:
+    """All rows of ``parts``."""
+    return Views(*(join([getattr(part, f.name) for part in parts]) for f in fields(Views)))
+
+
+def _views(raw: Raw, build: int, number: int) -> Views:
+    windows = usable_windows(raw)
+    rows = np.array([features(w) for w in windows], np.float32).reshape(-1, len(FEATURE_NAMES))
+    points = raw.counts[-RAW_POINTS:].reshape(1, -1).astype(np.float32)
+    waves = np.array([waveform(w) for w in windows[-1:]], np.float32).reshape(-1, len(ROTATING) * TURNS * BINS)
+    return Views(*(_labelled(x, raw, build, number) for x in (rows, points, waves)))
+
+
+def waveform(window: Window) -> NDArray[np.float64]:
+    """The last :data:`TURNS` turns over shaft angle, shape (7 x 1024,); missing turns are zero."""
+    window = at_one_rate(window)
+    angle = by_angle(window.samples, window.marks[-1 - min(window.turns, TURNS) :])
+    angle -= angle.mean(axis=1, keepdims=True)
+    return np.pad(angle, ((0, 0), (TURNS * BINS - angle.shape[1], 0))).ravel()
+
+
+def _labelled(rows: NDArray[np.float32], raw: Raw, build: int, number: int) -> Dataset:
+    labels = (raw.kind, raw.severity, build, number, raw.loop, raw.duty)
+    return Dataset(rows, *(np.full(len(rows), label) for label in labels))
+
+
+def _code_hash() -> str:
+    """Changes with the code that cuts and analyses windows."""
+    digest = hashlib.sha256()
+    for module in (window_code, order_code, ringing_code, feature_code):
+        digest.update(inspect.getsource(module).encode())
+    return digest.hexdigest()[:12]
+
+
+def _read(path: Path) -> Views:
+    try:
+        with np.load(path) as stored:
+            return Views(*(Dataset(*(stored[f"{view.name}_{column.name}"] for column in fields(Dataset)))
+                           for view in fields(Views)))  # fmt: skip
+    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
+        raise DatasetError(f"{path}: not whole ({error}); delete it, it is then made again") from error

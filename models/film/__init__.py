@@ -1,0 +1,1 @@
+"""The film surrogate: truth, networks, rivals, bars."""

@@ -1,0 +1,105 @@
+"""What a film model does to a rotor: its orbits beside the Reynolds film's, and the speed where whirl sets in."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.film.judge import Bar, FilmModel
+from sim_hil.build import Build
+from sim_hil.duty import Duty
+from sim_hil.film.equilibrium import equilibrium, whirl_threshold
+from sim_hil.response import Force, Trajectory, simulate
+from sim_hil.rigs import RigData
+from sim_hil.rotor.network_law import ReducedNetworkLaw
+
+Floats = NDArray[np.float64]
+
+REVOLUTIONS = 50
+WHIRL_RATIOS = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7)
+"""Eccentricity ratios at which whirl is looked for; beyond about 0.75 a plain bearing is stable at any speed."""
+
+_STEP = 0.01
+"""Reach of the differences, in gaps, as :func:`sim_hil.equilibrium` takes them."""
+
+CASES: Final[Mapping[str, tuple[float, float, float, float, float]]] = {
+    "steady": (6000.0, 6000.0, 100.0, 60e-6, 1.0),
+    "high_vibration": (6000.0, 6000.0, 100.0, 100e-6, 20.0),
+    "run_up": (3000.0, 9000.0, 100.0, 60e-6, 5.0),
+    "half_order_whirl": (12000.0, 12000.0, 30.0, 75e-6, 1.0),
+}
+"""Speeds at start and end, rpm, load, N, clearance, m, and unbalance over the rig's normal one, on rig ``bench``."""
+
+
+def follow(rig: RigData, case: str, force: Force) -> Trajectory:
+    """:data:`REVOLUTIONS` turns of ``case`` on a film."""
+    start, end, load, clearance, unbalance = CASES[case]
+    seconds = REVOLUTIONS * 60.0 / (0.5 * (start + end))
+    build = Build.nominal(rig)
+    build = replace(build, unbalance_kg_m=unbalance * build.unbalance_kg_m)
+    duty = Duty((0.0, seconds), (start, end), (load, load))
+    return simulate(
+        rig, duty, clearance=clearance, seconds=seconds, thermal=False, build=build, force=force, rate_hz=20_000.0
+    )
+
+
+def orbit_error_percent(rig: RigData, case: str, force: Force) -> float:
+    """Largest distance between the journal and the Reynolds (table) film's, percent of the clearance."""
+    ours, reference = follow(rig, case, force), follow(rig, case, "table")
+    apart = np.hypot(*(ours.position_m - reference.position_m).T)
+    return 100.0 * float(apart.max()) / CASES[case][3]
+
+
+def orbits(rig: RigData, law: ReducedNetworkLaw) -> list[Bar]:
+    """A bar for every case."""
+    return [Bar(f"orbit_{case}_percent_of_clearance", orbit_error_percent(rig, case, law), 1.0) for case in CASES]
+
+
+def linear_orbits(rig: RigData) -> dict[str, float]:
+    """The same distances for springs and dampers around the first equilibrium."""
+    return {case: round(orbit_error_percent(rig, case, "linear"), 2) for case in CASES}
+
+
+def whirl(film: FilmModel, length_over_diameter: float, grid: tuple[int, int]) -> list[Bar]:
+    """Largest error of the speed where a rotor at each eccentricity begins to whirl."""
+    errors = []
+    for ratio in WHIRL_RATIOS:
+        radius, c, mu, omega = 0.02, 6e-5, 0.01, 600.0
+        length = 2.0 * radius * length_over_diameter
+        true = equilibrium(
+            eccentricity_ratio=ratio, radius_m=radius, length_m=length, clearance_m=c, viscosity_Pa_s=mu,
+            speed_rad_s=omega, grid=grid,
+        )  # fmt: skip
+        rest = np.array([0.0, 0.0, 0.0, 0.0, omega, c, mu, radius, length])
+        load, stiffness, damping = at_rest(film, rest, ratio)
+        threshold = whirl_threshold(stiffness * c / load, damping * c * omega / load)[1]
+        errors.append(load * threshold**2 / (true.load_N * true.threshold**2) - 1.0)
+    return [Bar("whirl_threshold_speed_percent", 100.0 * float(np.max(np.abs(errors))), 2.0)]
+
+
+def at_rest(film: FilmModel, state: Floats, ratio: float) -> tuple[float, Floats, Floats]:
+    """Load that a resting journal at ``ratio`` carries, N, and K, C along it and 90 degrees on, SI.
+
+    At a given eccentricity the load is proportional to the speed, so that the speed at the threshold is
+    ``threshold^2 W / (omega c m)`` with ``W / omega`` of the film alone.
+    """
+    c, omega = state[5], state[4]
+    here = state.copy()
+    here[0] = ratio * c
+    force = film(here[None])[0][0]
+    load = float(np.hypot(*force))
+    along = -force / load
+    axes = np.array([along, [-along[1], along[0]]])
+    reach = _STEP * (1.0 - ratio) * c
+    moves = np.zeros((8, 9))
+    for k, axis in enumerate(axes):
+        for sign in (0, 1):
+            moves[4 * sign + k, :2] = (1 - 2 * sign) * reach * axis
+            moves[4 * sign + 2 + k, 2:4] = (1 - 2 * sign) * reach * omega * axis
+    forces = film(here + moves)[0]
+    slopes = -(forces[:4] - forces[4:]) / (2.0 * reach) @ axes.T
+    return load, slopes[:2].T, slopes[2:].T / omega

@@ -1,0 +1,259 @@
+"""Episodes of the whole machine for the predictor: drawn from a seed, heard by the brain's own stages, judged later.
+
+An episode is ten seconds: the slowest speed, a run-up, and two forecasts of two seconds, whose future is declared
+and then takes place.  Four regimes take turns: steady (the clearance may move), ramp (speed and
+load move as well), near whirl, and a fault that grows (unbalance, starvation, wear).  Every recording is heard
+twice: with the errors of ``sensors.json`` as they are, and after the slow-roll and zero procedure.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+from msgspec.structs import replace as changed
+from numpy.typing import NDArray
+
+from firmware_py.acquire.orders import analyse
+from firmware_py.acquire.windows import ChannelMap, iter_windows
+from firmware_py.brain.intervals import REGIMES
+from firmware_py.config import Config
+from firmware_py.records import Block, Quality, RigReading, RigStatus
+from models.prediction.truth import damping_ratio
+from sim_hil.build import Build
+from sim_hil.duty import RAD_S_PER_RPM, Duty
+from sim_hil.machine import Batch, Machine
+from sim_hil.rigs import RigData, read_json
+from sim_hil.runs import Recording, recording_of, run
+
+Floats = NDArray[np.float64]
+
+FORECASTS_S: Final = (5.5, 8.0)
+HORIZON_S: Final = 2.0
+SECONDS: Final = 10.2
+BLOCK: Final = 100
+"""Samples in a block."""
+TRUTH_S: Final = 0.2
+"""Truth of a moment is taken over this time about it."""
+
+LOAD_RATE_N_S: Final = 45.0
+SPEED_RATE_RPM_S: Final = 1800.0
+FAULT_START_S: Final = 3.0
+FAULTS: Final = {"unbalance": (6.3, 40.0), "starvation": (0.15, 0.6), "wear": (0.05, 0.25)}
+"""Severity that is reached at the end, low and high."""
+FAULT_STEP_S: Final = 0.1
+SLOW_ROLL_RPM: Final = 600.0
+SLOW_ROLL_LOAD_N: Final = 30.0
+DAMPING: Final = {"near_whirl": (0.02, 0.13)}
+DAMPING_ELSE: Final = (0.15, math.inf)
+FILM_LEAST_M: Final = 10e-6
+WARMER_C: Final = 2.0
+"""Outlet over inlet where an episode's points are chosen."""
+REACH_M: Final = {"near_whirl": 6e-6, "fault": 0.0}
+"""How far the clearance moves at most, where that is less than elsewhere."""
+
+
+@dataclass(frozen=True)
+class Episode:
+    """What is going to happen; ``clearance_m`` holds before, between and after the two forecasts' moves."""
+
+    number: int
+    regime: str
+    build: Build
+    duty: Duty
+    clearance_m: tuple[float, float, float]
+    inlet_C: float
+    fault: str
+    severity: float
+    seed: int
+
+    def clearance(self, time_s: float) -> float:
+        """Target of the actuator."""
+        return self.clearance_m[sum(time_s >= t for t in FORECASTS_S)]
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What was true about a moment: SI; ``load_N`` is the static bearing load."""
+
+    power_W: float
+    peak_to_peak_m: float
+    min_film_m: float
+    whirl_margin: float
+    load_N: float
+    friction_W: float
+    static_film_m: float
+
+
+def draw(rig: RigData, seed: int, number: int) -> Episode:
+    """Episode ``number`` of ``seed``; regimes take turns."""
+    rng = np.random.default_rng([seed, number])
+    regime = REGIMES[number % len(REGIMES)]
+    build = Build.draw(rig, rng)
+    inlet_C = float(rng.uniform(35.0, 45.0))
+    fault = str(rng.choice(list(FAULTS))) if regime == "fault" else ""
+    severity = float(rng.uniform(*FAULTS[fault])) if fault else 0.0
+    while True:
+        points = [(rig.speed_min_rpm, _point(rig, rng)[1]), _point(rig, rng)]
+        for _ in range(2 * (regime == "ramp")):
+            points.append(_near(rig, points[-1], rng))
+        clearance = _clearances(rig, regime, rng)
+        pairs = zip([points[0], points[1], *points[2:], points[-1]][:4], [clearance[0], clearance[0], *clearance[1:]],
+                    strict=False)
+        if all(_feasible(rig, regime, i, *pair, inlet_C) for i, pair in enumerate(pairs)):
+            break
+    corners = [(0.0, *points[0]), (1.2, *points[0]), (4.0, *points[1])]
+    for start_s, before, after in zip(FORECASTS_S, points[1:], points[2:], strict=False):
+        corners += [(start_s, *before), (start_s + HORIZON_S + 0.2, *after)]
+    time_s, speed, load = zip(*corners, strict=True)
+    return Episode(number, regime, build, Duty(time_s, speed, load), clearance, inlet_C, fault, severity,
+                   int(rng.integers(2**31)))
+
+
+def _point(rig: RigData, rng: np.random.Generator) -> tuple[float, float]:
+    """Speed (rpm) and load (N)."""
+    load = math.exp(rng.uniform(math.log(rig.load_min_N), math.log(rig.load_max_N)))
+    return float(rng.uniform(rig.speed_min_rpm, rig.speed_max_rpm)), load
+
+
+def _near(rig: RigData, point: tuple[float, float], rng: np.random.Generator) -> tuple[float, float]:
+    """A point that two seconds at the declared rates can reach."""
+    speed = point[0] + float(rng.uniform(-2.0, 2.0)) * SPEED_RATE_RPM_S
+    load = point[1] + float(rng.uniform(-2.0, 2.0)) * LOAD_RATE_N_S
+    return (min(max(speed, rig.speed_min_rpm), rig.speed_max_rpm), min(max(load, rig.load_min_N), rig.load_max_N))
+
+
+def _clearances(rig: RigData, regime: str, rng: np.random.Generator) -> tuple[float, float, float]:
+    """A clearance and two moves of it, each as likely as none; small ones near whirl, none under a fault."""
+    low, high = rig.bearing.clearance_min_m, rig.bearing.clearance_max_m
+    reach_m = REACH_M.get(regime, 60e-6)
+    values = [float(rng.uniform(low, high))]
+    for _ in FORECASTS_S:
+        moved = values[-1] + float(rng.uniform(-reach_m, reach_m)) * (rng.random() < 0.5)
+        values.append(min(max(moved, low), high))
+    return values[0], values[1], values[2]
+
+
+def _feasible(rig: RigData, regime: str, index: int, point: tuple[float, float], clearance_m: float,
+              inlet_C: float) -> bool:
+    """Whether the nominal machine runs there as the regime wants it; the first point is only on the way."""
+    viscosity = rig.oil.viscosity_at(inlet_C + WARMER_C)
+    film_m, ratio = damping_ratio(rig, point[0] * RAD_S_PER_RPM, point[1], clearance_m, viscosity)
+    low, high = DAMPING.get(regime, DAMPING_ELSE)
+    return film_m > FILM_LEAST_M and ratio > low and (index == 0 or ratio < high)
+
+
+def play(rig: RigData, episode: Episode, rate_hz: int = 5000) -> Recording:
+    """What the device would receive, and the truth; faults grow linearly from :data:`FAULT_START_S` on."""
+    machine = Machine(rig, episode.build, episode.seed, rate_hz=rate_hz, inlet_C=episode.inlet_C,
+                      clearance_m=episode.clearance_m[0])
+    edges = [0.0, SECONDS]
+    if episode.fault:
+        edges = [0.0, *np.arange(FAULT_START_S, SECONDS, FAULT_STEP_S).tolist(), SECONDS]
+    batches = []
+    for start_s, end_s in pairwise(edges):
+        if start_s > 0.0:
+            machine.inject(episode.fault, _severity(rig, episode, start_s))
+        batches.append(run(machine, episode.duty, end_s - start_s, clearance=episode.clearance, start_s=start_s))
+    whole = Batch(*(np.concatenate([getattr(b, name) for b in batches]) for name in ("counts", "truth", "marks")))
+    return recording_of(machine, whole, np.random.default_rng([episode.seed, 1]))
+
+
+def _severity(rig: RigData, episode: Episode, time_s: float) -> float:
+    share = (time_s - FAULT_START_S) / (SECONDS - FAULT_START_S)
+    start = 0.0
+    if episode.fault == "unbalance":
+        unit = 1e-3 * rig.rotor.effective_mass_kg / (6000.0 * RAD_S_PER_RPM)
+        start = max(episode.build.unbalance_kg_m / unit, 0.4)
+    return start + share * max(episode.severity - start, 0.0)
+
+
+def heard(recording: Recording) -> Iterator[Block | RigReading]:
+    """The recording as the guard would pass it on: blocks, and readings before the block in which they came."""
+    period_us = round(1e6 / recording.rate_hz)
+    start_us = round(float(recording.time_s[0]) * 1e6)
+    marks = np.round(recording.mark_s * 1e6).astype(np.int64)
+    status = recording.status
+    for seq in range(len(recording.counts) // BLOCK):
+        first = seq * BLOCK
+        tick = start_us + first * period_us
+        end = tick + BLOCK * period_us
+        inside = marks[(marks >= tick) & (marks < end)]
+        known = marks[marks < end]
+        speed = 2.0 * math.pi * 1e6 / float(known[-1] - known[-2]) if len(known) > 1 else 0.0
+        yield Block(seq, tick * 1000, period_us * 1000, tick, period_us, Quality.GOOD, 0xFF, speed, len(known),
+                    inside.tolist(), recording.counts[first : first + BLOCK].astype("<i2").tobytes())
+        for row in status[(status[:, 0] * 1e6 >= tick) & (status[:, 0] * 1e6 < end)]:
+            at_us = round(row[0] * 1e6)
+            said = RigStatus(0, at_us, row[1], row[2], row[3] * 1e6, row[4] * 1e-5)
+            yield RigReading(seq, at_us * 1000, 0, said, None)
+
+
+def truth_at(rig: RigData, episode: Episode, recording: Recording, time_s: float) -> Truth:
+    """What was true about ``time_s``."""
+    middle = round(time_s * recording.rate_hz)
+    half = round(0.5 * TRUTH_S * recording.rate_hz)
+    rows = slice(max(0, middle - half), middle + half)
+    power, speed = recording.column("shaft_power_W")[rows], recording.column("speed_rad_s")[rows]
+    x, y = recording.column("eccentricity_x_m")[rows], recording.column("eccentricity_y_m")[rows]
+    load, clearance, viscosity = (float(recording.column(name)[rows].mean())
+                                  for name in ("load_N", "clearance_m", "viscosity_Pa_s"))
+    _, ratio = damping_ratio(rig, float(speed.mean()), load, clearance, viscosity, episode.build)
+    windage = float(np.mean(rig.windage_W_s3 * speed**3))
+    swing = max(np.ptp(_at_rest(x + y)), np.ptp(_at_rest(y - x))) * math.sqrt(0.5)
+    return Truth(float(power.mean()), float(swing),
+                 float(recording.column("min_film_m")[rows].min()), ratio, load, float(power.mean()) - windage,
+                 clearance - math.hypot(float(x.mean()), float(y.mean())))
+
+
+def _at_rest(signal: Floats) -> Floats:
+    """Without the straight line that a moving operating point adds."""
+    t = np.linspace(-1.0, 1.0, signal.size)
+    return np.asarray(signal - t * (t @ signal) / (t @ t))
+
+
+def as_shipped(config: Config, rng: np.random.Generator) -> Config:
+    """The device's configuration with a contact channel that is calibrated as well as declared."""
+    contact = config.contact
+    if contact is None:
+        return config
+    share = 1.0 + contact.film_error_share * float(rng.standard_normal())
+    return changed(config, contact=changed(contact, film_ohm_per_m=contact.film_ohm_per_m * share))
+
+
+def after_procedure(config: Config, rig: RigData, build: Build, rng: np.random.Generator) -> Config:
+    """``config`` after the slow-roll and zero procedure on this build, with the residual errors of ``sensors.json``.
+
+    The first order at slow roll is measured (a recording of the turning machine through the device's own order
+    analysis); zero and gain are set as if by a bump test, which this rig cannot play: the true ones, missed by
+    what the file says is left.
+    """
+    left = read_json("sensors.json")["after_slow_roll_and_zero_procedure"]
+    vectors = slow_roll_vectors(rig, build, int(rng.integers(2**31)))
+    vectors = vectors + left["residual_runout_um"] * 1e-6 * np.exp(2j * np.pi * rng.random(2)) * rng.random(2)
+    channels = []
+    for i, channel in enumerate(config.channel[:2]):
+        gain = build.gain[i] * (1.0 + left["gain_error"] * float(rng.uniform(-1, 1)))
+        zero = build.zero[i] + left["zero_error_um"] * 1e-6 * float(rng.uniform(-1, 1))
+        channels.append(changed(
+            channel, scale=channel.scale / gain, offset=-zero / gain, zeroed=True,
+            slow_roll_um=float(abs(vectors[i])) * 1e6, slow_roll_deg=math.degrees(float(np.angle(vectors[i])))))
+    return changed(config, channel=[*channels, *config.channel[2:]])
+
+
+def slow_roll_vectors(rig: RigData, build: Build, seed: int) -> NDArray[np.complex128]:
+    """Complex first orders (2,) of the two probes (m) of a machine at slow roll."""
+    machine = Machine(rig, build, seed)
+    duty = Duty.hold(SLOW_ROLL_RPM, SLOW_ROLL_LOAD_N)
+    run(machine, duty, 0.5, clearance=rig.bearing.clearance_nominal_m)
+    recording = recording_of(machine, run(machine, duty, 1.3, clearance=rig.bearing.clearance_nominal_m),
+                             np.random.default_rng([seed, 1]))
+    as_probes = replace(ChannelMap.wire(), to_xy=np.eye(2))
+    windows = iter_windows(recording.counts, round(float(recording.time_s[0]) * 1e6),
+                           np.round(recording.mark_s * 1e6).astype(np.int64), recording.rate_hz, channels=as_probes)
+    usable = [window for window in windows if not window.quality & Quality.NO_MARK]
+    return np.asarray(analyse(usable[-1]).harmonics[:2, 0])

@@ -1,0 +1,188 @@
+"""Trainer and judge of the predictor: factors that make its intervals cover what they say, on episodes of their own.
+
+Nothing else of the predictor is learned but the film surrogate.  The factors are fitted on training episodes and
+ship as ``predictor.json``; judged episodes follow from another seed and see them only as the device would.
+"""
+
+from __future__ import annotations
+
+import math
+import multiprocessing
+import time
+from collections.abc import Iterable
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import ExitStack
+from functools import cache, partial
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from firmware_py import config as configuration
+from firmware_py.brain.film import Film
+from firmware_py.brain.intervals import IntervalFactors
+from firmware_py.brain.measurement import Errors, Instruments, Measured, contact_volt, information
+from firmware_py.brain.prediction import Predictor
+from firmware_py.brain.store import Model, load_model
+from firmware_py.config import Config
+from models import PHYSICS_VERSION, card
+from models.prediction.episodes import after_procedure, as_shipped, draw, play
+from models.prediction.hearing import Said, join, listen
+from models.prediction.scores import conformal, report, rival_widths
+from models.runs import Run, Settings, SettingsError, progress_bar
+from sim_hil.rigs import load_rig
+
+JUDGE_SEED = 1_000_000
+"""Added to the seed of judged episodes, so that no training sees them."""
+CHUNK = 40
+"""Episodes between two checkpoints."""
+STATES = ("as_built", "zeroed")
+"""Of the probes: see :func:`firmware_py.brain.intervals.state_of`."""
+
+
+class PredictorSettings(Settings, frozen=True):
+    """What ``orbitd train predictor`` does; every key may stand in the ``--config`` file."""
+
+    rig: str = "bench"
+    episodes: int = 120
+    judged_episodes: int = 40
+    workers: int = 2
+
+    def smoked(self) -> PredictorSettings:
+        """The same training in some seconds."""
+        return PredictorSettings(episodes=4, judged_episodes=4, workers=1)
+
+
+SETTINGS = PredictorSettings
+
+
+class Fitted(msgspec.Struct, frozen=True):
+    """``predictor.json``: the device reads ``factors``, the judge also the rivals' half-widths (3, 4) by regime."""
+
+    factors: dict[str, dict[str, dict[str, tuple[float, float]]]]
+    rival_widths: dict[str, dict[str, list[list[float]]]]
+    physics_version: str
+    status: str
+    surrogate: str
+    reproduce: str
+
+
+def train(run: Run, settings: PredictorSettings) -> dict[str, object]:
+    """Hear the training episodes, fit, judge on a few others; returns the report that is written beside the factors."""
+    started = time.monotonic()
+    parts = [run.kept(f"episodes-{numbers.start}", partial(hear, settings.rig, run.seed, numbers, settings.workers))
+             for numbers in _chunks(settings.episodes)]
+    heard = {state: join([part[state] for part in parts]) for state in STATES}
+    fitted = Fitted(
+        {state: conformal(said) for state, said in heard.items()},
+        {state: {r: w.tolist() for r, w in rival_widths(said).items()} for state, said in heard.items()},
+        PHYSICS_VERSION, "provisional", brain(settings.rig)[1].label, run.command)
+    run.write_json("predictor.json", msgspec.to_builtins(fitted))
+    run.log({f"{state}_{regime}_{name}_high": high for state, regimes in fitted.factors.items()
+             for regime, names in regimes.items() for name, (_, high) in names.items()})
+    found = judge(fitted, settings.rig, run.seed, settings.judged_episodes, settings.workers)
+    found = {**found, "training": {"episodes": settings.episodes, "seconds": round(time.monotonic() - started, 1)},
+             "reproduce": run.command}
+    run.write_json("predictor-report.json", found)
+    card.write(run, found, card.PREDICTOR)
+    return found
+
+
+def judge(fitted: Fitted, rig_name: str, seed: int, episodes: int, workers: int) -> dict[str, object]:
+    """Every figure of the predictor on episodes that follow from ``seed`` and that no training saw."""
+    heard = hear(rig_name, JUDGE_SEED + seed, range(episodes), workers)
+    rng = np.random.default_rng([JUDGE_SEED, seed])
+    found: dict[str, object] = {"episodes": episodes, "forecasts_each": 2, "nominal_coverage": 0.9}
+    for state, said in heard.items():
+        widths = {regime: np.array(rows) for regime, rows in fitted.rival_widths[state].items()}
+        found[state] = report(said, fitted.factors[state], widths, rng)
+    return {**found, "fisher_information": fisher(rig_name), "milliseconds_16_candidates": latency_ms(rig_name)}
+
+
+def evaluate(path: Path, seed: int, size: int | None, out: Path) -> dict[str, object]:
+    """``orbitd evaluate predictor``: the file at ``path`` on ``size`` (300) episodes, one core; keeps nothing."""
+    return judge(of_file(path), PredictorSettings().rig, seed, size or 300, workers=1)
+
+
+def of_file(path: Path) -> Fitted:
+    """A fitted file."""
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=Fitted)
+    except msgspec.DecodeError as error:
+        raise SettingsError(f"{path}: {error}; fit it again with `orbitd train predictor`") from error
+
+
+@cache
+def brain(rig_name: str) -> tuple[Config, Model]:
+    """The shipped configuration and surrogate."""
+    config, _ = configuration.load(configuration.SHIPPED / f"{rig_name}.toml")
+    return config, load_model("surrogate", config)
+
+
+def _chunks(episodes: int) -> list[range]:
+    """An interrupted training resumes after the last whole chunk."""
+    return [range(first, min(first + CHUNK, episodes)) for first in range(0, episodes, CHUNK)]
+
+
+def hear(rig_name: str, seed: int, numbers: range, workers: int) -> dict[str, Said]:
+    """What was said in the episodes ``numbers`` of ``seed``, with sensors as built and after the procedure."""
+    parts: list[tuple[Said, Said]] = []
+    one = partial(_hear_one, rig_name, seed)
+    with ExitStack() as stack:
+        bar = stack.enter_context(progress_bar(f"episodes from {numbers.start}", len(numbers)))
+        answers: Iterable[tuple[Said, Said]] = map(one, numbers)
+        if workers > 1:
+            context = multiprocessing.get_context("spawn")
+            answers = stack.enter_context(ProcessPoolExecutor(workers, mp_context=context)).map(one, numbers)
+        for done, part in enumerate(answers, 1):
+            parts.append(part)
+            bar(done)
+    return {state: join([part[i] for part in parts]) for i, state in enumerate(STATES)}
+
+
+def _hear_one(rig_name: str, seed: int, number: int) -> tuple[Said, Said]:
+    rig, (config, model) = load_rig(rig_name), brain(rig_name)
+    episode = draw(rig, seed, number)
+    recording = play(rig, episode)
+    rng = np.random.default_rng([seed, number, 1])
+    config = as_shipped(config, rng)
+    zeroed = after_procedure(config, rig, episode.build, rng)
+    return listen(rig, episode, recording, model, config), listen(rig, episode, recording, model, zeroed)
+
+
+def fisher(rig_name: str) -> dict[str, Any]:
+    """Standard deviations of load, viscosity (shares) and clearance (um) from what each instrument adds to the others.
+
+    Diagonals of the Fisher information of one reading, by instrument, at three operating points.
+    """
+    config, model = brain(rig_name)
+    film = Film(model.session, config.bearing.journal_radius_m, config.bearing.length_m,
+                config.rotor.effective_mass_at_bearing_kg)
+    instruments, found = Instruments(film, config), {}
+    for rpm, load_N in ((1500.0, 100.0), (6000.0, 100.0), (12000.0, 30.0)):
+        speed = rpm * math.pi / 30.0
+        volt = float(contact_volt(config.contact, np.array([20e-6]))[0]) if config.contact else math.nan
+        at = Measured(speed, config.bearing.radial_clearance_nominal_um * 1e-6, 0.0, 0.0, 0.0, 0.0, 45.0, volt)
+        share = config.contact.film_error_share if config.contact else 0.0
+        parts = information(instruments, Errors.of(config), config.oil.viscosity_slope_per_K, share, load_N, at)
+        names = ("load", "viscosity", "clearance_um")
+        found[f"{rpm:g} rpm, {load_N:g} N"] = {
+            **{name: {q: float(f"{matrix[i, i]:.4g}") for i, q in enumerate(names)} for name, matrix in parts.items()},
+            "load_viscosity_eigenvalues_of_position_alone": [float(f"{v:.3g}") for v in
+                                                             np.linalg.eigvalsh(parts["position"][:2, :2])],
+        }
+    return found
+
+
+def latency_ms(rig_name: str, repeats: int = 30) -> float:
+    """Best time of synchronising and forecasting 16 candidates, one core."""
+    config, model = brain(rig_name)
+    predictor = Predictor(model, config, IntervalFactors())
+    best = math.inf
+    for i in range(repeats):
+        at = Measured(628.0, 60e-6, 8e-6, -14e-6, 5e-6, 90.0, 45.0, 1.5, t_ns=i * 100_000_000)
+        started = time.perf_counter()
+        predictor.forecast(at, predictor.estimate(at), predictor.candidates_m)
+        best = min(best, time.perf_counter() - started)
+    return round(1e3 * best, 2)
