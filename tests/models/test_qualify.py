@@ -108,6 +108,18 @@ def test_kept_work_is_done_once_and_draws_on(tmp_path):
     assert done == ["a", "b", "c"] * 2  # without --resume everything is done again
 
 
+class Gone:
+    """Stands for a class that a later version of the code no longer has."""
+
+
+def test_a_checkpoint_of_other_code_is_named_and_left_alone(tmp_path, monkeypatch):
+    path = tmp_path / "films.ckpt"
+    checkpoint.save(path, Gone())
+    monkeypatch.delattr(f"{__name__}.Gone")
+    with pytest.raises(checkpoint.CheckpointError, match=r"films\.ckpt.*another version.*--resume"):
+        checkpoint.load(path)
+
+
 def test_a_damaged_checkpoint_is_named_and_left_alone(tmp_path):
     run = Run(tmp_path, "some", 0, Some(), smoke=False)
     run.kept("films", lambda: [1, 2, 3])
