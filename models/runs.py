@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 
 import msgspec
 import numpy as np
+from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
 from models import ARTIFACTS, checkpoint
@@ -74,7 +75,7 @@ class Run:
         else:
             for name in ("checkpoints", "tensorboard"):
                 shutil.rmtree(self.folder / name, ignore_errors=True)
-        (self.folder / "metrics.csv").unlink(missing_ok=True)
+            (self.folder / "metrics.csv").unlink(missing_ok=True)
         self.write_json("config.json", content)
 
     def _check_same(self, content: object) -> None:
@@ -163,7 +164,7 @@ class Run:
 def progress_bar(text: str, total: int) -> Iterator[ProgressTo]:
     """A progress bar; the yielded object is called with the work done so far."""
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, transient=False) as bar:
+    with Progress(*columns, console=Console(stderr=True), transient=False) as bar:
         to = ProgressTo(bar, bar.add_task(text, total=total))
         yield to
         to(total)  # a search that stops early is done as well

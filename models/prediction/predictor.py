@@ -45,7 +45,7 @@ class PredictorSettings(Settings, frozen=True):
     """What ``orbitd train predictor`` does; every key may stand in the ``--config`` file."""
 
     rig: str = "bench"
-    episodes: int = 120
+    episodes: int = 320
     judged_episodes: int = 40
     workers: int = 2
 
