@@ -29,7 +29,7 @@ from sim_hil.rotor.rigid import COLUMNS, RENEW_STEPS, advance_rotor
 
 Schedule = float | Callable[[float], float]
 """A constant, or a function of the time in seconds."""
-Force = Literal["direct", "table", "linear"] | FilmTable | ReducedNetworkLaw | RawNetworkLaw
+Force = Literal["direct", "table", "linear"] | Path | str | FilmModel | FilmTable | ReducedNetworkLaw | RawNetworkLaw
 STEP_S = 50e-6
 SAMPLES_PER_TURN = 50
 """At least so many rows a turn where orbits are judged."""
@@ -124,7 +124,8 @@ def simulate(
         Longest integration step; a period of `rate_hz` is cut into equal steps.
     force
         `table`: Reynolds film, tabulated; `direct`: Guembel film solved at each call; `linear`: springs and dampers
-        around the equilibrium of the start; a `FilmTable` (`FilmTable.build`); or a network of `network_law`.
+        around the equilibrium of the start; a `FilmTable` (`FilmTable.build`); a film model or the path of its ONNX
+        file, tabulated once; or a network of `network_law`.
     seed
         Draws the shaft angle at the start.
     thermal
@@ -150,11 +151,7 @@ def simulate(
     if total < 1:
         raise SimulationError(f"seconds = {seconds}: shorter than one period of rate_hz = {rate_hz}")
     time_s = np.arange(total + 1, dtype=np.float64) * period
-    supply = rig.supply.nominal_Pa if pressure is None else pressure
-    target = np.column_stack([_over(clearance, time_s[:-1]), _over(supply, time_s[:-1])])
-    _check_clearance(rig, target[:, 0])
-    if not (target[:, 1].min() >= 0.0 and np.isfinite(target[:, 1]).all()):
-        raise SimulationError("pressure: a supply pressure is finite and not negative, Pa above ambient")
+    target = _targets(rig, clearance, pressure, time_s[:-1])
     plant = assemble(rig, Build.nominal(rig) if build is None else build, dt_s, inlet_C=inlet_C, thermal=thermal)
     drive = duty.at(time_s)
     start = equilibrium_at(rig, plant, float(drive[0, 0]), float(drive[0, 1]), float(target[0, 0]))
@@ -233,6 +230,16 @@ def _over(schedule: Schedule, time_s: Floats) -> Floats:
         return np.full(time_s.size, schedule)
     tick = np.floor(time_s / COMMAND_S + 1e-6).astype(np.int64)
     return np.array([schedule(t) for t in (np.arange(tick[-1] + 1) * COMMAND_S).tolist()], dtype=np.float64)[tick]
+
+
+def _targets(rig: RigData, clearance: Schedule, pressure: Schedule | None, time_s: Floats) -> Floats:
+    """Clearance, m, and supply pressure, Pa, that the actuator is to follow, shape (n, 2)."""
+    supply = rig.supply.nominal_Pa if pressure is None else pressure
+    target = np.column_stack([_over(clearance, time_s), _over(supply, time_s)])
+    _check_clearance(rig, target[:, 0])
+    if not (target[:, 1].min() >= 0.0 and np.isfinite(target[:, 1]).all()):
+        raise SimulationError("pressure: a supply pressure is finite and not negative, Pa above ambient")
+    return target
 
 
 def _check_clearance(rig: RigData, clearance_m: Floats) -> None:
