@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import os
 import signal
 import subprocess
 import time
@@ -105,4 +106,5 @@ def _spawn(program: Program) -> subprocess.Popen[bytes]:
             stderr=log,
             start_new_session=True,
             preexec_fn=die_with_parent,
+            env={"OMP_NUM_THREADS": "1", **os.environ},  # as the service units: matrices are small, threads only spin
         )
