@@ -49,7 +49,7 @@ class ClassifierSettings(Settings, frozen=True):
     def smoked(self) -> ClassifierSettings:
         """The same training in some seconds."""
         return ClassifierSettings(
-            workers=1, builds=8, seconds=1.6,
+            workers=1, builds=8,
             judge=JudgeSettings(builds=2, unknown_builds=2, watched_builds=2, workers=1),
             ladder=LadderSettings(hidden=(8,), l2=(1e-3,), iterations=60, paper_hidden=4, paper_iterations=5, epochs=2),
         )  # fmt: skip
@@ -69,7 +69,9 @@ def train(run: Run, settings: ClassifierSettings) -> dict[str, object]:
     plan = Plan(settings.rig, run.seed, settings.rate_hz, settings.seconds, recordings.training_cases)
     views = views_of(out, plan, settings.builds, settings.workers)
     views.orders.check()
-    outer, inner = _split(per_decision(views), settings.inner_share, rng)
+    decided = per_decision(views)
+    decided.orders.check()
+    outer, inner = _split(decided, settings.inner_share, rng)
     rungs = climb(outer, inner, settings.ladder, settings.rate_hz, run.seed, rng)
     chosen, rows = choose(rungs, inner)
     for row in rows:
