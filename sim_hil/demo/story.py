@@ -25,14 +25,12 @@ FAULT_VERDICTS = {
 }
 """Fault that is injected, and the verdict that names it."""
 
-UNBALANCE_GRADES_G = (16.0, 40.0)
-"""Severities at which the unbalance must be named (`classes.json`: required_at G16)."""
+UNBALANCE_GRADES_G = (16.0,)
+"""Severity at which the unbalance must be named (`classes.json`: required_at).  A sudden G40 in a clearance that is
+wide to save power passes danger before the clearance is narrow again: the guard rightly trips, the story would end."""
 
 BOLT_PRELOADS_PERCENT = (25.0, 0.0)
 """Severities at which a bolt must be named (`classes.json`: required_at preload <= 25 %)."""
-
-TRIPLESS_SHARE = 0.4
-"""Share of the highest speed up to which the strongest unbalance alarms without a trip: the story goes on."""
 
 RAMP_SHARE = 0.9
 """Share of the declared fastest unannounced ramp that the duty uses."""
@@ -164,8 +162,7 @@ class _Teller:
         """A hold, one fault injected at a drawn moment, cleared at the end of the act."""
         low, high = self.operating.speed_min_rpm, self.operating.speed_max_rpm
         severity = float(self.rng.choice(UNBALANCE_GRADES_G if name == "unbalance" else BOLT_PRELOADS_PERCENT))
-        fastest = TRIPLESS_SHARE * high if severity == max(UNBALANCE_GRADES_G) else 0.6 * high
-        speed_rpm = float(self.rng.uniform(max(low, 0.25 * high), fastest))
+        speed_rpm = float(self.rng.uniform(max(low, 0.25 * high), 0.6 * high))
         hold = _Point(speed_rpm, self._load(float(self.rng.uniform(60, 200))))
         ramp = self._ramp_s(point, hold)
         beats = [
