@@ -95,7 +95,7 @@ def _close_grooves(mesh: Mesh, around: Floats, axial: Floats) -> None:
 def _rupture(bearing: Bearing, film: Film) -> int:
     """Fill in the pressure of a rule that does not conserve mass, and the streamers; returns the sweeps."""
     mesh, pressure = film.mesh, film.pressure
-    ruptured = film.supply < 0
+    ruptured = np.zeros(film.supply.shape, dtype=bool)  # too much rupture heals one cell a sweep, too little at once
     sweeps = solver.solve_pressure(
         pressure,
         mesh.fixed,
