@@ -16,6 +16,7 @@ from firmware_py.records.base import CHANNELS, INSTANTS_PER_FRAME, N_CHANNELS, R
 from firmware_py.records.brain import Advice, BrainState, Diagnosis, Forecast
 from firmware_py.records.command import VERBS, CommandReply, CommandRequest, EventAck, Hello, PlannedRamp
 from firmware_py.records.guard import Alarm, Event, GuardState, Severity
+from firmware_py.records.normal import COMMISSION_ACTIONS, Baseline, Belonging, Commission, CommissionState, Normal
 from firmware_py.records.replay import Cycle, CycleRecord, Decision, Snapshot, WindowRecord
 from firmware_py.records.wire import (
     ArmState,
@@ -34,17 +35,22 @@ from firmware_py.records.wire import (
 
 __all__ = [
     "CHANNELS",
+    "COMMISSION_ACTIONS",
     "INSTANTS_PER_FRAME",
     "N_CHANNELS",
     "VERBS",
     "Advice",
     "Alarm",
     "ArmState",
+    "Baseline",
+    "Belonging",
     "Block",
     "BrainState",
     "Command",
     "CommandReply",
     "CommandRequest",
+    "Commission",
+    "CommissionState",
     "Cycle",
     "CycleRecord",
     "Decision",
@@ -59,6 +65,7 @@ __all__ = [
     "NodeInfo",
     "NodeMode",
     "NodeState",
+    "Normal",
     "PlannedRamp",
     "Quality",
     "RawFrame",
@@ -92,6 +99,9 @@ RoomRecord = (
     | CycleRecord
     | Snapshot
     | WindowRecord
+    | Commission
+    | CommissionState
+    | Normal
 )
 
 _encoder = msgspec.msgpack.Encoder()

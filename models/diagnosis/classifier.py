@@ -25,8 +25,8 @@ from models.diagnosis.judge import (
     of_file,
     of_module,
 )
-from models.diagnosis.ladder import HeadNetwork, Scaler
-from models.diagnosis.novelty import fit_novelty
+from models.diagnosis.ladder import HeadNetwork
+from models.diagnosis.novelty import fit_novelty, fleet
 from models.diagnosis.recordings import Plan
 from models.diagnosis.rungs import LadderSettings, choose, climb
 from models.diagnosis.windowed import Views, per_decision, views_of
@@ -107,20 +107,21 @@ def _split(views: Views, share: float, rng: np.random.Generator) -> tuple[Views,
 def _finish(network: HeadNetwork, outer: Dataset, inner: Dataset, settings: ClassifierSettings) -> Diagnosis:
     """The graph: calibration and novelty by the inner builds."""
     temperature = scores.temperature(network.logits(inner.features), inner.heads)
-    plain, chosen = Scaler.of(outer), network.scaler
-    parts = fit_novelty(plain, outer, inner, settings.novelty_quantile)
-    layers = network.net.layers(network.theta)
-    return Diagnosis(chosen.mean, chosen.deviation, layers, temperature, (plain.mean, plain.deviation), parts)
+    residual, parts = fit_novelty(outer, inner, settings.novelty_quantile)
+    layers, scaler = network.net.layers(network.theta), network.scaler
+    known = fleet(parts, residual(inner.features[inner.kind == 0]), settings.novelty_quantile)
+    return Diagnosis(scaler.mean, scaler.deviation, layers, temperature, residual, parts, known)
 
 
 def _export(
     module: Diagnosis, run: Run, data: Dataset, settings: ClassifierSettings, report: dict[str, object]
 ) -> None:
     metadata = export.Metadata(
-        kind="classifier", version="0.2.0", inputs=FEATURE_NAMES, outputs=("heads", "score", "drivers"), units=(),
+        kind="classifier", version="0.2.0", inputs=FEATURE_NAMES, units=(),
+        outputs=("heads", "score", "drivers", "normal"),
         rate_hz=(5000, 10000), window=WINDOW_LAYOUT, rigs=(settings.rig,), domain={},
         data_hash=export.data_hash(data.features, data.kind, data.group), metrics=report,
-        settings={"novelty_threshold": NOVELTY_THRESHOLD, "temperature": module.temperature},
+        settings={"novelty_threshold": NOVELTY_THRESHOLD, "temperature": module.temperature, "normal": module.fleet},
     )  # fmt: skip
     sample = data.features[:: max(1, len(data) // 5000)].astype(np.float32)
     example = torch.from_numpy(sample[:2])

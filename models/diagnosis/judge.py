@@ -51,7 +51,7 @@ def of_module(module: Diagnosis) -> Verdicts:
 
     def verdicts(features: NDArray[np.floating]) -> tuple[Floats, Floats]:
         with torch.no_grad():
-            heads, score, _ = module(torch.from_numpy(features.astype(np.float32)))
+            heads, score, *_ = module(torch.from_numpy(features.astype(np.float32)))
         return heads.double().numpy(), score.double().numpy()[:, 0]
 
     return verdicts

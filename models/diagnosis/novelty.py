@@ -1,4 +1,12 @@
-"""How unlike everything that was taught a row of features is."""
+"""How unlike everything that was taught a row of features is, and how far it lies from one machine's own normal.
+
+What the operating point explains is taken out first: a quadratic regression of every feature on speed, clearance, oil,
+supply and where the shaft floats, over a scale that itself depends on the operating point (some watts of zero error
+matter at 10 W, not at 300 W).  The residuals of a part of the features are whitened so that scatter within a build has
+unit covariance and scatter between builds is diagonal (as in probabilistic linear discriminant analysis, Ioffe 2006):
+a machine's own offset then has a closed posterior, one number a direction
+(:class:`firmware_py.brain.normal.Normal`).
+"""
 
 from __future__ import annotations
 
@@ -11,64 +19,161 @@ from numpy.typing import NDArray
 
 from firmware_py.acquire import ringing
 from firmware_py.acquire.features import FEATURE_NAMES, GROUP_OF_FEATURE, GROUPS
-from models.diagnosis.dataset import Dataset
-from models.diagnosis.ladder import Scaler
+from models.diagnosis.dataset import Dataset, DatasetError
 
 Floats = NDArray[np.float64]
+
+OPERATING: Final = (
+    "log_speed_rad_s", "log_clearance_100um", "oil_outlet_50C", "pressure_bar", "mean_x_over_clearance",
+    "mean_y_over_clearance", "contact_eccentricity",
+)
+"""The operating point, on which all other features are regressed; the last three stand for the load."""
+OPERATING_COLUMNS: Final = np.array([FEATURE_NAMES.index(name) for name in OPERATING])
+REACH: Final = 3.0
+"""Deviations beyond which the regression is not followed further."""
+FARTHEST: Final = 8.0
+"""Scales beyond which a residual counts no more."""
+RIDGE: Final = 1.0
+SCALE_RIDGE: Final = 3.0
+PAIRS: Final = np.array([(i, j) for i in range(len(OPERATING)) for j in range(i + 1)]).T
 
 FLOATING: Final = np.isin(GROUP_OF_FEATURE, [GROUPS.index(name) for name in ("operation", "contact_orders")])
 """How the shaft floats in its film: what oil, wear and side loads change."""
 RINGING: Final = np.isin(FEATURE_NAMES, ringing.names())
 """How pedestal and motor ring: what a foot changes that is no class."""
+PARTS: Final = (FLOATING, RINGING)
+
+
+@dataclass(frozen=True)
+class Residual:
+    """Features without what the operating point explains, in units of their scatter there.
+
+    ``centre``, ``spread`` ``(7,)`` of the operating point; ``mean`` ``(36, F)`` weights of its constant, linear and
+    quadratic terms; ``log_scale`` ``(8, F)`` weights of its constant and linear terms.
+    """
+
+    centre: Floats
+    spread: Floats
+    mean: Floats
+    log_scale: Floats
+
+    @classmethod
+    def fit(cls, features: NDArray[np.floating]) -> Residual:
+        """Ridge regression on healthy rows; the scale follows the residuals that leave their own row out."""
+        x = np.asarray(features, np.float64)
+        point = x[:, OPERATING_COLUMNS]
+        centre, spread = point.mean(axis=0), np.maximum(point.std(axis=0), 1e-9)
+        terms = quadratic((point - centre) / spread)
+        inverse = np.linalg.inv(terms.T @ terms + RIDGE * _but_the_constant(terms.shape[1]))
+        unit = np.maximum(x.std(axis=0), 1e-9)
+        mean = inverse @ (terms.T @ (x / unit)) * unit
+        leverage = np.minimum(np.einsum("ij,jk,ik->i", terms, inverse, terms), 0.9)
+        left = (x - terms @ mean) / (1.0 - leverage)[:, None]
+        linear = terms[:, : 1 + len(OPERATING)]
+        normal = linear.T @ linear + SCALE_RIDGE * _but_the_constant(linear.shape[1])
+        log_scale = np.linalg.solve(normal, linear.T @ np.log(np.abs(left) + 0.01 * unit))
+        scaled = left * np.exp(-linear @ log_scale)
+        log_scale[0] += np.log(np.maximum(1.4826 * np.median(np.abs(scaled), axis=0), 1e-9))
+        return cls(centre, spread, mean, log_scale)
+
+    def __call__(self, features: NDArray[np.floating]) -> Floats:
+        """Residuals ``(n, F)``."""
+        x = np.asarray(features, np.float64)
+        terms = quadratic((x[:, OPERATING_COLUMNS] - self.centre) / self.spread)
+        scaled = (x - terms @ self.mean) * np.exp(-terms[:, : 1 + len(OPERATING)] @ self.log_scale)
+        return np.clip(scaled, -FARTHEST, FARTHEST)
+
+
+def quadratic(u: Floats) -> Floats:
+    """Constant, linear and quadratic terms of ``u`` ``(n, 7)`` within :data:`REACH`, ``(n, 36)``."""
+    held = np.clip(u, -REACH, REACH)
+    return np.column_stack([np.ones(len(u)), held, held[:, PAIRS[0]] * held[:, PAIRS[1]]])
+
+
+def _but_the_constant(size: int) -> Floats:
+    """Ridge on every term but the first."""
+    ridge = np.eye(size)
+    ridge[0, 0] = 0.0
+    return ridge
 
 
 @dataclass(frozen=True)
 class Part:
-    """Mahalanobis distance to the nearest of the taught centres, over what all but a few inner rows keep.
+    """Distance to the nearest of the taught centres, over what all but a few inner rows keep.
 
-    ``whitening`` ``(F, k)``: ``z @ whitening`` has unit covariance about the centres ``(K, k)``; features that are
-    not looked at have zero rows.
+    ``whitening`` ``(F, k)``: ``residual @ whitening`` has unit covariance within a build about the centres ``(K, k)``
+    and the variances ``between`` ``(k,)`` between builds; features that are not looked at have zero rows.
     """
 
     whitening: Floats
     centres: Floats
+    between: Floats
     limit: float
 
     @classmethod
-    def fit(
-        cls, columns: NDArray[np.bool_], z: Floats, kind: NDArray[np.intp], z_inner: Floats, quantile: float
-    ) -> Part:
-        """Centres of the classes, covariance about them (shrunk, Ledoit and Wolf 2004), limit on the inner rows."""
+    def fit(cls, columns: NDArray[np.bool_], residual: Floats, data: Dataset, inner: Floats, quantile: float) -> Part:
+        """Covariances within and between builds (shrunk, Ledoit and Wolf 2004); the limit on the inner rows."""
         from sklearn.covariance import ledoit_wolf
 
-        kinds = np.unique(kind)
-        means = np.array([z[kind == k].mean(axis=0) for k in kinds])
-        covariance, _ = ledoit_wolf((z - means[np.searchsorted(kinds, kind)])[:, columns])
-        values, vectors = np.linalg.eigh(covariance)
-        whitening = np.zeros((z.shape[1], len(values)))
-        whitening[columns] = vectors / np.sqrt(values)
-        raw = cls(whitening, means @ whitening, 1.0)
-        return cls(whitening, raw.centres, float(np.quantile(raw.distance(z_inner), quantile)))
+        used = np.flatnonzero(columns & (residual.std(axis=0) > 1e-6))
+        kinds, kind_of = np.unique(data.kind, return_inverse=True)
+        builds, build_of = np.unique(data.group, return_inverse=True)
+        means = np.array([residual[kind_of == k][:, used].mean(axis=0) for k in range(len(kinds))])
+        about = residual[:, used] - means[kind_of]
+        healthy = about[data.kind == 0]
+        build_of, count = build_of[data.kind == 0], np.bincount(build_of[data.kind == 0], minlength=len(builds))
+        if not (count > 1).any():
+            raise DatasetError(
+                "no build has two healthy recordings: scatter between builds cannot be told from scatter within; "
+                "record healthy builds at several operating points"
+            )
+        own = np.array([healthy[build_of == b].mean(axis=0) for b in np.flatnonzero(count > 1)])
+        within, _ = ledoit_wolf(about, assume_centered=True)
+        values, vectors = np.linalg.eigh(within)
+        white = vectors / np.sqrt(values)
+        spread, turn = np.linalg.eigh(white.T @ np.atleast_2d(np.cov(own.T, bias=True)) @ white)
+        whitening = np.zeros((residual.shape[1], len(used)))
+        whitening[used] = white @ turn
+        between = np.maximum(spread - 1.0 / np.mean(count[count > 1]), 0.0)
+        raw = cls(whitening, means @ white @ turn, between, 1.0)
+        return cls(whitening, raw.centres, between, float(np.quantile(raw.distance(inner), quantile)))
 
-    def distance(self, z: Floats) -> Floats:
-        """Distances ``(n,)`` of scaled rows, 1 at the limit."""
-        found = [np.sqrt(np.mean((z @ self.whitening - centre) ** 2, axis=1)) for centre in self.centres]
+    def distance(self, residual: Floats) -> Floats:
+        """Distances ``(n,)`` of residuals, 1 at the limit."""
+        white = residual @ self.whitening
+        found = [np.sqrt(np.mean((white - centre) ** 2, axis=1)) for centre in self.centres]
         return np.asarray(np.min(found, axis=0) / self.limit)
 
 
-def fit_novelty(scaler: Scaler, train: Dataset, inner: Dataset, quantile: float) -> tuple[Part, ...]:
-    """The parts whose larger distance is the novelty score: above 1 a row is unlike what was taught.
+def fit_novelty(train: Dataset, inner: Dataset, quantile: float) -> tuple[Residual, tuple[Part, ...]]:
+    """What the operating point explains, and the parts whose larger distance is the novelty score.
 
     Parameters
     ----------
     quantile
         Share of the inner rows that each part keeps.
     """
-    z = (train.features - scaler.mean) / scaler.deviation
-    z_inner = (inner.features - scaler.mean) / scaler.deviation
-    return tuple(Part.fit(columns, z, train.kind, z_inner, quantile) for columns in (FLOATING, RINGING))
+    residual = Residual.fit(train.features[train.kind == 0])
+    rows, inner_rows = residual(train.features), residual(inner.features)
+    return residual, tuple(Part.fit(columns, rows, train, inner_rows, quantile) for columns in PARTS)
 
 
-def novelty(parts: Sequence[Part], z: Floats) -> Floats:
-    """The larger of the parts' distances ``(n,)``."""
-    return np.asarray(np.max([part.distance(z) for part in parts], axis=0))
+def fleet(parts: Sequence[Part], healthy: Floats, quantile: float) -> dict[str, object]:
+    """What a device needs to know of the fleet (:class:`firmware_py.brain.normal.Prior`).
+
+    Parameters
+    ----------
+    healthy
+        Residuals of healthy inner rows; ``quantile`` of them stay within the limits of healthy alone.
+    """
+    away = [np.sqrt(np.mean((healthy @ p.whitening - p.centres[0]) ** 2 / (1.0 + p.between), axis=1)) for p in parts]
+    return {
+        "columns": [len(part.between) for part in parts],
+        "between": [float(f"{value:.4g}") for part in parts for value in part.between],
+        "limits": [float(np.quantile(a, quantile)) for a in away], "typical": [float(np.median(a)) for a in away],
+    }  # fmt: skip
+
+
+def novelty(parts: Sequence[Part], residual: Floats) -> Floats:
+    """The larger of the parts' distances ``(n,)``: above 1 a row is unlike what was taught."""
+    return np.asarray(np.max([part.distance(residual) for part in parts], axis=0))

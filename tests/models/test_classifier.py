@@ -93,35 +93,68 @@ def test_features_do_not_depend_on_the_rate():
     assert max(levels) < 0.5
 
 
+def builds(n, seed, **columns):
+    """Rows of ten builds."""
+    return rows(n, seed, group=np.arange(n) % 10, recording=np.arange(n), **columns)
+
+
 def graph(seed=0):
     from models.diagnosis.graph import Diagnosis
-    from models.diagnosis.ladder import Scaler
-    from models.diagnosis.novelty import fit_novelty
+    from models.diagnosis.novelty import fit_novelty, fleet
     from models.learning.network import Mlp
 
     rng, n = np.random.default_rng(seed), len(FEATURE_NAMES)
-    net, train = Mlp((n, 12, 4)), rows(60, 1, kind=np.arange(60) % 6)
-    scaler = Scaler.of(train)
+    net, train, inner = Mlp((n, 12, 4)), builds(240, 1, kind=np.arange(240) // 10 % 6), builds(40, 2)
+    residual, parts = fit_novelty(train, inner, 0.9)
     return Diagnosis(
-        rng.normal(size=n), rng.uniform(0.1, 2.0, n), net.layers(net.initial(rng)), 1.3,
-        (scaler.mean, scaler.deviation), fit_novelty(scaler, train, rows(40, 2), 0.9),
+        rng.normal(size=n), rng.uniform(0.1, 2.0, n), net.layers(net.initial(rng)), 1.3, residual, parts,
+        fleet(parts, residual(inner.features), 0.9),
     )  # fmt: skip
 
 
+def test_the_operating_point_is_taken_out_of_the_features():
+    from models.diagnosis.novelty import OPERATING_COLUMNS, Residual
+
+    column = FEATURE_NAMES.index("contact_log_film")
+
+    def healthy(n, seed):
+        rng = np.random.default_rng(seed)
+        x = rng.normal(size=(n, len(FEATURE_NAMES)))
+        speed, clearance = x[:, OPERATING_COLUMNS[0]], x[:, OPERATING_COLUMNS[1]]
+        x[:, column] = 2.0 + speed * clearance - speed**2 + np.exp(0.5 * speed) * rng.normal(size=n)
+        return x
+
+    residual = Residual.fit(healthy(3000, 0))
+    far = residual(healthy(4000, 1))[:, column]
+    speed = healthy(4000, 1)[:, OPERATING_COLUMNS[0]]
+    for slow in (speed < -1.0, speed > 1.0):
+        assert np.median(np.abs(far[slow])) == pytest.approx(0.6745, rel=0.25), "the same scale at every speed"
+        assert abs(np.median(far[slow])) < 0.25
+
+
 def test_novelty_in_the_graph_is_that_of_the_parts():
-    from models.diagnosis.judge import of_module
-    from models.diagnosis.ladder import Scaler
+    import torch
+
     from models.diagnosis.novelty import fit_novelty, novelty
 
-    train, inner, other = rows(80, 1, kind=np.arange(80) % 2), rows(50, 2), rows(20, 3)
-    scaler = Scaler.of(train)
-    parts = fit_novelty(scaler, train, inner, 0.9)
-    assert np.mean([part.distance((inner.features - scaler.mean) / scaler.deviation) for part in parts] > np.array(1.0)
-                   ) == pytest.approx(0.1, abs=0.03)  # fmt: skip
-    _, score = of_module(graph())(other.features)
-    assert score.shape == (20,)
-    far = (other.features + 6.0 - scaler.mean) / scaler.deviation
-    assert (novelty(parts, far) > novelty(parts, (other.features - scaler.mean) / scaler.deviation)).all()
+    train, inner, other = builds(240, 1, kind=np.arange(240) // 10 % 6), builds(40, 2), builds(20, 3)
+    residual, parts = fit_novelty(train, inner, 0.9)
+    assert np.mean([part.distance(residual(inner.features)) > 1.0 for part in parts]) == pytest.approx(0.1, abs=0.03)
+    x = other.features.astype(np.float32)
+    with torch.no_grad():
+        _, score, _, normal = (t.double().numpy() for t in graph()(torch.from_numpy(x)))
+    np.testing.assert_allclose(score[:, 0], novelty(parts, residual(x)), rtol=1e-5)
+    white = [residual(x) @ part.whitening - part.centres[0] for part in parts]
+    np.testing.assert_allclose(normal, np.concatenate(white, axis=1), atol=1e-4)
+    assert (novelty(parts, residual(other.features + 6.0)) > novelty(parts, residual(other.features))).all()
+
+
+def test_builds_need_two_healthy_recordings():
+    from models.diagnosis.novelty import fit_novelty
+
+    alone = rows(10, 1, group=np.arange(10), kind=np.arange(10) % 2)
+    with pytest.raises(DatasetError, match="no build has two healthy recordings"):
+        fit_novelty(alone, alone, 0.9)
 
 
 def test_drivers_are_what_a_head_loses_with_a_group():
@@ -132,7 +165,7 @@ def test_drivers_are_what_a_head_loses_with_a_group():
     module = graph()
     x = rows(3).features.astype(np.float32)
     with torch.no_grad():
-        heads, _, drivers = (t.double().numpy() for t in module(torch.from_numpy(x)))
+        heads, _, drivers, _ = (t.double().numpy() for t in module(torch.from_numpy(x)))
         at = GROUPS.index("acc_motor_ringing")
         without = np.where(at == GROUP_OF_FEATURE, module.mean.numpy(), x).astype(np.float32)
         less = module(torch.from_numpy(without))[0].double().numpy()
@@ -147,7 +180,7 @@ def test_one_file_answers_like_the_module(tmp_path):
     from models import export
 
     rng, n, module = np.random.default_rng(0), len(FEATURE_NAMES), graph()
-    names = ("heads", "score", "drivers")
+    names = ("heads", "score", "drivers", "normal")
     metadata = export.Metadata("classifier", "0", FEATURE_NAMES, names, {}, (), "", {}, ())
     path, x = tmp_path / "classifier.onnx", rng.normal(0.0, 5.0, (10_000, n)).astype(np.float32)
     x[0], x[1] = 0.0, 1e6
@@ -155,7 +188,7 @@ def test_one_file_answers_like_the_module(tmp_path):
         module, torch.from_numpy(x[:2]), path, input_name="features", output_names=names, metadata=metadata
     )
     assert export.parity(module, path, x) <= 1e-6
-    heads, score, _ = export.session(path).run(None, {"features": x})
+    heads, score, *_ = export.session(path).run(None, {"features": x})
     assert heads.shape == (10_000, 4)
     assert score.shape == (10_000, 1)
     assert ((heads >= 0) & (heads <= 1)).all()
