@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -64,31 +65,54 @@ def classifier(folder: Path, decisions: Decisions) -> None:
 
 
 def actor(folder: Path, report: dict[str, Any]) -> None:
-    """Returns over training steps, every agent; power against time in violation; every agent's power."""
+    """For each scoreboard: returns over training steps, power against time in violation, every agent's power."""
     with (folder / "metrics.csv").open(encoding="utf-8") as stream:
-        rows = np.array([[float(row[k]) for k in ("agent", "step", "return")] for row in csv.DictReader(stream)])
+        logged = list(csv.DictReader(stream))
+    for board in ("clearance", "pair"):
+        rows = np.array([[float(row[k]) for k in ("agent", "step", "return")] for row in logged
+                         if row["board"] == board])  # fmt: skip
+        found = report[board]
+        _figure(folder / f"{board}_learning.png", partial(_curves, rows=rows), x="environment steps",
+                y="return of an episode")  # fmt: skip
+        _figure(folder / f"{board}_pareto.png", partial(_pareto, found=found), x="time in violation, s",
+                y="mean power, W")  # fmt: skip
+        _figure(folder / f"{board}_agents.png", partial(_agents, found=found), x="agent", y="mean power, W")
 
-    def curve(axes: Any) -> None:
-        for agent in np.unique(rows[:, 0]):
-            axes.plot(*rows[rows[:, 0] == agent, 1:].T, lw=0.8, label=f"agent {agent:.0f}")
-        axes.legend(fontsize=6, ncol=2)
 
-    def pareto(axes: Any) -> None:
-        for name, found in report["policies"].items():
-            axes.plot(found["violation_s"], found["power_W"], "o")
-            axes.annotate(name.replace("_", " "), (found["violation_s"], found["power_W"]), fontsize=6)
-        for name, power in report["references_W"].items():
-            axes.axhline(power, ls="--", lw=0.8, color="0.4")
-            axes.annotate(name, (0.98, power), xycoords=("axes fraction", "data"), fontsize=6, ha="right")
+def _curves(axes: Any, *, rows: Floats) -> None:
+    """Every agent thin, their mean with its 95 % interval thick."""
+    for agent in np.unique(rows[:, 0]):
+        axes.plot(*rows[rows[:, 0] == agent, 1:].T, lw=0.5, color="0.6")
+    steps = np.unique(rows[:, 1])
+    groups = [rows[rows[:, 1] == step, 2] for step in steps]
+    mean = np.array([group.mean() for group in groups])
+    half = np.array([1.96 * group.std() / max(1.0, len(group) - 1.0) ** 0.5 for group in groups])
+    axes.plot(steps, mean, lw=1.5, label="mean of the agents, 95 %")
+    axes.fill_between(steps, mean - half, mean + half, alpha=0.3)
+    axes.legend(fontsize=7)
 
-    def agents(axes: Any) -> None:
-        power = report["ddpg_all_seeds"]["power_W_each_seed"]
-        axes.plot(range(len(power)), power, "o")
-        axes.axhspan(*report["ddpg_all_seeds"]["power_W_iqm_interval"], alpha=0.2, label="interquartile mean, 95 %")
-        axes.axhline(report["policies"]["lookup"]["power_W"], ls="--", color="0.4", label="lookup table")
-        axes.legend(fontsize=7)
 
-    if len(rows):
-        _figure(folder / "learning_curve.png", curve, x="environment steps", y="return of an episode")
-    _figure(folder / "pareto.png", pareto, x="time in violation, s", y="mean shaft power, W")
-    _figure(folder / "agents.png", agents, x="agent", y="mean shaft power, W")
+def _pareto(axes: Any, *, found: dict[str, Any]) -> None:
+    """Every policy and agent, filled behind the shield, open without it; both references as lines."""
+    for name, row in found["policies"].items():
+        alone = name.endswith("_without_shield")
+        axes.plot(row["violation_s"], row["power_W"], "s", mfc="none" if alone else None, color="C1" if alone else "C0")
+        text = name.removesuffix("_without_shield").replace("_", " ")
+        axes.annotate(text, (row["violation_s"], row["power_W"]), fontsize=6)
+    for key, look in (("ddpg_all_seeds", {}), ("ddpg_all_seeds_without_shield", {"mfc": "none"})):
+        rows = found[key]
+        axes.plot(rows["violation_s_each_seed"], rows["power_W_each_seed"], ".", color="0.3", **look)
+    for name, power in {**found["references_W"], "best fixed": found["best_fixed_W"]}.items():
+        axes.axhline(power, ls="--", lw=0.8, color="0.4")
+        axes.annotate(name, (0.98, power), xycoords=("axes fraction", "data"), fontsize=6, ha="right")
+    axes.set_xscale("symlog", linthresh=1.0)
+    axes.set_title("open: without the shield; dots: every DDPG agent", fontsize=7)
+
+
+def _agents(axes: Any, *, found: dict[str, Any]) -> None:
+    """Every agent's power, the interquartile mean's interval, and the table's."""
+    rows = found["ddpg_all_seeds"]
+    axes.plot(range(len(rows["power_W_each_seed"])), rows["power_W_each_seed"], "o")
+    axes.axhspan(*rows["power_W_iqm_interval"], alpha=0.2, label="interquartile mean, 95 %")
+    axes.axhline(found["policies"]["lookup"]["power_W"], ls="--", color="0.4", label="lookup table")
+    axes.legend(fontsize=7)

@@ -96,6 +96,13 @@ class Run:
         config = f" --config {self._config}" if self._config else ""
         return f"orbitd train {self.kind} --seed {self.seed}{config}{' --smoke' if self.smoke else ''}"
 
+    def has(self, name: str) -> bool:
+        """Whether the checkpoint ``name`` is there."""
+        return self._checkpoint(name).is_file()
+
+    def _checkpoint(self, name: str) -> Path:
+        return self.folder / "checkpoints" / f"{name}.ckpt"
+
     def kept(self, name: str, work: Callable[[], T], rng: np.random.Generator | None = None) -> T:
         """The result of ``work``, done once: a resumed training takes it from the checkpoint ``name``.
 
@@ -106,7 +113,7 @@ class Run:
         checkpoint.CheckpointError
             The checkpoint is damaged; nothing is overwritten.
         """
-        path = self.folder / "checkpoints" / f"{name}.ckpt"
+        path = self._checkpoint(name)
         if path.is_file():
             result, state = checkpoint.load(path)
             if rng is not None:

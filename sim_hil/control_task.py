@@ -57,13 +57,22 @@ class ActionError(OrbitdError, ValueError):
 
 @dataclass(frozen=True)
 class Limits:
-    """Constraints and the weight of their violation in the reward (per step, at 100 % excess)."""
+    """Constraints and the weight of their violation in the reward (per step, at 100 % excess).
+
+    Film, trip and swing are the published duty's (``duty_bench.json``).  The two of the oil count where the supply
+    pressure is an action: the outlet may be as hot as ``oil.film_max_C`` of the shipped configuration, up to which
+    the guard's laws hold; the least flow, 0.05 L/min, is assumed (no reference file names one): what a flow switch in
+    such a line tells from none.
+    """
 
     min_film_m: float = 10e-6
     trip_film_m: float = 5e-6
     swing_share: float = 0.5
+    max_outlet_C: float = 60.0
+    min_flow_m3_s: float = 0.05e-3 / 60.0
     film_weight: float = 5.0
     swing_weight: float = 5.0
+    oil_weight: float = 5.0
     trip_reward: float = -20.0
 
 
@@ -168,6 +177,17 @@ def targets(rig: RigData, action: Observation) -> Floats:
     return wish
 
 
+def actions_of(rig: RigData, wish: Floats) -> Observation:
+    """Actions in [-1, 1] that ask for clearances, m, and supply pressures, Pa: :func:`targets` undone.
+
+    Shape (..., 1 or 2) in and out.
+    """
+    b, supply = rig.bearing, rig.supply
+    low = np.array([b.clearance_min_m, supply.min_Pa])[: wish.shape[-1]]
+    high = np.array([b.clearance_max_m, supply.max_Pa])[: wish.shape[-1]]
+    return (2.0 * (wish - low) / (high - low) - 1.0).astype(np.float32)
+
+
 def judge(rig: RigData, limits: Limits, true: Mapping[str, Floats], *, pressure: bool) -> dict[str, Floats]:
     """True figures of a step, the penalty for violated limits, and the reward, each of the shape of its inputs.
 
@@ -175,7 +195,7 @@ def judge(rig: RigData, limits: Limits, true: Mapping[str, Floats], *, pressure:
     ----------
     true
         Means ``speed_rad_s``, ``load_N``, ``clearance_m``, ``shaft_power_W``, ``pump_power_W``, the smallest film
-        ``min_film_m`` and the larger ``peak_to_peak_m`` of the two axes.
+        ``min_film_m``, the larger ``peak_to_peak_m`` of the two axes, ``flow_m3_s`` and ``outlet_C``.
     """
     b = rig.bearing
     petroff = (
@@ -185,11 +205,13 @@ def judge(rig: RigData, limits: Limits, true: Mapping[str, Floats], *, pressure:
     power = true["shaft_power_W"] + (true["pump_power_W"] if pressure else 0.0)
     lack = np.maximum(0.0, 1 - true["min_film_m"] / limits.min_film_m)
     excess = np.maximum(0.0, true["peak_to_peak_m"] / (limits.swing_share * true["clearance_m"]) - 1)
-    penalty = limits.film_weight * lack + limits.swing_weight * excess
+    dry = np.maximum(0.0, pressure * (1 - true["flow_m3_s"] / limits.min_flow_m3_s))
+    hot = np.maximum(0.0, pressure * (true["outlet_C"] / limits.max_outlet_C - 1))
+    penalty = limits.film_weight * lack + limits.swing_weight * excess + limits.oil_weight * (dry + hot)
     tripped = true["min_film_m"] < limits.trip_film_m
     return {
         **true, "power_W": power, "power_share": power / petroff, "penalty": penalty,
-        "violated": (lack > 0) | (excess > 0), "tripped": tripped,
+        "violated": (lack > 0) | (excess > 0) | (dry > 0) | (hot > 0), "tripped": tripped,
         "reward": np.where(tripped, limits.trip_reward, -power / petroff - penalty),
     }  # fmt: skip
 

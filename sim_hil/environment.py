@@ -55,7 +55,7 @@ class RotorEnv(gymnasium.Env[Observation, Observation]):
     duty, build
         Fixed ones instead of random.
     pressure
-        The supply pressure is a second action, and the pump's power counts.
+        The supply pressure is a second action, on the film that it feeds from the groove; the pump's power counts.
     """
 
     def __init__(
@@ -80,7 +80,8 @@ class RotorEnv(gymnasium.Env[Observation, Observation]):
         )
         e = self.episode
         self._machine = Machine(
-            self.rig, e.build, int(self.np_random.integers(2**31)), clearance_m=e.clearance_m, inlet_C=e.inlet_C[0]
+            self.rig, e.build, int(self.np_random.integers(2**31)), clearance_m=e.clearance_m, inlet_C=e.inlet_C[0],
+            fed=self.pressure,
         )
         self._step = 0
         self._history = np.zeros((0, 2))
@@ -123,6 +124,7 @@ class RotorEnv(gymnasium.Env[Observation, Observation]):
         pumped = truth["pressure_Pa"] * truth["side_flow_m3_s"] / self.rig.supply.pump_efficiency
         swings = [np.ptp(truth[f"eccentricity_{axis}_m"]) for axis in "xy"]
         true |= {"pump_power_W": pumped.mean(), "min_film_m": truth["min_film_m"].min(), "peak_to_peak_m": max(swings)}
+        true |= {"flow_m3_s": truth["side_flow_m3_s"].mean(), "outlet_C": truth["oil_C"][-1]}
         return judge(self.rig, self.limits, true, pressure=self.pressure)
 
     def _observe(self, batch: Batch) -> Observation:

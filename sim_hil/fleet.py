@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from sim_hil.film.table_kernel import table_force
 from sim_hil.rigs import read_json
+from sim_hil.rotor.film_law import Law
 from sim_hil.rotor.parameters import Floats
 from sim_hil.rotor.rigid import RENEW_STEPS, advance_rotor
 
@@ -38,13 +39,13 @@ def records(fields: tuple[str, ...], count: int) -> Records:
 
 @njit(cache=True)
 def advance_fleet(
-    shaft: Records, film: Records, act: Records, table: Floats, w: Floats, scalar: Floats, drive: Floats,
+    shaft: Records, film: Records, act: Records, law: Law, w: Floats, scalar: Floats, drive: Floats,
     target: Floats, which: Numbers, out: Floats,
 ) -> None:  # fmt: skip
     """:func:`advance_rotor` for each of ``which``: one row of ``out`` a step of STEP_S."""
     for r in which:
         advance_rotor(
-            shaft[r], film[r], act[r], table, w[r], scalar[r], drive[r], target[r], STEP_S, 1, RENEW_STEPS, out[r]
+            shaft[r], film[r], act[r], law, w[r], scalar[r], drive[r], target[r], STEP_S, 1, RENEW_STEPS, out[r]
         )
 
 

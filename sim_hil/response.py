@@ -179,9 +179,11 @@ class PowerMap:
 
 def power_map(
     rig: RigData, rpm: Floats, load_N: Floats, clearance_m: Floats, *, seconds: float = 1.0, thermal: bool = False,
-    force: Force = "table",
+    force: Force = "table", pressure_Pa: float | None = None,
 ) -> PowerMap:  # fmt: skip
     """Mean power, smallest film and larger peak-to-peak of the last half of `seconds` at each point.
+
+    With `pressure_Pa` the film is the one fed from the groove at that supply pressure, and the pump's power counts.
 
     The journal starts at rest at its equilibrium, so that whirl shows where it grows by itself; close to its threshold
     it takes longer than a second (at 12000 rpm, 30 N of rig `bench` the peak-to-peak after 1 s is 3 % short).
@@ -192,9 +194,12 @@ def power_map(
     for i, j, k in np.ndindex(shape):
         duty = Duty.hold(float(rpm[i]), float(load_N[j]), seconds)
         rate_hz = max(5000.0, SAMPLES_PER_TURN * abs(float(rpm[i])) / 60)
-        run = simulate(rig, duty, clearance=float(clearance_m[k]), thermal=thermal, force=force, rate_hz=rate_hz)
-        run = run.last(seconds / 2)
-        figures[:, i, j, k] = run.power_W.mean(), run.min_film_m.min(), run.peak_to_peak_m()
+        run = simulate(
+            rig, duty, clearance=float(clearance_m[k]), thermal=thermal, force=force, rate_hz=rate_hz,
+            pressure=pressure_Pa, fed=pressure_Pa is not None,
+        ).last(seconds / 2)  # fmt: skip
+        pumped = 0.0 if pressure_Pa is None else run.pump_power_W(rig.supply.pump_efficiency).mean()
+        figures[:, i, j, k] = run.power_W.mean() + pumped, run.min_film_m.min(), run.peak_to_peak_m()
     return PowerMap(*figures)
 
 

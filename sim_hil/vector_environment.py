@@ -43,7 +43,8 @@ from sim_hil.faults.machine import worn_bore
 from sim_hil.film.table import FilmTable
 from sim_hil.fleet import FIGURES, STEP_S, Numbers, advance_fleet, measure_orbits, records, static_loads
 from sim_hil.rigs import load_rig
-from sim_hil.rotor.assembly import assemble
+from sim_hil.rotor.assembly import assemble, rig_film
+from sim_hil.rotor.film_law import Law
 from sim_hil.rotor.parameters import CLEARANCE, FLOW, N_SCALARS, OIL, PRESSURE, Act, Film, Floats, Shaft, new_state
 from sim_hil.rotor.rigid import COLUMNS
 from sim_hil.runs import CLEARANCE_NOISE_M
@@ -61,14 +62,20 @@ class VectorRunError(RuntimeError):
 
 
 class RotorVectorEnv(gymnasium.vector.VectorEnv[Observation, Observation, NDArray[Any]]):
-    """``num_envs`` rotors; parameters as :class:`sim_hil.environment.RotorEnv`."""
+    """``num_envs`` rotors; parameters as :class:`sim_hil.environment.RotorEnv`.
+
+    Parameters
+    ----------
+    law
+        Another film than the tabulated one of the rig, which is fed from the groove where ``pressure`` is an action.
+    """
 
     metadata: ClassVar[dict[str, Any]] = {"render_modes": [], "autoreset_mode": AutoresetMode.SAME_STEP}
 
     def __init__(
         self, num_envs: int = 8, rig: str = "bench", episode_s: float = 30.0, duty: Duty | None = None,
         build: Build | None = None, limits: Limits | None = None, pressure: bool = False,
-        disturbances: Disturbances | None = None,
+        disturbances: Disturbances | None = None, law: Law | None = None,
     ) -> None:  # fmt: skip
         self.num_envs, self.rig, self.pressure = num_envs, load_rig(rig), pressure
         self.limits, self.disturbances = limits or Limits(), disturbances or Disturbances()
@@ -79,6 +86,7 @@ class RotorVectorEnv(gymnasium.vector.VectorEnv[Observation, Observation, NDArra
         self._fixed_duty, self._fixed_build = duty, build
         b, n = self.rig.bearing, num_envs
         self._table = FilmTable.load(b.length_m / (2 * b.radius_m)).coefficients
+        self._law = rig_film(self.rig, fed=pressure) if law is None else law
         self._shaft, self._film, self._act = (records(kind._fields, n) for kind in (Shaft, Film, Act))
         self._w, self._scalar = np.zeros((n, 8)), np.zeros((n, N_SCALARS))
         self._drive, self._target = np.zeros((n, _PERIODS + 1, 2)), np.zeros((n, _PERIODS, 2))
@@ -162,7 +170,7 @@ class RotorVectorEnv(gymnasium.vector.VectorEnv[Observation, Observation, NDArra
     def _advance(self, which: Numbers) -> None:
         """Move and measure rotors for a control step."""
         advance_fleet(
-            self._shaft, self._film, self._act, self._table, self._w, self._scalar, self._drive, self._target, which,
+            self._shaft, self._film, self._act, self._law, self._w, self._scalar, self._drive, self._target, which,
             self._out,
         )  # fmt: skip
         for i in which[~np.isfinite(self._w[which]).all(axis=1)]:
@@ -180,6 +188,7 @@ class RotorVectorEnv(gymnasium.vector.VectorEnv[Observation, Observation, NDArra
         true = {name: self._figure(name) for name in ("clearance_m", "shaft_power_W", "min_film_m")} | {
             "speed_rad_s": self._drive[:, :-1, 0].mean(axis=1), "load_N": self._drive[:, :-1, 1].mean(axis=1),
             "peak_to_peak_m": self._figure("true_swing_m"), "pump_power_W": pumped,
+            "flow_m3_s": self._scalar[:, FLOW].copy(), "outlet_C": self._scalar[:, OIL].copy(),
         }  # fmt: skip
         return judge(self.rig, self.limits, true, pressure=self.pressure)
 

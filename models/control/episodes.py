@@ -2,43 +2,92 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
+from itertools import product
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from models.control.shielded import Observation, ShieldedRotor, ShieldedRotors, actions_of, column
-from sim_hil.control_task import CONTROL_S, Limits
+from models.control.shielded import Observation, ShieldedRotor, ShieldedRotors, column
+from models.diagnosis.data_cache import map_in_order
+from sim_hil.control_task import CONTROL_S, Limits, actions_of
 from sim_hil.environment import RotorEnv
+from sim_hil.film.direct_reynolds import ReynoldsLaw
+from sim_hil.film.table import FilmTable
+from sim_hil.rigs import RigData, load_rig
 from sim_hil.vector_environment import RotorVectorEnv
 
 Floats = NDArray[np.float64]
 
+SIDE_BY_SIDE = 10
+"""Episodes that one process plays at once: with any number of processes the same ones stand together."""
+
+UNTRIPPED = Limits(trip_film_m=-1.0)
+"""A film thin enough to trip is a violation that ends nothing: every episode is as long as the others."""
+
 
 class Policy(Protocol):
-    """Chooses radial clearances for many rotors at once."""
+    """Chooses the settings of many rotors at once; travels to other processes before an episode starts."""
 
     def start(self, count: int) -> None:
         """A new episode of ``count`` rotors begins."""
 
     def __call__(self, observation: Observation) -> Floats:
-        """Observations (count, 11), SI, to the clearances wished for (count,), m."""
+        """Observations (count, 11), SI, to wishes (count, k): clearance, m, and where it may be set pressure, Pa."""
 
 
 @dataclass(frozen=True)
 class Fixed:
-    """The same clearance all the time, m."""
+    """The same setting all the time: clearance, m, and supply pressure, Pa, where that may be set."""
 
     clearance_m: float
+    pressure_Pa: float | None = None
 
     def start(self, count: int) -> None:
         """Nothing to forget."""
 
     def __call__(self, observation: Observation) -> Floats:
         """As :class:`Policy`."""
-        return np.full(len(observation), self.clearance_m)
+        wish = [self.clearance_m] if self.pressure_Pa is None else [self.clearance_m, self.pressure_Pa]
+        return np.tile(wish, (len(observation), 1))
+
+
+@dataclass(frozen=True)
+class Board:
+    """A scoreboard: the rig, how long its episodes are, and whether the supply pressure is set with the clearance.
+
+    Alone, the clearance stands on the unfed film; with the pressure, on the film fed from the groove, the pump's power
+    counts, and so do the limits of flow and outlet (:class:`sim_hil.control_task.Limits`).  ``direct`` solves
+    Reynolds' equation in every step instead of reading the film from its table.
+    """
+
+    rig: str
+    seconds: float
+    pressure: bool = False
+    direct: bool = False
+
+    @property
+    def data(self) -> RigData:
+        """The rig's."""
+        return load_rig(self.rig)
+
+    @property
+    def reach(self) -> Floats:
+        """Smallest and largest setting, shape (2, k)."""
+        b, supply = self.data.bearing, self.data.supply
+        both = np.array([[b.clearance_min_m, supply.min_Pa], [b.clearance_max_m, supply.max_Pa]])
+        return both[:, : 1 + self.pressure]
+
+    def rotors(self, count: int, limits: Limits | None = None) -> RotorVectorEnv:
+        """That many rotors."""
+        law = None
+        if self.direct:
+            ratio = self.data.bearing.length_m / (2.0 * self.data.bearing.radius_m)
+            law = ReynoldsLaw.make(FilmTable.load(ratio).coefficients, ratio)
+        return RotorVectorEnv(count, self.rig, self.seconds, limits=limits, pressure=self.pressure, law=law)
 
 
 @dataclass(frozen=True)
@@ -48,7 +97,8 @@ class Score:
     Parameters
     ----------
     power_W, violation_s, min_film_m, swing_share
-        Mean shaft power, time with a limit broken, smallest film, largest peak-to-peak over clearance.
+        Mean power (the pump's with it where the pressure is set), time with a limit broken, smallest film, largest
+        peak-to-peak over clearance.
     intervened
         Share of the steps in which the shield changed the wish.
     travel_m
@@ -61,6 +111,17 @@ class Score:
     swing_share: Floats
     intervened: Floats
     travel_m: Floats
+
+    @classmethod
+    def joined(cls, parts: Sequence[Score]) -> Score:
+        """Episodes of all parts, in their order."""
+        return cls(*(np.concatenate([getattr(s, name) for s in parts]) for name in cls.__dataclass_fields__))
+
+    @property
+    def depth(self) -> Floats:
+        """By how much the worst instant of each episode broke film or swing, as a share of the limit."""
+        lack = 1.0 - self.min_film_m / UNTRIPPED.min_film_m
+        return np.maximum(0.0, np.maximum(lack, self.swing_share / UNTRIPPED.swing_share - 1.0))
 
     def kept(self, counted: NDArray[np.bool_]) -> Score:
         """Only the counted episodes."""
@@ -77,37 +138,49 @@ class Score:
         return {name: float(f"{value:.4g}") for name, value in figures.items()}
 
 
-def play(policy: Policy, seeds: Sequence[int], seconds: float, *, shielded: bool, rig: str = "bench") -> Score:
-    """Run ``policy`` once in the episode of each seed, rotors alone on the table film, all side by side."""
-    rotors = RotorVectorEnv(len(seeds), rig, seconds, limits=UNTRIPPED)
-    environment = ShieldedRotors(rotors, shielded=shielded)
+def play(board: Board, seeds: Sequence[int], policy: Policy, *, shielded: bool) -> Score:
+    """Run ``policy`` once in the episode of each seed, rotors alone, all side by side."""
+    environment = ShieldedRotors(board.rotors(len(seeds), UNTRIPPED), shielded=shielded)
     observation, _ = environment.reset(seed=list(seeds))
     policy.start(len(seeds))
     record = _Record(observation)
-    for _ in range(round(seconds / CONTROL_S)):
-        observation, _, _, _, info = environment.step(actions_of(rotors.rig, policy(observation)))
+    for _ in range(round(board.seconds / CONTROL_S)):
+        observation, _, _, _, info = environment.step(actions_of(board.data, policy(observation)))
         record.add(info)
     return record.score()
 
 
-def play_machine(policy: Policy, seeds: Sequence[int], seconds: float, *, rig: str = "bench") -> Score:
-    """The same behind the shield on the whole machine with its sensors, one episode after another."""
-    environment = ShieldedRotor(RotorEnv(rig, episode_s=seconds, limits=UNTRIPPED))
+def play_all(board: Board, seeds: Sequence[int], played: Sequence[tuple[Policy, bool]], workers: int,
+             progress: Callable[[int], None]) -> list[Score]:  # fmt: skip
+    """:func:`play` of every policy, shielded or not, on several processes."""
+    together = 1 if board.direct else SIDE_BY_SIDE
+    parts = [seeds[i : i + together] for i in range(0, len(seeds), together)]
+    scores = []
+    for done, score in enumerate(map_in_order(partial(_play_part, board), list(product(played, parts)), workers), 1):
+        scores.append(score)
+        progress(done // len(parts))
+    return [Score.joined(scores[i : i + len(parts)]) for i in range(0, len(scores), len(parts))]
+
+
+def _play_part(board: Board, part: tuple[tuple[Policy, bool], Sequence[int]]) -> Score:
+    (policy, shielded), seeds = part
+    return play(board, seeds, policy, shielded=shielded)
+
+
+def play_machine(board: Board, seeds: Sequence[int], policy: Policy) -> Score:
+    """Behind the shield on the whole machine with its sensors, one episode after another."""
+    environment = ShieldedRotor(RotorEnv(board.rig, board.seconds, limits=UNTRIPPED, pressure=board.pressure))
     scores = []
     for seed in seeds:
         observation, _ = environment.reset(seed=seed)
         policy.start(1)
         record = _Record(observation[None])
-        for _ in range(round(seconds / CONTROL_S)):
-            wish_m = policy(observation[None])
-            observation, _, _, _, info = environment.step(actions_of(environment.rotor.rig, wish_m)[0])
+        for _ in range(round(board.seconds / CONTROL_S)):
+            wish = policy(observation[None])
+            observation, _, _, _, info = environment.step(actions_of(board.data, wish)[0])
             record.add({name: np.array([value]) for name, value in info.items()})
         scores.append(record.score())
-    return Score(*(np.concatenate([getattr(s, name) for s in scores]) for name in Score.__dataclass_fields__))
-
-
-UNTRIPPED = Limits(trip_film_m=-1.0)
-"""A film thin enough to trip is a violation that ends nothing: every episode is as long as the others."""
+    return Score.joined(scores)
 
 
 class _Record:

@@ -10,15 +10,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from models.control.episodes import Fixed, Policy, Score, play
+from models.control.episodes import Board, Fixed, Policy, Score, play_all
 from models.control.references import reference_powers
+from models.control.rivals import pressures
 from models.runs import progress_bar
 
 Floats = NDArray[np.float64]
 Numbers = NDArray[np.intp]
 
-FIXED_UM = (44, 108)
-"""Between these lies the widest fixed clearance that keeps the limits; power falls with clearance up to there."""
+FIXED_UM = (44, 108, 8)
+"""Fixed clearances that are tried: from, to, and how far apart at first."""
 
 RESAMPLES = 500
 
@@ -33,45 +34,57 @@ class Bench:
         Episodes in which both references break no limit: no other says anything about control.
     references
         Mean power of each reference in the counted episodes, W.
-    fixed_um, fixed
-        The one fixed clearance of least power that breaks no limit in any counted episode, and its score there.
+    setting, fixed
+        The one fixed setting of least power that breaks no limit in any counted episode, and its score there.
+    least_s, least_depth
+        Time and depth of violation of the fixed setting that breaks the limits for the shortest time, each episode:
+        what stands for a reference where no schedule keeps them.
     """
 
+    board: Board
     seeds: Sequence[int]
-    seconds: float
-    rig: str
+    workers: int
     counted: NDArray[np.bool_]
     references: Mapping[str, Floats]
-    fixed_um: float
+    setting: Fixed
     fixed: Score
+    least_s: Floats
+    least_depth: Floats
 
     @classmethod
-    def of(cls, seeds: Sequence[int], seconds: float, rig: str, out: Path, workers: int) -> Bench:
-        """Compute the references and choose the fixed clearance.
+    def of(cls, board: Board, seeds: Sequence[int], out: Path, workers: int) -> Bench:
+        """Compute the references and choose the fixed setting.
 
         Raises
         ------
         ValueError
-            No episode is counted, or no fixed clearance keeps the limits in all of them.
+            No episode is counted, or no fixed setting keeps the limits in all of them.
         """
         with progress_bar("references", len(seeds)) as bar:
-            preview, causal = reference_powers(out, rig, seconds, seeds, workers, bar)
+            preview, causal = reference_powers(out, board, seeds, workers, bar)
         counted = np.isfinite(preview) & np.isfinite(causal)
         if not counted.any():
             raise ValueError(f"no schedule keeps the limits in any of {len(seeds)} episodes; judge more episodes")
-        fixed_um, fixed = _best_fixed(seeds, seconds, rig, counted)
+        tried = _fixed_settings(board, seeds, counted, workers)
+        setting, fixed = tried[_best(tried, counted)]
+        times = np.stack([score.violation_s for _, score in tried])
+        least, every = times.argmin(axis=0), np.arange(len(seeds))
+        depth = np.stack([score.depth for _, score in tried])[least, every]
         references = {"preview": preview[counted], "causal": causal[counted]}
-        return cls(seeds, seconds, rig, counted, references, fixed_um, fixed)
+        return cls(board, seeds, workers, counted, references, setting, fixed.kept(counted), times[least, every], depth)
 
-    def play(self, policy: Policy, *, shielded: bool) -> Score:
-        """All episodes, counted or not."""
-        return play(policy, self.seeds, self.seconds, shielded=shielded, rig=self.rig)
+    def play(self, played: Sequence[tuple[Policy, bool]], text: str) -> list[Score]:
+        """Every policy, behind the shield or not, in all episodes, counted or not."""
+        with progress_bar(text, len(played)) as bar:
+            return play_all(self.board, self.seeds, played, self.workers, bar)
 
     def figures(self, score: Score) -> dict[str, Any]:
-        """What the report says of a policy; violations in episodes that are not counted stand apart."""
+        """What the report says of a policy; in episodes that are not counted, how far beyond the least violation."""
         counted = score.kept(self.counted)
-        figures: dict[str, Any] = dict(counted.summary(self.seconds))
-        figures["violation_s_not_counted"] = round(float(score.violation_s[~self.counted].sum()), 2)
+        figures: dict[str, Any] = dict(counted.summary(self.board.seconds))
+        rest = ~self.counted
+        figures["rejected_violation_s_beyond"] = round(float((score.violation_s - self.least_s)[rest].sum()), 2)
+        figures["rejected_depth_beyond"] = round(float((score.depth - self.least_depth)[rest].max(initial=0.0)), 4)
         for name in self.references:
             figures[f"gap_share_{name}"] = round(self.gap_share(counted.power_W, name), 4)
             shares = [self.gap_share(counted.power_W, name, k) for k in _resampled(counted.power_W.size)]
@@ -93,6 +106,9 @@ class Bench:
         rows: dict[str, Any] = {
             "power_W_each_seed": [round(float(p), 3) for p in power.mean(axis=1)],
             "violation_s_each_seed": [round(float(score.violation_s.sum()), 2) for score in kept],
+            "intervention_share_each_seed": [round(float(score.intervened.mean()), 3) for score in kept],
+            "travel_um_per_s_each_seed": [
+                round(1e6 * float(score.travel_m.mean()) / self.board.seconds, 2) for score in kept],
             "power_W_iqm": round(interquartile_mean(power), 3),
             "power_W_iqm_interval": _percentiles([interquartile_mean(power[i][:, k]) for i, k in draws]),
         }
@@ -111,9 +127,13 @@ class Bench:
 
     def header(self) -> dict[str, Any]:
         """What the figures rest on."""
+        film = "fed from the groove" if self.board.pressure else "unfed"
+        pressure_Pa = self.setting.pressure_Pa
         return {
-            "plant": "rotor alone on the table film", "episodes": len(self.seeds), "seconds": self.seconds,
-            "rejected_share": round(1.0 - float(self.counted.mean()), 4), "best_fixed_um": self.fixed_um,
+            "plant": f"rotor alone on the table film, {film}", "episodes": len(self.seeds),
+            "seconds": self.board.seconds, "rejected_share": round(1.0 - float(self.counted.mean()), 4),
+            "best_fixed_um": round(1e6 * self.setting.clearance_m, 2),
+            "best_fixed_bar": None if pressure_Pa is None else 1e-5 * pressure_Pa,
             "best_fixed_W": round(float(self.fixed.power_W.mean()), 3),
             "references_W": {name: round(float(power.mean()), 3) for name, power in self.references.items()},
         }  # fmt: skip
@@ -130,26 +150,38 @@ def beats(difference: Mapping[str, Any]) -> bool:
     return bool(difference["interval_W"][1] < 0.0)
 
 
-def _best_fixed(seeds: Sequence[int], seconds: float, rig: str, counted: NDArray[np.bool_]) -> tuple[float, Score]:
-    """Halve the range until the widest fixed clearance that keeps the limits is known to 1 um."""
-    low, high = FIXED_UM
-    best = _fixed(low, seeds, seconds, rig).kept(counted)
-    if best.violation_s.any():
-        raise ValueError(f"fixed clearances: {low} um breaks a limit in a counted episode already")
-    with progress_bar("fixed clearances", high - low) as bar:
-        while high - low > 1:
-            middle = (low + high) // 2
-            score = _fixed(middle, seeds, seconds, rig).kept(counted)
-            if score.violation_s.any():
-                high = middle
-            else:
-                low, best = middle, score
-            bar(FIXED_UM[1] - FIXED_UM[0] - (high - low))
-    return float(low), best
+def _fixed_settings(
+    board: Board, seeds: Sequence[int], counted: NDArray[np.bool_], workers: int
+) -> list[tuple[Fixed, Score]]:  # fmt: skip
+    """Settings of a coarse grid, and clearances 1 um apart beside the best of them, with their scores."""
+    low, high, apart = FIXED_UM
+    grid = [Fixed(1e-6 * um, pressure) for pressure in pressures(board) for um in range(low, high + 1, apart)]
+    tried = _tried(board, seeds, grid, workers, "fixed settings")
+    best = tried[_best(tried, counted)][0]
+    near = [um * 1e-6 + best.clearance_m for um in range(1 - apart, apart) if um]
+    return tried + _tried(board, seeds, [Fixed(c, best.pressure_Pa) for c in near], workers, "fixed settings, fine")
 
 
-def _fixed(clearance_um: float, seeds: Sequence[int], seconds: float, rig: str) -> Score:
-    return play(Fixed(clearance_um * 1e-6), seeds, seconds, shielded=False, rig=rig)
+def _tried(
+    board: Board, seeds: Sequence[int], settings: list[Fixed], workers: int, text: str
+) -> list[tuple[Fixed, Score]]:  # fmt: skip
+    with progress_bar(text, len(settings)) as bar:
+        return list(zip(settings, play_all(board, seeds, [(s, False) for s in settings], workers, bar), strict=True))
+
+
+def _best(tried: Sequence[tuple[Fixed, Score]], counted: NDArray[np.bool_]) -> int:
+    """Number of the setting of least power that keeps the limits in every counted episode.
+
+    Raises
+    ------
+    ValueError
+        None does.
+    """
+    kept = [score.kept(counted) for _, score in tried]
+    power = [np.inf if score.violation_s.any() else float(score.power_W.mean()) for score in kept]
+    if not np.isfinite(power).any():
+        raise ValueError(f"each of {len(tried)} fixed settings breaks a limit in a counted episode; judge others")
+    return int(np.argmin(power))
 
 
 def _resampled(count: int) -> list[Numbers]:

@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models import PHYSICS_VERSION
+from models.control.episodes import Board
+from models.control.rivals import PRESSURES_PA
 from models.diagnosis.data_cache import map_in_order
 from sim_hil.bound import Reference, episode_references
 
@@ -28,27 +30,31 @@ class ReferencePower(msgspec.Struct, frozen=True):
 
 
 def reference_powers(
-    out: Path, rig: str, seconds: float, seeds: Sequence[int], workers: int, progress: Callable[[int], None]
+    out: Path, board: Board, seeds: Sequence[int], workers: int, progress: Callable[[int], None]
 ) -> tuple[Floats, Floats]:
     """Preview and causal power of the episodes of ``seeds``, W; nan where there is none.
 
-    Some 15 s an episode on one core, the first time.
+    Some 5 s an episode on one core the first time, 20 s where the pressure may be set.
     """
-    folder = out / f"references-{rig}-{seconds:g}s-physics{PHYSICS_VERSION}"
+    name = f"{board.rig}-{board.seconds:g}s{'-pair' if board.pressure else ''}"
+    folder = out / f"references-{name}-physics{PHYSICS_VERSION}"
     folder.mkdir(parents=True, exist_ok=True)
     found = []
-    for done, power in enumerate(map_in_order(partial(_kept, folder, rig, seconds), seeds, workers), 1):
+    for done, power in enumerate(map_in_order(partial(_kept, folder, board), seeds, workers), 1):
         found.append((power.preview_W, power.causal_W))
         progress(done)
     preview, causal = np.array(found, dtype=np.float64).T
     return preview, causal
 
 
-def _kept(folder: Path, rig: str, seconds: float, seed: int) -> ReferencePower:
+def _kept(folder: Path, board: Board, seed: int) -> ReferencePower:
     path = folder / f"{seed}.json"
     if path.exists():
         return msgspec.json.decode(path.read_bytes(), type=ReferencePower)
-    _, found = episode_references(seed, rig=rig, episode_s=seconds, spacing_um=SPACING_UM)
+    _, found = episode_references(
+        seed, rig=board.rig, episode_s=board.seconds, spacing_um=SPACING_UM,
+        pressures_Pa=PRESSURES_PA if board.pressure else None,
+    )  # fmt: skip
     power = ReferencePower(_power(found.preview), _power(found.causal))
     path.write_bytes(msgspec.json.encode(power))
     return power

@@ -4,6 +4,8 @@ observations and behind the same shield."""
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -11,7 +13,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
+from models.control.episodes import Board, Policy
 from models.control.shielded import Observation, column
+from models.diagnosis.data_cache import map_in_order
 from sim_hil import power_map
 from sim_hil.control_task import CONTROL_S, Limits
 from sim_hil.rigs import RigData
@@ -22,24 +26,31 @@ FILM_MARGIN: Final = 1.3
 SWING_MARGIN: Final = 0.6
 """Shares of the limits that the nominal machine keeps, so that a build at the edge of the spread still does."""
 
+PRESSURES_PA: Final = (0.5e5, 1e5, 2e5)
+"""The rig's least and nominal supply pressure, and the double; the pump's power grows with its square."""
+
 
 class Lookup(nn.Module):
-    """``observation (m, 11)`` in SI -> ``clearance (m, 1)``: bilinear in the logarithms of speed and estimated load."""
+    """``observation (m, 11)`` -> ``settings (m, k)``, SI: bilinear in the logarithms of speed and estimated load.
 
-    def __init__(self, rig: RigData, table_m: Floats) -> None:
+    ``table`` (speeds, loads, k) holds clearances, m, and where it may be set the supply pressure, Pa.
+    """
+
+    def __init__(self, rig: RigData, table: Floats) -> None:
         super().__init__()
         self.sides: Tensor
         self.table: Tensor
-        speeds, loads = _axes(rig, (table_m.shape[0], table_m.shape[1]))
+        speeds, loads = _axes(rig, (table.shape[0], table.shape[1]))
         ends = np.log([[speeds[0], speeds[-1]], [loads[0], loads[-1]]])
         self.register_buffer("sides", torch.from_numpy(ends.astype(np.float32)))
-        self.register_buffer("table", torch.from_numpy(table_m.astype(np.float32)))
+        self.register_buffer("table", torch.from_numpy(table.astype(np.float32)))
 
     def forward(self, observation: Tensor) -> Tensor:
         """Held beyond the ends of the table."""
         names = ("speed_rad_s", "load_estimate_N")
-        along = [self._hats(observation[:, column(name)], axis) for axis, name in enumerate(names)]
-        return torch.sum((along[0] @ self.table) * along[1], dim=1, keepdim=True)
+        fast, heavy = (self._hats(observation[:, column(name)], axis) for axis, name in enumerate(names))
+        columns = [torch.sum((fast @ self.table[:, :, i]) * heavy, dim=1) for i in range(self.table.shape[2])]
+        return torch.stack(columns, dim=1)
 
     def _hats(self, x: Tensor, axis: int) -> Tensor:
         """Weights of the knots of one axis, shape (m, knots)."""
@@ -50,7 +61,7 @@ class Lookup(nn.Module):
         return torch.relu(1.0 - torch.abs(place - torch.arange(knots, dtype=place.dtype)))
 
 
-def lookup(rig: RigData, points: tuple[int, int, int], progress: Callable[[int], None]) -> Lookup:
+def lookup(board: Board, points: tuple[int, int, int], workers: int, progress: Callable[[int], None]) -> Lookup:
     """Table of the least power that keeps the limits, by steady runs of the drawing's rotor.
 
     Parameters
@@ -58,15 +69,33 @@ def lookup(rig: RigData, points: tuple[int, int, int], progress: Callable[[int],
     points
         Speeds, loads and clearances of the grid.
     """
-    speeds, loads = _axes(rig, points[:2])
-    clearances = np.linspace(rig.bearing.clearance_min_m, rig.bearing.clearance_max_m, points[2])
-    table = np.empty((points[0], points[1]))
-    for i, speed in enumerate(speeds):
-        steady = power_map(rig, np.array([speed * 30.0 / np.pi]), loads, clearances, seconds=0.6)
-        figures = (steady.power_W, steady.min_film_m, steady.peak_to_peak_m)
-        table[i] = [_best(clearances, *(m[0, j] for m in figures)) for j in range(points[1])]
-        progress(i + 1)
-    return Lookup(rig, table)
+    rows = []
+    speeds, _ = _axes(board.data, points[:2])
+    for done, row in enumerate(map_in_order(partial(_row, board, points), speeds.tolist(), workers), 1):
+        rows.append(row)
+        progress(done)
+    return Lookup(board.data, np.array(rows))
+
+
+def _row(board: Board, points: tuple[int, int, int], speed_rad_s: float) -> Floats:
+    """The table's settings (loads, k) at one speed."""
+    _, loads = _axes(board.data, points[:2])
+    low, high = board.reach[:, 0]
+    clearances = np.linspace(low, high, points[2])
+    settings, figures = [], []
+    for pressure in pressures(board):
+        rpm = np.array([speed_rad_s * 30.0 / np.pi])
+        found = power_map(board.data, rpm, loads, clearances, seconds=0.6, pressure_Pa=pressure)
+        figures.append([m[0] for m in (found.power_W, found.min_film_m, found.peak_to_peak_m)])
+        settings += [[c] if pressure is None else [c, pressure] for c in clearances]
+    power, film, swing = np.concatenate(figures, axis=2)
+    choices = np.array(settings)
+    return np.array([choices[_best(choices[:, 0], power[j], film[j], swing[j])] for j in range(len(loads))])
+
+
+def pressures(board: Board) -> tuple[float | None, ...]:
+    """Supply pressures that tables and fixed settings are chosen from, Pa; None where it cannot be set."""
+    return PRESSURES_PA if board.pressure else (None,)
 
 
 def _axes(rig: RigData, points: tuple[int, int]) -> tuple[Floats, Floats]:
@@ -75,11 +104,28 @@ def _axes(rig: RigData, points: tuple[int, int]) -> tuple[Floats, Floats]:
     return speeds, np.geomspace(rig.load_min_N, rig.load_max_N, points[1])
 
 
-def _best(clearances: Floats, power: Floats, film: Floats, swing: Floats) -> float:
-    """Clearance of least power among those that keep the limits with margin, else the one of thickest film."""
+def _best(clearances: Floats, power: Floats, film: Floats, swing: Floats) -> int:
+    """The setting of least power among those that keep the limits with margin, else the one of thickest film."""
     limits = Limits()
     good = (film >= FILM_MARGIN * limits.min_film_m) & (swing <= SWING_MARGIN * limits.swing_share * clearances)
-    return float(clearances[np.argmin(np.where(good, power, np.inf))] if good.any() else clearances[np.argmax(film)])
+    return int(np.argmin(np.where(good, power, np.inf)) if good.any() else np.argmax(film))
+
+
+@dataclass(frozen=True)
+class Fed:
+    """A policy of the clearance beside a supply pressure that stays as it is, Pa."""
+
+    policy: Policy
+    pressure_Pa: float
+
+    def start(self, count: int) -> None:
+        """As :class:`models.control.episodes.Policy`."""
+        self.policy.start(count)
+
+    def __call__(self, observation: Observation) -> Floats:
+        """As :class:`models.control.episodes.Policy`."""
+        wish = self.policy(observation)
+        return np.column_stack([wish, np.full(len(wish), self.pressure_Pa)])
 
 
 class EccentricityPI:
@@ -112,7 +158,7 @@ class EccentricityPI:
         reach_m = np.abs(self._integral_m_s)
         base_m = self._base_m + self._integral_m_s * lack * CONTROL_S
         self._base_m = np.clip(np.clip(base_m, clearance_m - reach_m, clearance_m + reach_m), *self._range_m)
-        return np.clip(self._base_m + self._gain_m * lack, *self._range_m)
+        return np.clip(self._base_m + self._gain_m * lack, *self._range_m)[:, None]
 
     def _wanted(self, observation: Observation) -> Floats:
         return np.full(len(observation), self._set_point)

@@ -14,10 +14,9 @@ from firmware_py import config as configuration
 from firmware_py.config import Config
 from firmware_py.guard.load_estimate import LoadEstimator
 from firmware_py.guard.shield import Ramp, Shield
-from sim_hil.control_task import CONTROL_S, OBSERVATIONS, targets
+from sim_hil.control_task import CONTROL_S, OBSERVATIONS, actions_of, targets
 from sim_hil.duty import RAD_S_PER_RPM, Duty
 from sim_hil.environment import RotorEnv
-from sim_hil.rigs import RigData
 from sim_hil.vector_environment import RotorVectorEnv
 
 Observation = NDArray[np.float32]
@@ -115,9 +114,10 @@ class ShieldedRotors(gymnasium.vector.VectorWrapper[Observation, Observation, ND
 
     def step(self, actions: Observation) -> tuple[Observation, Floats, Flags, Flags, dict[str, Any]]:
         """As :meth:`RotorVectorEnv.step`, with what the shield lets through."""
-        wish_m = targets(self.rotors.rig, actions)[:, 0]
-        target_m = self._admitted(wish_m) if self._shielded else wish_m
-        self._observation, reward, terminated, truncated, info = self.rotors.step(actions_of(self.rotors.rig, target_m))
+        wish = targets(self.rotors.rig, actions)[:, : actions.shape[1]]
+        wish_m = wish[:, 0].copy()
+        target_m = wish[:, 0] = self._admitted(wish_m) if self._shielded else wish_m
+        self._observation, reward, terminated, truncated, info = self.rotors.step(actions_of(self.rotors.rig, wish))
         self._time_s += CONTROL_S
         for i in np.flatnonzero(terminated | truncated):
             self._keepers[i], self._time_s[i] = Keeper(self._config, self.rotors.episodes[i].duty), 0.0
@@ -147,17 +147,11 @@ class ShieldedRotor(gymnasium.Wrapper[Observation, Observation, Observation, Obs
 
     def step(self, action: Observation) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """As :meth:`RotorEnv.step`, with what the shield lets through."""
-        wish_m = float(targets(self.rotor.rig, action)[0])
-        target_m = self._keeper.admitted(self._observation, self._time_s, wish_m)
-        executed = actions_of(self.rotor.rig, np.array([target_m]))[0]
+        wish = targets(self.rotor.rig, action)[: action.size]
+        wish_m = float(wish[0])
+        target_m = wish[0] = self._keeper.admitted(self._observation, self._time_s, wish_m)
+        executed = actions_of(self.rotor.rig, wish)
         self._observation, reward, terminated, truncated, info = self.env.step(executed)
         self._time_s += CONTROL_S
         info["intervened"] = abs(target_m - wish_m) > INTERVENTION_M
         return self._observation, float(reward), terminated, truncated, info
-
-
-def actions_of(rig: RigData, clearance_m: Floats) -> Observation:
-    """Actions in [-1, 1], shape (m, 1), that ask for the clearances."""
-    b = rig.bearing
-    share = (clearance_m - b.clearance_min_m) / (b.clearance_max_m - b.clearance_min_m)
-    return (2.0 * share - 1.0).astype(np.float32)[:, None]

@@ -1,4 +1,4 @@
-"""Deep Q-learning (Mnih et al. 2015) over a row of fixed choices, the later choice of the paper's group."""
+"""Deep Q-learning (Mnih et al. 2015) over fixed choices, the later choice of the paper's group."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from models.learning.ddpg import DdpgSettings, Floats, Replay, Scale, hidden_lay
 
 
 class Values(nn.Module):
-    """Observation (SI) to the value of each of ``choices`` actions, evenly spaced in ``[-1, 1]``."""
+    """Observation (SI) to the value of each of ``choices`` actions."""
 
     def __init__(self, scale: Scale, choices: int, hidden: tuple[int, ...]) -> None:
         super().__init__()
@@ -35,27 +35,25 @@ class Values(nn.Module):
         return chosen
 
 
-def actions_of_choices(choices: int) -> Floats:
-    """The action of each choice."""
-    return np.linspace(-1.0, 1.0, choices, dtype=np.float32)
-
-
 def train_dqn(
-    environment: VectorEnv[Any, Any, Any], scale: Scale, settings: DdpgSettings, choices: int, seed: int,
+    environment: VectorEnv[Any, Any, Any], scale: Scale, settings: DdpgSettings, choices: Floats, seed: int,
     on_step: Callable[[int], None] | None = None,
 ) -> Values:  # fmt: skip
-    """Learn values in one pass; what both algorithms have is taken from ``settings``, exploration falls to 5 %."""
+    """Learn the values of ``choices`` (n, actions), in ``[-1, 1]``, in one pass.
+
+    What both algorithms have is taken from ``settings``; exploration falls to 5 %.
+    """
     torch.manual_seed(seed)
     rng = np.random.default_rng(seed)
-    values = Values(scale, choices, settings.hidden)
+    values = Values(scale, len(choices), settings.hidden)
     target = copy.deepcopy(values)
     optimiser = torch.optim.Adam(values.parameters(), settings.critic_rate)
-    replay, row = Replay(settings.buffer, scale.size, 1), actions_of_choices(choices)
+    replay = Replay(settings.buffer, scale.size, 1)
     s, _ = environment.reset(seed=seed)
     for step in range(environment.num_envs, settings.steps + 1, environment.num_envs):
         random = rng.random(len(s)) < max(0.05, 1.0 - 2.0 * step / settings.steps)
-        chosen = np.where(random, rng.integers(0, choices, len(s)), values.best(s))
-        seen, reward, terminated, truncated, info = environment.step(row[chosen][:, None])
+        chosen = np.where(random, rng.integers(0, len(choices), len(s)), values.best(s))
+        seen, reward, terminated, truncated, info = environment.step(choices[chosen])
         ended = terminated | truncated
         s_next = np.where(ended[:, None], info["final_obs"], seen) if ended.any() else seen
         replay.add(s, chosen.astype(np.float32)[:, None], reward, s_next, terminated)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from models.control.actor import ActorSettings, learn, of_module
-from models.control.episodes import Fixed, Score, play
+from models.control.episodes import Board, Fixed, Score, play
+from models.control.learners import ActorSettings, learn
+from models.control.policies import OfModule
 from models.learning.ddpg import DdpgSettings
 from models.reproduce.claims import POWER
 from models.reproduce.report import Row, Series
@@ -24,16 +25,17 @@ def run(quick: bool, seed: int) -> Series:
         rig="seed", rotors=4 if quick else 16, episode_s=2.0 if quick else 8.0,
         ddpg=DdpgSettings(steps=160, warm_up=80, batch=32, hidden=(16, 16)) if quick else DdpgSettings(steps=8000),
     )  # fmt: skip
-    with progress_bar("DDPG on rig seed", settings.ddpg.steps) as bar:
-        agent = of_module(learn(settings, seed, bar))
     count, seconds = (2, 1.0) if quick else (24, 12.0)
+    board = Board("seed", seconds)
+    with progress_bar("DDPG on rig seed", settings.ddpg.steps) as bar:
+        agent = OfModule(learn(settings, board, seed, bar)[0])
     seeds = range(JUDGE_SEED + 1000 * seed, JUDGE_SEED + 1000 * seed + count)
     policies = {
         "agent": agent,
         "constant nominal": Fixed(bearing.clearance_nominal_m),
         "constant widest": Fixed(bearing.clearance_max_m),
     }
-    scores = {name: play(policy, seeds, seconds, shielded=True, rig="seed") for name, policy in policies.items()}
+    scores = {name: play(board, seeds, policy, shielded=True) for name, policy in policies.items()}
     power = {name: float(score.power_W.mean()) for name, score in scores.items()}
     measured: dict[str, object] = {
         "training_steps": settings.ddpg.steps, "episodes": count,

@@ -12,7 +12,7 @@ import numpy as np
 from sim_hil.bound.limits import ORBIT_SHARE, Limits, orbit_share
 from sim_hil.build import Build
 from sim_hil.duty import Duty
-from sim_hil.response import SAMPLES_PER_TURN, Trajectory, simulate
+from sim_hil.response import SAMPLES_PER_TURN, Schedule, Trajectory, simulate
 from sim_hil.rigs import RigData
 from sim_hil.rotor.parameters import Floats
 from sim_hil.rotor.rigid import COLUMNS
@@ -125,9 +125,10 @@ class Case:
         d = self.duty
         led = Duty((0.0, *(t + SETTLE_S for t in d.time_s)), (d.speed_rpm[0], *d.speed_rpm), (d.load_N[0], *d.load_N))
         run = simulate(
-            self.rig, led, clearance=partial(_delayed, plan.clearance), pressure=partial(_delayed, plan.pressure),
-            seconds=SETTLE_S + self.bins * BIN_S, thermal=self.thermal, build=self.build, inlet_C=self.inlet_C,
-            rate_hz=self._rate_hz(), dt_s=self.step_s, fed=self.fed,
+            self.rig, led, clearance=_schedule(plan.clearance_m, plan.clearance),
+            pressure=_schedule(plan.pressure_Pa, plan.pressure), seconds=SETTLE_S + self.bins * BIN_S,
+            thermal=self.thermal, build=self.build, inlet_C=self.inlet_C, rate_hz=self._rate_hz(), dt_s=self.step_s,
+            fed=self.fed,
         )  # fmt: skip
         counted = round(self.bins * BIN_S * self._rate_hz())
         return replace(run, time_s=run.time_s[-counted:], rows=run.rows[-counted:])
@@ -144,6 +145,11 @@ class Case:
         if self.fed:
             run.rows[:, COLUMNS.index("power_W")] += run.pump_power_W(self.rig.supply.pump_efficiency)
         return gather(run, self.limits)
+
+
+def _schedule(values: Floats, target: Callable[[float], float]) -> Schedule:
+    """A plan's target for a run that settles first; one that never changes is a number, which is sooner read."""
+    return float(values[0]) if values.size == 1 else partial(_delayed, target)
 
 
 def _delayed(target: Callable[[float], float], time_s: float) -> float:

@@ -12,7 +12,7 @@ from sim_hil.duty import RAD_S_PER_RPM, Duty
 from sim_hil.rigs import RigData
 from sim_hil.rotor.parameters import Floats
 
-_POINTS, _SPACING_UM = 5, 8
+_POINTS, SPACING_UM = 5, 8
 _HOLD_S, _RAMP_S = 1.2, 0.3
 _LOOK_BINS = 4
 _REACTION_S = 0.25
@@ -75,14 +75,16 @@ class Surroundings:
         return np.asarray((grid >= low) & (grid <= high))
 
 
-def surroundings(case: Case, pressures_Pa: tuple[float, ...], mapper: Mapper = map) -> Surroundings:
+def surroundings(
+    case: Case, pressures_Pa: tuple[float, ...], mapper: Mapper = map, spacing_um: int = SPACING_UM
+) -> Surroundings:
     """Admissible clearances over the rig's speeds and loads, from runs that visit a grid and the duty's corners.
 
     A clearance is admissible if it is with one of the pressures: pressure follows in 0.1 s.
     """
     tour, speed, load = _tour(case.rig, case.duty)
     round_trip = replace(case.coarse, duty=tour)
-    found = build_map(round_trip, _SPACING_UM, pressures_Pa, judged_alone(round_trip, mapper))
+    found = build_map(round_trip, spacing_um, pressures_Pa, judged_alone(round_trip, mapper))
     ends = np.floor((np.arange(speed.size) * (_HOLD_S + _RAMP_S) + _HOLD_S) / BIN_S + 1e-6).astype(np.int64)
     look = ends[:, None] - 1 - np.arange(_LOOK_BINS)
     allowed = np.asarray(found.admissible[..., look].all(axis=-1).any(axis=0))

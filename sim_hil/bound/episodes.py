@@ -12,16 +12,17 @@ from sim_hil.bound.case import Plan, Profile
 from sim_hil.bound.disturbances import Disturbances
 from sim_hil.bound.maps import Mapper
 from sim_hil.bound.reference import References, references
-from sim_hil.control_task import CONTROL_S, Episode
-from sim_hil.rotor.parameters import Floats
+from sim_hil.control_task import CONTROL_S, Episode, actions_of
 from sim_hil.vector_environment import RotorVectorEnv
 
 
 def episode_references(
     seed: int, *, rig: str = "bench", episode_s: float = 30.0, disturbances: control_task.Disturbances | None = None,
-    spacing_um: int = 8, mapper: Mapper = map,
+    spacing_um: int = 8, mapper: Mapper = map, pressures_Pa: tuple[float, ...] | None = None,
 ) -> tuple[Episode, References]:  # fmt: skip
     """Preview and causal reference of the episode that the environments draw from `seed`, from its own start.
+
+    With `pressures_Pa` the supply pressure is chosen too, as where it is a second action.
 
     Watts and violations are those of `RotorVectorEnv` (the episode of `RotorEnv` is the same): every fixed clearance
     and every schedule runs in it, with drifting inlet and growing faults.  The causal reference is ready for load and
@@ -31,7 +32,7 @@ def episode_references(
     Some 15 s a call on one core: `ProcessPoolExecutor.map(episode_references, seeds)`.
     """
     declared = disturbances or control_task.Disturbances()
-    runner = _Runner(seed, rig, episode_s, declared)
+    runner = _Runner(seed, rig, episode_s, declared, pressure=pressures_Pa is not None)
     episode, loaded = runner.episode, runner.environment(1).rig
     end = replace(
         episode.build, unbalance_kg_m=episode.build.unbalance_kg_m + episode.unbalance_kg_m.at(episode_s),
@@ -41,14 +42,17 @@ def episode_references(
     return episode, references(
         loaded, episode.duty, build=end, inlet_C=max(episode.inlet_C), seconds=episode_s, start_m=episode.clearance_m,
         expected=expected, spacing_um=spacing_um, mapper=mapper, judge=runner, held_s=CONTROL_S,
+        pressures_Pa=pressures_Pa,
     )  # fmt: skip
 
 
 class _Runner:
     """Runs plans side by side in copies of one episode; a thin film ends none of them."""
 
-    def __init__(self, seed: int, rig: str, episode_s: float, disturbances: control_task.Disturbances) -> None:
-        self._seed, self._rig, self._disturbances = seed, rig, disturbances
+    def __init__(
+        self, seed: int, rig: str, episode_s: float, disturbances: control_task.Disturbances, *, pressure: bool
+    ) -> None:
+        self._seed, self._rig, self._disturbances, self._pressure = seed, rig, disturbances, pressure
         self._episode_s, self._steps = episode_s, round(episode_s / CONTROL_S)
         environment = self.environment(1)
         environment.reset(seed=[seed])
@@ -58,7 +62,7 @@ class _Runner:
         """That many rotors."""
         limits = replace(control_task.Limits(), trip_film_m=-1.0)
         return RotorVectorEnv(
-            copies, self._rig, self._episode_s, limits=limits, disturbances=self._disturbances
+            copies, self._rig, self._episode_s, limits=limits, pressure=self._pressure, disturbances=self._disturbances
         )  # fmt: skip
 
     def __call__(self, plans: Sequence[Plan]) -> list[Profile]:
@@ -67,15 +71,9 @@ class _Runner:
         environment.reset(seed=[self._seed] * len(plans))
         rows = []
         for step in range(self._steps):
-            wish_m = np.array([plan.clearance(step * CONTROL_S) for plan in plans])
-            infos = environment.step(_actions(environment, wish_m))[4]
+            now_s = step * CONTROL_S
+            wish = np.array([[plan.clearance(now_s), plan.pressure(now_s)] for plan in plans])
+            infos = environment.step(actions_of(environment.rig, wish[:, : 1 + self._pressure]))[4]
             share = infos["peak_to_peak_m"] / infos["clearance_m"]
             rows.append([infos["power_W"], infos["min_film_m"], share, CONTROL_S * infos["violated"]])
         return [Profile(*figures) for figures in np.array(rows).transpose(2, 1, 0)]
-
-
-def _actions(environment: RotorVectorEnv, wish_m: Floats) -> np.ndarray:
-    """Actions in [-1, 1] that ask for clearances, m."""
-    b = environment.rig.bearing
-    share = (wish_m - b.clearance_min_m) / (b.clearance_max_m - b.clearance_min_m)
-    return (2 * share - 1).astype(np.float32)[:, None]

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.ndimage import binary_dilation
 
 from sim_hil.bound.case import Case, Plan, Verdict
-from sim_hil.bound.disturbances import Disturbances, Surroundings, in_sight, surroundings
+from sim_hil.bound.disturbances import SPACING_UM, Disturbances, Surroundings, in_sight, surroundings
 from sim_hil.bound.limits import Limits
 from sim_hil.bound.maps import Judge, Map, Mapper, build_map, judged_alone
 from sim_hil.bound.schedules import NoSchedule, causal, preview
@@ -46,9 +46,9 @@ def references(
     rig: RigData, duty: Duty, *, build: Build | None = None, thermal: bool = True, inlet_C: float | None = None,
     seconds: float | None = None, start_m: float | None = None, limits: Limits | None = None,
     expected: Disturbances | None = None, spacing_um: int = 8, mapper: Mapper = map, judge: Judge | None = None,
-    held_s: float = 0.0,
+    held_s: float = 0.0, pressures_Pa: tuple[float, ...] | None = None,
 ) -> References:  # fmt: skip
-    """Preview and causal reference of any duty of any build, clearance alone, each feasible in the time domain.
+    """Preview and causal reference of any duty of any build, each feasible in the time domain.
 
     *Preview* is dynamic programming over the map of fixed clearances with the whole duty known and the actuator's
     rate kept; where a plan breaks a limit in the time domain it keeps 1 um more and is made again.  *Causal* knows the
@@ -82,6 +82,9 @@ def references(
         watts only within one simulation: `sim_hil.bound.episode_references` does so for the environments.
     held_s
         How long that simulation holds a target; preview reads its plan that much further ahead.
+    pressures_Pa
+        Supply pressures to choose from, on the film that is fed from the groove, the pump's power counted; None:
+        clearance alone, on the unfed film.
 
     Returns
     -------
@@ -90,10 +93,12 @@ def references(
         such an episode is not to be counted.
     """
     limits = Limits.of(read_json("duty_bench.json")) if limits is None else limits
-    case = Case(rig, duty if seconds is None else cut(duty, seconds), limits, thermal, build, inlet_C)
-    found = build_map(case, spacing_um, (rig.supply.nominal_Pa,), judge or judged_alone(case.coarse, mapper))
+    fed, levels_Pa = pressures_Pa is not None, pressures_Pa or (rig.supply.nominal_Pa,)
+    case = Case(rig, duty if seconds is None else cut(duty, seconds), limits, thermal, build, inlet_C, fed)
+    found = build_map(case, spacing_um, levels_Pa, judge or judged_alone(case.coarse, mapper))
     judge = judge or judged_alone(case, mapper)
-    around = surroundings(case, (rig.supply.nominal_Pa,), mapper)
+    ends_Pa = tuple(dict.fromkeys((levels_Pa[0], levels_Pa[-1])))
+    around = surroundings(case, ends_Pa, mapper, SPACING_UM * len(ends_Pa))
     blind = best_causal(case, found, around, expected or Disturbances(), judge, start_m)
     lead_s = rig.actuator.time_constant_s + held_s
     return References(found, best_preview(case, found, judge, lead_s, start_m, blind), blind)

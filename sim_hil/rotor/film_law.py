@@ -1,7 +1,7 @@
 """One call for the film force, whatever stands behind it; chosen by type when a kernel is compiled.
 
-A law is the coefficient array of a `FilmTable`, a `FedLaw`, a `DirectLaw`, a `LinearLaw`, or a network of
-`network_law`. The supply pressure counts for the `FedLaw` alone.
+A law is the coefficient array of a `FilmTable`, a `FedLaw`, a `DirectLaw`, a `ReynoldsLaw`, a `LinearLaw`, or a
+network of `network_law`. The supply pressure counts for the `FedLaw` alone.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from numba import njit, types
 from numba.extending import overload
 
 from sim_hil.film.direct import DirectFilm, direct_force
+from sim_hil.film.direct_reynolds import ReynoldsLaw, reynolds_force
 from sim_hil.film.fed_kernel import FedLaw, fed_force
 from sim_hil.film.table_kernel import EPS_TABLE, contact_force, lookup, table_force
 from sim_hil.rotor.network_law import RawNetworkLaw, ReducedNetworkLaw, raw_forces, reduced_forces
@@ -64,7 +65,7 @@ class LinearLaw(NamedTuple):
         return cls._make(numbers.tolist())
 
 
-Law = Floats | FedLaw | DirectLaw | LinearLaw | ReducedNetworkLaw | RawNetworkLaw
+Law = Floats | FedLaw | DirectLaw | ReynoldsLaw | LinearLaw | ReducedNetworkLaw | RawNetworkLaw
 
 
 @njit(cache=True)
@@ -81,12 +82,32 @@ def _direct(
 ) -> Forces:  # fmt: skip
     x, y = _held_inside(ex, ey, c)
     fx, fy, torque = direct_force(law.ring, law.axial, law.work, x, y, vx, vy, omega, c, mu, R, L, c_rate)
+    return _touching(law.table, (fx, fy, torque), ex, ey, vx, vy, omega, c, R)
+
+
+@njit(cache=True)
+def _reynolds(
+    law: ReynoldsLaw, ex: float, ey: float, vx: float, vy: float, omega: float, c: float, mu: float, R: float,
+    L: float, c_rate: float,
+) -> Forces:  # fmt: skip
+    x, y = _held_inside(ex, ey, c)
+    film = reynolds_force(law, x, y, vx, vy, omega, c, mu, R, L, c_rate)
+    return _touching(law.table, film, ex, ey, vx, vy, omega, c, R)
+
+
+@njit(cache=True)
+def _touching(
+    table: Floats, film: tuple[float, float, float], ex: float, ey: float, vx: float, vy: float, omega: float,
+    c: float, R: float,
+) -> Forces:  # fmt: skip
+    """A solved film with the contact, and the side flow of the table."""
+    x, y = _held_inside(ex, ey, c)
     sx, sy = vx + 0.5 * omega * y, vy - 0.5 * omega * x
     squeeze = math.hypot(sx, sy)
     gamma = math.atan2(abs(x * sy - y * sx), x * sx + y * sy)
-    flow = R * R * squeeze * lookup(law.table, math.hypot(x, y) / c, gamma)[2]
+    flow = R * R * squeeze * lookup(table, math.hypot(x, y) / c, gamma)[2]
     contact_x, contact_y, rub = contact_force(ex, ey, omega, c)
-    return fx + contact_x, fy + contact_y, torque + rub * R, flow
+    return film[0] + contact_x, film[1] + contact_y, film[2] + rub * R, flow
 
 
 @njit(cache=True)
@@ -122,7 +143,8 @@ def _fed(
 
 
 _KERNELS = {
-    DirectLaw: _direct, LinearLaw: _linear, ReducedNetworkLaw: reduced_forces, RawNetworkLaw: raw_forces,
+    DirectLaw: _direct, ReynoldsLaw: _reynolds, LinearLaw: _linear, ReducedNetworkLaw: reduced_forces,
+    RawNetworkLaw: raw_forces,
 }  # fmt: skip
 
 
