@@ -185,7 +185,8 @@ def actions_of(rig: RigData, wish: Floats) -> Observation:
     b, supply = rig.bearing, rig.supply
     low = np.array([b.clearance_min_m, supply.min_Pa])[: wish.shape[-1]]
     high = np.array([b.clearance_max_m, supply.max_Pa])[: wish.shape[-1]]
-    return (2.0 * (wish - low) / (high - low) - 1.0).astype(np.float32)
+    actions: Observation = (2.0 * (wish - low) / (high - low) - 1.0).astype(np.float32)
+    return actions
 
 
 def judge(rig: RigData, limits: Limits, true: Mapping[str, Floats], *, pressure: bool) -> dict[str, Floats]:

@@ -32,6 +32,9 @@ JUDGE_SEED = 1_001_000
 PI = (0.45, 40e-6, 60e-6)
 """Set point of the eccentricity ratio, gain and integral gain of both controllers."""
 
+ELSEWHERE = ("agent", "ddpg", "lookup", "widest")
+"""Policies that are also played on the whole machine and on direct Reynolds."""
+
 
 def train(run: Run, settings: ActorSettings) -> dict[str, object]:
     """Train, judge and export; returns the report that is written beside the model.
@@ -83,7 +86,7 @@ def _judged(
     bench = Bench.of(board, seeds, out, settings.workers)
     policies = {**learned, **_rivals(board)}
     report = judge(bench, policies, agents)
-    named = {name: policies[name] for name in ("agent", "ddpg", "lookup", "widest") if name in policies}
+    named = {name: policy for name, policy in policies.items() if name in ELSEWHERE}
     report["whole_machine"] = _on_machine(board, named, seeds[: settings.machine_episodes])
     if not board.pressure:
         fixed = {"best_fixed": bench.setting, "nominal_fixed": _nominal(board)}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from models.control.episodes import Board, Fixed, Score, play
+from models.control.episodes import Board, Fixed, Policy, Score, play
 from models.control.learners import ActorSettings, learn
 from models.control.policies import OfModule
 from models.learning.ddpg import DdpgSettings
@@ -30,7 +30,7 @@ def run(quick: bool, seed: int) -> Series:
     with progress_bar("DDPG on rig seed", settings.ddpg.steps) as bar:
         agent = OfModule(learn(settings, board, seed, bar)[0])
     seeds = range(JUDGE_SEED + 1000 * seed, JUDGE_SEED + 1000 * seed + count)
-    policies = {
+    policies: dict[str, Policy] = {
         "agent": agent,
         "constant nominal": Fixed(bearing.clearance_nominal_m),
         "constant widest": Fixed(bearing.clearance_max_m),

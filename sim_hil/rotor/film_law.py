@@ -82,7 +82,8 @@ def _direct(
 ) -> Forces:  # fmt: skip
     x, y = _held_inside(ex, ey, c)
     fx, fy, torque = direct_force(law.ring, law.axial, law.work, x, y, vx, vy, omega, c, mu, R, L, c_rate)
-    return _touching(law.table, (fx, fy, torque), ex, ey, vx, vy, omega, c, R)
+    forces: Forces = _touching(law.table, (fx, fy, torque), ex, ey, vx, vy, omega, c, R)
+    return forces
 
 
 @njit(cache=True)
@@ -92,7 +93,8 @@ def _reynolds(
 ) -> Forces:  # fmt: skip
     x, y = _held_inside(ex, ey, c)
     film = reynolds_force(law, x, y, vx, vy, omega, c, mu, R, L, c_rate)
-    return _touching(law.table, film, ex, ey, vx, vy, omega, c, R)
+    forces: Forces = _touching(law.table, film, ex, ey, vx, vy, omega, c, R)
+    return forces
 
 
 @njit(cache=True)

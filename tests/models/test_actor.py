@@ -1,23 +1,26 @@
 """The environments behind the guard's shield, judged episodes, and the policies that are compared."""
 
+from dataclasses import replace
+
 import msgspec
 import numpy as np
 import pytest
 
 from firmware_py.guard.shield import Ramp
-from models.control.episodes import Fixed, Score, play
-from models.control.rivals import AdaptivePI, EccentricityPI, Lookup
+from models.control.episodes import Board, Fixed, Score, play, play_all
+from models.control.judge import Bench
+from models.control.predictive import ModelPredictive
+from models.control.rivals import AdaptivePI, EccentricityPI, Fed, Lookup
 from models.control.shielded import (
     ANNOUNCED_S,
     Keeper,
     ShieldedRotor,
     ShieldedRotors,
-    actions_of,
     column,
     fast_ramps,
     shipped_config,
 )
-from sim_hil.control_task import OBSERVATIONS
+from sim_hil.control_task import OBSERVATIONS, actions_of
 from sim_hil.duty import RAD_S_PER_RPM, Duty
 from sim_hil.environment import RotorEnv
 from sim_hil.rigs import load_rig
@@ -51,7 +54,7 @@ def test_one_rotor_of_many_meets_the_same_shield_as_one_alone() -> None:
     environment = ShieldedRotors(RotorVectorEnv(3, episode_s=2.0))
     observation, _ = environment.reset(seed=5)
     keepers = [Keeper(shipped_config("bench"), episode.duty) for episode in environment.rotors.episodes]
-    wish = actions_of(load_rig("bench"), np.full(3, 160e-6))
+    wish = actions_of(load_rig("bench"), np.full((3, 1), 160e-6))
     for step in range(4):
         expected = [keeper.admitted(o, 0.1 * step, 160e-6) for keeper, o in zip(keepers, observation, strict=True)]
         assert environment._admitted(np.full(3, 160e-6)).tolist() == expected
@@ -61,7 +64,7 @@ def test_one_rotor_of_many_meets_the_same_shield_as_one_alone() -> None:
 def test_an_ended_episode_gets_its_own_announcements_and_time() -> None:
     environment = ShieldedRotors(RotorVectorEnv(2, episode_s=0.2))
     environment.reset(seed=5)
-    wish = actions_of(load_rig("bench"), np.full(2, 60e-6))
+    wish = actions_of(load_rig("bench"), np.full((2, 1), 60e-6))
     before = list(environment._keepers)
     environment.step(wish)
     assert environment._keepers == before
@@ -94,11 +97,12 @@ def test_an_announced_ramp_narrows_before_it_starts_and_is_over_after_its_end() 
 
 
 def test_same_episodes_give_the_same_score_and_the_shield_tells_where_it_intervened() -> None:
-    first, second = (play(Fixed(160e-6), range(3, 6), 1.0, shielded=True) for _ in range(2))
+    board = Board("bench", 1.0)
+    first, second = (play(board, range(3, 6), Fixed(160e-6), shielded=True) for _ in range(2))
     assert msgspec.to_builtins(first.power_W.tolist()) == second.power_W.tolist()
     assert first.power_W.shape == (3,)
     assert first.intervened.max() > 0
-    assert (play(Fixed(50e-6), range(3, 6), 1.0, shielded=False).intervened == 0).all()
+    assert (play(board, range(3, 6), Fixed(50e-6), shielded=False).intervened == 0).all()
 
 
 def test_a_score_sums_time_in_violation_and_keeps_the_worst() -> None:
@@ -110,6 +114,51 @@ def test_a_score_sums_time_in_violation_and_keeps_the_worst() -> None:
     assert summary["violation_s"] == pytest.approx(0.3)
     assert summary["min_film_um"] == 9.0
     assert score.kept(np.array([True, False])).summary(20.0)["episodes_in_violation"] == 0.0
+    assert score.depth.tolist() == [0.0, pytest.approx(0.1)]
+
+
+def test_episodes_come_back_in_their_order_policy_by_policy() -> None:
+    board, seeds = Board("bench", 0.3), range(40, 53)
+    played = [(Fixed(50e-6), True), (Fixed(70e-6), False)]
+    scores = play_all(board, seeds, played, 1, lambda done: None)
+    for (policy, shielded), score in zip(played, scores, strict=True):
+        alone = play(board, seeds[11:12], policy, shielded=shielded)
+        assert score.power_W.shape == (13,)
+        assert score.power_W[11] == alone.power_W[0]
+
+
+def test_with_the_pressure_its_pump_counts_and_the_shield_still_keeps_the_clearance() -> None:
+    board = Board("bench", 0.5, pressure=True)
+    low, high = (play(board, [3], Fed(Fixed(160e-6), p), shielded=True) for p in (0.5e5, 3e5))
+    assert low.power_W[0] < high.power_W[0]
+    assert low.intervened[0] == 1.0
+    assert board.reach.shape == (2, 2)
+
+
+def test_direct_reynolds_confirms_the_table() -> None:
+    board = Board("bench", 0.3)
+    table, direct = (play(b, [3], Fixed(60e-6), shielded=False) for b in (board, replace(board, direct=True)))
+    assert table.power_W[0] != direct.power_W[0]
+    assert table.power_W[0] == pytest.approx(direct.power_W[0], rel=2e-3)
+    assert table.min_film_m[0] == pytest.approx(direct.min_film_m[0], abs=0.1e-6)
+
+
+def test_rejected_episodes_are_told_beyond_the_least_violation() -> None:
+    def score(*violation_s: float) -> Score:
+        ones = np.ones(2)
+        film_m = 10e-6 - 1e-6 * np.array(violation_s)
+        return Score(50.0 * ones, np.array(violation_s), film_m, 0 * ones, 0 * ones, ones)
+
+    counted = np.array([True, False])
+    bench = Bench(
+        Board("bench", 20.0), [1, 2], 1, counted, {"causal": np.array([40.0])}, Fixed(60e-6),
+        Score(*(np.full(1, v) for v in (60.0, 0.0, 2e-5, 0.1, 0.0, 0.0))), np.array([0.0, 1.0]), np.array([0.0, 0.1]),
+    )  # fmt: skip
+    figures = bench.figures(score(0.0, 3.0))
+    assert figures["violation_s"] == 0.0
+    assert figures["rejected_violation_s_beyond"] == pytest.approx(2.0)
+    assert figures["rejected_depth_beyond"] == pytest.approx(0.2)
+    assert figures["gap_share_causal"] == pytest.approx(0.5)
 
 
 @pytest.mark.parametrize("kind", [EccentricityPI, AdaptivePI])
@@ -121,7 +170,7 @@ def test_the_controller_widens_a_bearing_that_runs_too_centred(kind: type[Eccent
         observation = seen(clearance_m=80e-6, eccentricity_x_m=80e-6 * ratio, peak_to_peak_x_m=2e-6)
         for _ in range(20):
             answer = controller(observation)
-        return float(answer[0])
+        return float(answer[0, 0])
 
     assert REACH[0] <= wish(0.9) < wish(0.05) <= REACH[1]
 
@@ -132,7 +181,7 @@ def test_the_adaptive_controller_backs_off_from_vibration() -> None:
         controller.start(1)
         for _ in range(20):
             answer = controller(seen(clearance_m=80e-6, eccentricity_x_m=30e-6, peak_to_peak_x_m=swing_m))
-        return float(answer[0])
+        return float(answer[0, 0])
 
     assert wish(60e-6) < wish(5e-6)
 
@@ -140,7 +189,7 @@ def test_the_adaptive_controller_backs_off_from_vibration() -> None:
 def test_the_table_is_met_at_its_knots_and_straight_between_in_the_logarithm() -> None:
     torch = pytest.importorskip("torch")
     rig = load_rig("bench")
-    table = np.array([[50e-6, 60e-6], [70e-6, 100e-6]])
+    table = np.array([[50e-6, 60e-6], [70e-6, 100e-6]])[:, :, None]
     module = Lookup(rig, table)
 
     def at(rpm: float, load_N: float) -> float:
@@ -155,26 +204,42 @@ def test_the_table_is_met_at_its_knots_and_straight_between_in_the_logarithm() -
 
 
 @pytest.mark.slow
-def test_one_file_answers_like_the_module_inside_the_bearings_range(tmp_path):
+def test_model_predictive_choice_avoids_whirl_without_the_shield() -> None:
+    board = Board("bench", 0.6)
+    environment = ShieldedRotors(RotorVectorEnv(1, episode_s=0.6, duty=light_and_fast()), shielded=False)
+    observation, _ = environment.reset(seed=1)
+    policy = ModelPredictive("bench")
+    policy.start(1)
+    for _ in range(4):
+        wish = policy(observation)
+        observation, *_ = environment.step(actions_of(board.data, wish))
+    assert board.reach[0, 0] <= wish[0, 0] < 80e-6
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("pressure", [False, True])
+def test_one_file_answers_like_the_module_inside_the_rigs_range(tmp_path, pressure):
     import torch
 
     from models import export
-    from models.control.actor import RANGES, Clearance, random_observations
-    from models.learning.ddpg import Actor, Scale
+    from models.control.policies import OUTPUTS, Columns, OfFile, OfModule, Settings, random_observations, scale
+    from models.learning.ddpg import Actor
 
     torch.manual_seed(3)
-    low, high = np.array([RANGES[name] for name in OBSERVATIONS], np.float32).T
-    actor = Actor(Scale(low, high), 1, (32, 32))
+    reach = Board("bench", 1.0, pressure).reach
+    outputs = OUTPUTS[: reach.shape[1]]
+    actor = Actor(scale(), len(outputs), (32, 32))
     torch.nn.init.normal_(actor.net[-1].weight, std=0.5)
-    module = Clearance(actor, 40e-6, 160e-6)
-    metadata = export.Metadata("actor", "0", tuple(OBSERVATIONS), ("clearance",), {}, (), "", {}, ())
-    path = tmp_path / "actor.onnx"
+    module = Settings(actor, reach)
+    metadata = export.Metadata("actor", "0", tuple(OBSERVATIONS), outputs, {}, (), "", {}, ())
+    path, columns = tmp_path / "actor.onnx", Columns(module, len(outputs))
     export.export(
-        module, torch.zeros(2, 11), path, input_name="observation", output_names=("clearance",), metadata=metadata
+        columns, torch.zeros(2, 11), path, input_name="observation", output_names=outputs, metadata=metadata
     )
     observations = random_observations(10_000, 4)
-    assert export.parity(module, path, observations) <= 1e-6
-    answers = export.session(path).run(None, {"observation": observations})[0]
-    assert np.ptp(answers) > 20e-6
-    assert answers.min() >= np.float32(40e-6)
-    assert answers.max() <= np.float32(160e-6)
+    assert export.parity(columns, path, observations) <= 1e-6
+    answers = OfFile(path)(observations)
+    assert np.allclose(answers, OfModule(module)(observations), rtol=1e-5)
+    assert (np.ptp(answers, axis=0) > 0.1 * np.ptp(reach, axis=0)).all()
+    low, high = reach.astype(np.float32)
+    assert ((answers >= low) & (answers <= high)).all()

@@ -72,10 +72,11 @@ def test_ddpg_learns_nearly_the_best_policy(switches):
 
 
 def test_dqn_learns_nearly_the_best_of_its_choices():
-    from models.learning.dqn import actions_of_choices, train_dqn
+    from models.learning.dqn import train_dqn
 
-    values, row = train_dqn(PointsOnALine(), scale(), settings(), 7, 1), actions_of_choices(7)
-    assert mean_return(lambda s: row[values.best(s)][:, None]) > BEST + 0.1 * (IDLE - BEST)
+    choices = np.linspace(-1.0, 1.0, 7, dtype=np.float32)[:, None]
+    values = train_dqn(PointsOnALine(), scale(), settings(), choices, 1)
+    assert mean_return(lambda s: choices[values.best(s)]) > BEST + 0.1 * (IDLE - BEST)
 
 
 def test_same_seed_gives_the_same_policy_bit_for_bit():
