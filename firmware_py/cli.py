@@ -34,6 +34,7 @@ SUMMARIES = (
     ("reset", "clear a latched trip"),
     ("set", "set clearance or pressure by hand (mode manual)"),
     ("announce", "tell a faster ramp of speed or load ahead of time"),
+    ("commission", "teach the device what is normal for this machine"),
     ("inject", "give the rig in software a fault or another operating point"),
     ("verify", "the film and rotor against closed forms and published tables"),
     ("bench", "speed of the simulator against a reference kernel"),
@@ -100,7 +101,7 @@ def _fail(text: str, code: int) -> int:
 def _help(names: Iterable[str]) -> str:
     known = dict(SUMMARIES)
     order = [*known, *sorted(set(names) - set(known))]
-    lines = [f"  {name:<10}{known.get(name, '')}".rstrip() for name in order if name in set(names)]
+    lines = [f"  {name:<12}{known.get(name, '')}".rstrip() for name in order if name in set(names)]
     return "\n".join(
         (
             "usage: orbitd COMMAND [OPTION ...]",

@@ -28,11 +28,13 @@ from firmware_py.records import (
     BrainState,
     CommandReply,
     CommandRequest,
+    CommissionState,
     CycleRecord,
     Diagnosis,
     Event,
     Forecast,
     GuardState,
+    Normal,
     Record,
     RigReading,
     RoomRecord,
@@ -76,6 +78,8 @@ TOPICS: Final[dict[type[Record], Topic]] = {
     Forecast: Topic("pa/forecast", "json"),
     Advice: Topic("ag/advice", "json"),
     BrainState: Topic("ha/state", "json"),
+    CommissionState: Topic("ha/commission", "json"),
+    Normal: Topic("ha/normal", "msgpack"),
     WallClock: Topic("clock", "json"),
 }
 

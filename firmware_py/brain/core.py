@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_py.acquire.windows import ChannelMap, Window, Windower
+from firmware_py.brain.commissioning import Commissioner
 from firmware_py.brain.diagnosis import Diagnoser
 from firmware_py.brain.observation import Observer
 from firmware_py.brain.policy import Policy, Proposal
@@ -18,9 +19,11 @@ from firmware_py.records import (
     Advice,
     Block,
     BrainState,
+    CommandRequest,
     Diagnosis,
     Forecast,
     GuardState,
+    Normal,
     RigReading,
     RoomRecord,
     WindowRecord,
@@ -52,7 +55,9 @@ class BrainCore:
         channels = ChannelMap.from_config(config)
         self._windower = Windower(channels, config.sampling.rate_hz)
         self._observer = Observer(channels)
-        self._diagnoser = Diagnoser(models.classifier, slow_roll_forward(config))
+        slow_roll_m = slow_roll_forward(config)
+        self._diagnoser = Diagnoser(models.classifier, slow_roll_m)
+        self._commissioner = Commissioner(models.classifier, config, self._diagnoser, slow_roll_m)
         self._policy = Policy(models, config)
         self._pressure_bar = config.actuator.safe_pressure_bar
         self._cpu_features = cpu_features
@@ -71,10 +76,12 @@ class BrainCore:
                 "windows_dropped": self._windows_dropped}
 
     def step(self, records: list[RoomRecord], now_ns: int) -> list[RoomRecord]:
-        """Take what the guard sent; return what is due at ``now_ns``, oldest first."""
+        """Take what guard and gate sent; return what is due at ``now_ns``, oldest first."""
+        out: list[RoomRecord] = []
+        for request in [record for record in records if isinstance(record, CommandRequest)]:
+            out += self._obey(request, now_ns)
         windows = [window for record in records for window in self._take(record)]
         self._windows_dropped += max(0, len(windows) - WINDOWS_PER_STEP)
-        out: list[RoomRecord] = []
         for window in windows[-WINDOWS_PER_STEP:]:
             out += self.diagnose(window)
         if self._next_advice_ns is None or now_ns >= self._next_advice_ns:
@@ -95,17 +102,26 @@ class BrainCore:
             self._windower.note(record)
         elif isinstance(record, GuardState):
             self._guard = record
+        elif isinstance(record, Normal):
+            self._commissioner.adopt(record)
         return []
+
+    def _obey(self, request: CommandRequest, now_ns: int) -> list[RoomRecord]:
+        """The answer to a wish about commissioning, how that stands now, and what was learned."""
+        reply, learned = self._commissioner.obey(request)
+        said: list[RoomRecord] = [reply, self._commissioner.state(self._advice_seq, now_ns)]
+        return [*said, learned] if learned else said
 
     def diagnose(self, window: Window) -> list[RoomRecord]:
         """Diagnosis of ``window`` and the record that lets a replay find the same window."""
         diagnosis, orders = self._diagnoser.step(window)
         self._diagnosis = diagnosis
+        self._commissioner.gather(window, orders, diagnosis, self._diagnoser.answer, self._guard)
         if orders is not None:
             self._policy.learn(window, orders)
         return [diagnosis, WindowRecord(
             seq=diagnosis.seq, last_t_acq_ns=window.end_ns, last_block_seq=window.last_block_seq,
-            diagnosis_seq=diagnosis.seq, cpu_features=self._cpu_features)]
+            diagnosis_seq=diagnosis.seq, cpu_features=self._cpu_features, normal=self._diagnoser.normal_name)]
 
     def _advise(self, now_ns: int) -> list[RoomRecord]:
         proposal = self._policy.step(self._observer.present(), self._diagnosis, self._guard, now_ns)
@@ -119,7 +135,8 @@ class BrainCore:
             qualified=self._policy.qualified, reasons=proposal.reasons, forecast=forecast)
         said: list[RoomRecord] = [forecast, advice] if forecast else [advice]
         if self._advice_seq % STATE_EVERY == 0:
-            said.append(BrainState(self._advice_seq, now_ns, self.counters))
+            said += [BrainState(self._advice_seq, now_ns, self.counters),
+                     self._commissioner.state(self._advice_seq, now_ns)]
         return said
 
     def _forecast(self, proposal: Proposal) -> Forecast | None:

@@ -21,8 +21,9 @@ from firmware_py.acquire.features import GROUPS, at_one_rate, from_orders
 from firmware_py.acquire.orders import Orders, analyse
 from firmware_py.acquire.windows import Window
 from firmware_py.brain.errors import ModelAnswerError
+from firmware_py.brain.normal import Detector, baseline_at, digest, operating_point, prior_of
 from firmware_py.brain.store import HEADS, Model
-from firmware_py.records import CHANNELS, Diagnosis, Quality
+from firmware_py.records import CHANNELS, Diagnosis, Normal, Quality
 
 WINDOWS: Final = 10
 """Windows whose features are averaged, as the authors voted over ten: noise falls before anything is decided."""
@@ -51,12 +52,21 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class _Answer:
-    """What the model says of the last windows: heads (4,), novelty, and drivers (groups, 4) in log-odds."""
+class Answer:
+    """What the model says of the last windows.
+
+    ``heads`` (4,) probabilities beyond what this machine shows when healthy, ``log_odds`` (4,) as the model gives them;
+    ``score``: novelty by the model, 1 at ``limit``; ``own`` distances of each part from the normal state, 1 at their
+    limits; ``drivers`` (groups, 4) in log-odds; ``departures`` (groups,); ``normal`` (k,) whitened residuals.
+    """
 
     heads: Floats
+    log_odds: Floats
     score: float
     drivers: Floats
+    departures: Floats
+    normal: Floats | None
+    own: dict[str, float]
 
 
 class Diagnoser:
@@ -74,11 +84,22 @@ class Diagnoser:
         self._model = model
         self._threshold = _threshold(model)
         self._slow_roll_m = slow_roll_m
+        self.prior = prior_of(model)
+        self.normal: Normal | None = None
+        self.normal_name = ""
+        self.answer: Answer | None = None
+        self._detector = Detector(self.prior) if self.prior else None
         self._normal_1x_m: complex | None = None
         self._heard: deque[tuple[int, Floats]] = deque(maxlen=WINDOWS)
         self._held = ("none", 0)
         self._seq = 0
         self.counters = {"diagnoses": 0, "model_answers_refused": 0}
+
+    def use(self, normal: Normal | None) -> None:
+        """Judge against this machine's own state from now on; None: against the fleet."""
+        self.normal = normal if self.prior else None
+        self.normal_name = digest(self.normal) if self.normal else ""
+        self._detector = Detector(self.prior, self.normal) if self.prior else None
 
     def step(self, window: Window) -> tuple[Diagnosis, Orders | None]:
         """Diagnosis after ``window``, and the window's order analysis (None without usable turns)."""
@@ -89,7 +110,7 @@ class Diagnoser:
             self._hear(window, orders)
         while self._heard and window.end_ns - self._heard[0][0] > _HISTORY_NS:
             self._heard.popleft()
-        answer = self._ask()
+        answer = self.answer = self._ask()
         classes = class_probabilities(answer.heads) if answer else {}
         verdict = self._verdict(window, orders, bad, classes, answer)
         self._seq += 1
@@ -109,21 +130,29 @@ class Diagnoser:
         if np.isfinite(vector).all():
             self._heard.append((window.end_ns, vector))
 
-    def _ask(self) -> _Answer | None:
+    def _ask(self) -> Answer | None:
         """The model's answer on the mean features; None without a model, windows or a finite answer."""
         if self._model is None or not self._heard:
             return None
         mean = np.mean([vector for _, vector in self._heard], axis=0)
         try:
-            answer = self._model.session.run(mean[None, :])
+            said = self._model.session.run(mean[None, :])
         except ModelAnswerError:
             self.counters["model_answers_refused"] += 1
             return None
-        drivers = answer.get("drivers", np.zeros((1, 0)))[0].reshape(-1, len(HEADS))
-        return _Answer(np.clip(answer["heads"][0], 1e-6, 1 - 1e-6), float(answer["score"][0, 0]), drivers)
+        given = np.clip(said["heads"][0], 1e-6, 1 - 1e-6)
+        log_odds = np.log(given / (1.0 - given))
+        quiet = np.array(self.normal.quiet) if self.normal else np.zeros(len(HEADS))
+        rows = said["normal"] if self._detector else None
+        away = self._detector.by_part(rows)[0].tolist() if self._detector and rows is not None else []
+        return Answer(
+            heads=1.0 / (1.0 + np.exp(quiet - log_odds)), log_odds=log_odds, score=float(said["score"][0, 0]),
+            drivers=said.get("drivers", np.zeros((1, 0)))[0].reshape(-1, len(HEADS)),
+            departures=said.get("departures", np.zeros((1, 0)))[0], normal=rows[0] if rows is not None else None,
+            own=dict(zip(self.prior.parts, away, strict=True)) if self.prior else {})
 
     def _verdict(self, window: Window, orders: Orders | None, bad: list[str], classes: dict[str, float],
-                 answer: _Answer | None) -> str:
+                 answer: Answer | None) -> str:
         if bad:
             return f"sensor_fault:{'+'.join(bad)}"
         if orders is None:
@@ -132,13 +161,21 @@ class Diagnoser:
             return "whirl"
         if answer is None or window.end_ns != self._heard[-1][0]:
             return "none"
-        if answer.score > self._threshold:
-            return "unknown"
         best = max(classes, key=lambda name: classes[name])
+        if self._is_unknown(answer, best, classes[best]):
+            return "unknown"
         return "doubt" if len(self._heard) < WINDOWS or classes[best] < DOUBT_BELOW else best
 
+    def _is_unknown(self, answer: Answer, best: str, probability: float) -> bool:
+        """Unlike all that was taught; on a commissioned machine, unlike its own normal and no fault that was taught."""
+        strange = answer.score > self._threshold
+        if self.normal is None:
+            return strange
+        taught = best != "normal" and probability >= DOUBT_BELOW and not strange
+        return max(answer.own.values()) > 1.0 and not taught
+
     def _evidence(
-        self, window: Window, orders: Orders | None, answer: _Answer | None, verdict: str
+        self, window: Window, orders: Orders | None, answer: Answer | None, verdict: str
     ) -> dict[str, float]:
         """Why: the amplitudes behind the verdict, what drove it, and for how long it has stood."""
         if verdict != self._held[0]:
@@ -148,21 +185,38 @@ class Diagnoser:
                     "confirmed": float(held_ns >= CONFIRM_NS)}
         if answer is not None:
             evidence |= {"novelty": answer.score, "novelty_threshold": self._threshold}
-            evidence |= drivers(answer.drivers, verdict)
+            evidence |= {f"normal_{part}": value for part, value in answer.own.items()}
+            evidence |= drivers(answer.drivers, verdict) | departures(answer.departures, verdict)
         if orders is None:
             return evidence
-        return evidence | amplitudes(orders) | self._first_order(orders, verdict, held_ns >= CONFIRM_NS)
+        first_order = self._first_order(window, orders, verdict, held_ns >= CONFIRM_NS)
+        return evidence | amplitudes(orders) | first_order
 
-    def _first_order(self, orders: Orders, verdict: str, confirmed: bool) -> dict[str, float]:
-        """The orbit's forward first order without the runout, and its move since the last confirmed normal."""
-        forward_m = complex(0.5 * (orders.harmonics[0, 0] + 1j * orders.harmonics[1, 0])) - self._slow_roll_m
+    def _first_order(self, window: Window, orders: Orders, verdict: str, confirmed: bool) -> dict[str, float]:
+        """The orbit's forward first order without the runout, its baseline, and its move from there.
+
+        The baseline is the commissioned one at this operating point; without it, the last confirmed normal.
+        """
+        forward_m = forward_first_order(orders) - self._slow_roll_m
         found = {"shaft_1x_compensated_um": abs(forward_m) * 1e6,
                  "shaft_1x_phase_deg": math.degrees(cmath.phase(forward_m))}
-        if self._normal_1x_m is not None:
-            found["shaft_1x_move_um"] = abs(forward_m - self._normal_1x_m) * 1e6
+        base_m = self._normal_1x_m
+        if self.normal is not None:
+            um = baseline_at(self.normal.baseline, operating_point(window, orders))
+            base_m = um * 1e-6 if um is not None else None
+            found["shaft_1x_baseline_scatter_um"] = self.normal.baseline.scatter_um
+        if base_m is not None:
+            found |= {"shaft_1x_baseline_um": abs(base_m) * 1e6,
+                      "shaft_1x_baseline_phase_deg": math.degrees(cmath.phase(base_m)),
+                      "shaft_1x_move_um": abs(forward_m - base_m) * 1e6}
         if verdict == "normal" and confirmed:
             self._normal_1x_m = forward_m
         return found
+
+
+def forward_first_order(orders: Orders) -> complex:
+    """Forward first order of the orbit ``x + jy``, m, phase from the mark."""
+    return complex(0.5 * (orders.harmonics[0, 0] + 1j * orders.harmonics[1, 0]))
 
 
 def drivers(log_odds: Floats, verdict: str) -> dict[str, float]:
@@ -173,6 +227,13 @@ def drivers(log_odds: Floats, verdict: str) -> dict[str, float]:
     gained = log_odds @ sign
     first = np.argsort(-gained, kind="stable")[:_DRIVERS]
     return {f"driver_{GROUPS[i]}": float(gained[i]) for i in first if gained[i] > 0.0}
+
+
+def departures(sizes: Floats, verdict: str) -> dict[str, float]:
+    """The groups of features that lie farthest from a healthy machine at this operating point, in its scatters."""
+    if verdict != "unknown" or not sizes.size:
+        return {}
+    return {f"departure_{GROUPS[i]}": float(sizes[i]) for i in np.argsort(-sizes, kind="stable")[:_DRIVERS]}
 
 
 def class_probabilities(heads: Floats) -> dict[str, float]:
@@ -189,15 +250,16 @@ def is_whirl(orders: Orders, clearance_m: float) -> bool:
 
 
 def amplitudes(orders: Orders) -> dict[str, float]:
-    """Orders and levels in the units of a report (um, m/s2)."""
+    """The full spectrum, orders and levels in the units of a report (um, m/s2)."""
     shaft = {f"shaft_{way}_{k}x_um": float(value) * 1e6
              for way, values in (("forward", orders.forward), ("backward", orders.backward))
-             for k, value in enumerate(values[:2], 1)}
+             for k, value in enumerate(values, 1)}
     acceleration = {f"{CHANNELS[c]}_{what}_m_s2": float(value) for c in (2, 3, 4) for what, value in (
         ("rms", orders.rms[c]), ("1x", abs(orders.harmonics[c, 0])), ("2x", abs(orders.harmonics[c, 1])))}
     return shaft | acceleration | {
         "speed_rpm": orders.speed_rad_s * 30 / math.pi,
         "shaft_half_um": orders.half_forward * 1e6,
+        "shaft_half_backward_um": orders.half_backward * 1e6,
         "shaft_not_1x_um": float(np.hypot(orders.not_1x[0], orders.not_1x[1])) * 1e6,
         "subsync_share": orders.subsync_share,
         "centre_x_um": float(orders.mean[0]) * 1e6,

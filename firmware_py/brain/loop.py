@@ -56,8 +56,7 @@ def run(core: BrainCore, runtime: Path, clock: Clock, notifier: notify.Notifier,
     next_ns = clock.now_ns()
     while not stopped():
         now_ns = clock.now_ns()
-        gate.poll(now_ns)
-        for record in core.step(guard.poll(now_ns), now_ns):
+        for record in core.step([*gate.poll(now_ns), *guard.poll(now_ns)], now_ns):
             if isinstance(record, Advice):
                 guard.send(record)
                 notifier.watchdog()

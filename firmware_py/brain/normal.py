@@ -22,6 +22,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from firmware_py.acquire.orders import Orders
+from firmware_py.acquire.windows import Window
+from firmware_py.brain.store import Model
 from firmware_py.errors import OrbitdError
 from firmware_py.records import Baseline, Belonging, Normal
 
@@ -49,14 +52,28 @@ class NormalError(OrbitdError):
 class Prior(msgspec.Struct, frozen=True):
     """The fleet's healthy statistics, from the classifier's metadata.
 
-    ``columns`` of each part of the output ``normal``; ``between`` ``(k,)`` variances between machines; ``limits``:
-    distance of each part that all but the stated share of healthy decisions keep, and ``typical``: its median.
+    ``parts``: names; ``columns`` of each part of the output ``normal``; ``between`` ``(k,)`` variances between
+    machines; ``limits``: distance of each part that all but the stated share of healthy decisions keep, and
+    ``typical``: its median.
     """
 
+    parts: list[str]
     columns: list[int]
     between: list[float]
     limits: list[float]
     typical: list[float]
+
+
+def prior_of(model: Model | None) -> Prior | None:
+    """The fleet's statistics in the classifier's metadata; None when it carries none that fit its answers."""
+    if model is None or "normal" not in model.session.outputs:
+        return None
+    try:
+        prior = msgspec.convert(model.card.settings.get("normal"), Prior)
+    except msgspec.ValidationError:
+        return None
+    each = {len(prior.parts), len(prior.columns), len(prior.limits), len(prior.typical)}
+    return prior if len(each) == 1 and sum(prior.columns) == len(prior.between) else None
 
 
 @dataclass(frozen=True)
@@ -133,6 +150,12 @@ def posterior(total: Floats, count: int, between: Floats) -> tuple[Floats, Float
     return total * share, 1.0 + share
 
 
+def operating_point(window: Window, orders: Orders) -> Floats:
+    """Speed, clearance, eccentricity and oil, as :data:`POINT`."""
+    eccentricity = math.hypot(orders.mean[0], orders.mean[1]) / window.clearance_m
+    return np.array([orders.speed_rad_s, window.clearance_m, eccentricity, window.oil_outlet_C])
+
+
 def cells(points: Floats) -> NDArray[np.intp]:
     """Number of the operating point of every row, counted from 0, ``(n,)``."""
     logs = np.column_stack([np.log(points[:, :1]), points[:, 1:]])
@@ -175,8 +198,8 @@ def check_belongs(normal: Normal, device: Belonging) -> None:
 
 
 def digest(normal: Normal) -> str:
-    """Short name of a state, by its content."""
-    return hashlib.sha256(msgspec.msgpack.encode(normal)).hexdigest()[:12]
+    """Short name of a state, by all of its content but when it was made."""
+    return hashlib.sha256(msgspec.msgpack.encode(msgspec.structs.replace(normal, made_unix_ns=0))).hexdigest()[:12]
 
 
 def _distances(rows: Floats, offset: Floats, variance: Floats, columns: Sequence[int]) -> Floats:

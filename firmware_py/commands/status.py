@@ -7,6 +7,7 @@ import argparse
 import msgspec
 
 from firmware_py import launch
+from firmware_py.commands import commission
 from firmware_py.commands.authority import connect
 from firmware_py.gate.view import DeviceState
 from firmware_py.records import ArmState, GuardState, Mode, Severity
@@ -37,6 +38,7 @@ def _lines(state: DeviceState) -> list[str]:
     if state.forecast:
         power, film = state.forecast.power_W[1], state.forecast.min_film_um[1]
         lines.append(f"forecast    {power:.0f} W, film {film:.1f} um in {state.forecast.horizon_s:g} s")
+    lines += commission.lines(state.commission if state.rooms.get("brain") else None, state.normal)
     alarms = [f"{Severity(alarm.severity).name.lower()} {alarm.name}" for alarm in state.alarms]
     lines.append(f"alarms      {', '.join(alarms) or 'none'}")
     if state.recording:

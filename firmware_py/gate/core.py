@@ -13,13 +13,14 @@ import zenoh
 from firmware_py import __version__
 from firmware_py.config import Config
 from firmware_py.gate import keys
-from firmware_py.gate.commands import Answer, CommandDesk
+from firmware_py.gate.commands import Answer, CommandDesk, room_of
+from firmware_py.gate.normal_file import NormalFile
 from firmware_py.gate.recorder import Recorder
 from firmware_py.gate.station import GroundStation
 from firmware_py.gate.telemetry import Telemetry
 from firmware_py.gate.view import DeviceState, View
 from firmware_py.recording import Recordable, WallClock
-from firmware_py.records import CommandReply, Event, EventAck, RoomRecord
+from firmware_py.records import CommandReply, CommandRequest, Event, EventAck, Normal, RoomRecord
 from firmware_py.wire.rooms import RoomClient, RoomServer
 
 SLOW_PERIOD_NS: Final = 1_000_000_000
@@ -33,6 +34,7 @@ class Doors:
     brain: RoomServer
     telemetry: Telemetry
     recorder: Recorder | None
+    normal: NormalFile
 
 
 class Gate:
@@ -57,7 +59,7 @@ class Gate:
 
     def __init__(self, config: Config, doors: Doors, models: Any, unix_ns: Callable[[], int]) -> None:
         self.view = View(config)
-        self.desk = CommandDesk(doors.guard.send)
+        self.desk = CommandDesk(self._send)
         self.station: GroundStation | None = None
         self.counters: Counter[str] = Counter()
         self._config = config
@@ -66,6 +68,8 @@ class Gate:
         self._unix_ns = unix_ns
         self._unacknowledged: deque[tuple[int, int]] = deque()
         self._connections = 0
+        self._brains = 0
+        self._recorded_in: tuple[str, str] | None = None
         self._next_slow_ns = 0
 
     def step(self, now_ns: int) -> None:
@@ -76,6 +80,7 @@ class Gate:
             self._take(record, now_ns)
         for _, record in self._doors.brain.poll(now_ns):
             self._take(record, now_ns)
+        self._greet_brain()
         self._hear_commands(now_ns)
         self._answer_questions(now_ns)
         self._acknowledge()
@@ -87,7 +92,7 @@ class Gate:
             self._slow_step(now_ns)
 
     def ask(self, verb: str, payload: bytes, origin: str, answer: Answer, now_ns: int) -> None:
-        """Put a wish to the guard, on the record; ``answer`` is called once, now or later."""
+        """Put a wish to its room, on the record; ``answer`` is called once, now or later."""
         request = self.desk.ask(verb, payload, origin, answer, now_ns)
         if request is not None:
             self._record(request, now_ns)
@@ -99,7 +104,8 @@ class Gate:
             site=device.site, rig=device.rig, instance=device.instance, version=__version__,
             now_ns=now_ns, unix_ns=self._unix_ns(), rooms={**view.rooms(now_ns), "gate": True},
             guard=view.guard, reading=view.reading, diagnosis=view.diagnosis, forecast=view.forecast,
-            advice=view.advice, brain=view.brain, alarms=view.alarms(now_ns, self._trouble),
+            advice=view.advice, brain=view.brain, commission=view.commission, normal=self._doors.normal.words(),
+            alarms=view.alarms(now_ns, self._troubles),
             recording=str(recorder.path or "") if recorder else "", counters=self.all_counters())
 
     def all_counters(self) -> dict[str, int]:
@@ -112,8 +118,24 @@ class Gate:
         return dict(total)
 
     @property
-    def _trouble(self) -> str:
-        return self._doors.recorder.trouble if self._doors.recorder else ""
+    def _troubles(self) -> list[str]:
+        """Names of what is wrong at the gate itself."""
+        recorder = self._doors.recorder
+        named = {"recorder": recorder.trouble if recorder else "", "normal_file": self._doors.normal.trouble}
+        return [name for name, trouble in named.items() if trouble]
+
+    def _send(self, request: CommandRequest) -> bool:
+        if room_of(request.verb) == "brain":
+            return self._doors.brain.send("brain", request)
+        return self._doors.guard.send(request)
+
+    def _greet_brain(self) -> None:
+        """A brain that has just come knows nothing of this machine: tell it what is stored."""
+        connections = self._doors.brain.counters["connected_brain"]
+        if connections != self._brains:
+            self._brains = connections
+            if self._doors.normal.normal:
+                self._doors.brain.send("brain", self._doors.normal.normal)
 
     def _take(self, record: RoomRecord, now_ns: int) -> None:
         features = self.view.features
@@ -125,9 +147,17 @@ class Gate:
         if isinstance(record, Event) and self.station:
             self.station.tell(record)
         elif isinstance(record, CommandReply):
-            self.desk.reply(record)
+            self._hand_on(record)
+        elif isinstance(record, Normal):
+            self._doors.normal.keep(record)
         elif self.view.features is not features and self.view.features:
             self._doors.telemetry.publish_features(self.view.features)
+
+    def _hand_on(self, reply: CommandReply) -> None:
+        """Give a room's answer to whoever asked; what the brain has forgotten goes from the disk as well."""
+        request = self.desk.reply(reply)
+        if request is not None and request.action == "forget" and reply.accepted:
+            self._doors.normal.forget()
 
     def _record(self, record: Recordable, now_ns: int) -> int:
         """Give ``record`` to the recorder; its ticket, 0 when it is not kept."""
@@ -166,11 +196,16 @@ class Gate:
         if name == keys.MODELS:
             return self._models
         if name == keys.ALARMS:
-            return self.view.alarms(now_ns, self._trouble)
+            return self.view.alarms(now_ns, self._troubles)
         since = str(query.parameters.get("since") or "-1")
         return self.view.events(int(since) if since.lstrip("-").isdecimal() else -1)
 
     def _slow_step(self, now_ns: int) -> None:
-        """Once a second: the alarm list and the pairing with the calendar."""
-        self._doors.telemetry.publish_alarms(self.view.alarms(now_ns, self._trouble))
+        """Once a second: the alarm list, the pairing with the calendar, the normal state in each new recording."""
+        self._doors.telemetry.publish_alarms(self.view.alarms(now_ns, self._troubles))
         self._record(WallClock(t_ns=now_ns, unix_ns=self._unix_ns()), now_ns)
+        recorder, normal = self._doors.recorder, self._doors.normal.normal
+        place = (str(recorder.path), str(normal.made_unix_ns)) if recorder and normal else None
+        if normal and place != self._recorded_in:
+            self._recorded_in = place
+            self._record(normal, now_ns)

@@ -12,6 +12,7 @@ ha/diagnosis       ``Diagnosis``                  each decision        applicati
 pa/forecast        ``Forecast``                   each forecast        application/json
 ag/advice          ``Advice``                     10 Hz                application/json
 ha/state           ``BrainState``                 1 Hz                 application/json
+ha/commission      ``CommissionState``            1 Hz                 application/json
 event/<severity>   ``Event``                      once                 application/json
 event              list of ``Event``              query, ``?since=N``  application/json
 state              ``DeviceState``                query                application/json
@@ -27,7 +28,8 @@ exact.  ``since`` counts the guard's events from its last start.
 
 The payload structures are those of :mod:`firmware_py.records` and of :mod:`firmware_py.gate.view`; units
 stand in the names.  Verbs: ``mode`` ("monitor", "manual", "auto"), ``arm``, ``disarm``, ``reset``,
-``set_clearance`` (radial, um), ``set_pressure`` (bar), ``announce`` (a ``PlannedRamp``).
+``set_clearance`` (radial, um), ``set_pressure`` (bar), ``announce`` (a ``PlannedRamp``); answered by the brain:
+``commission`` ("start", "stop", "cancel", "forget").
 """
 
 from __future__ import annotations
@@ -38,6 +40,7 @@ from firmware_py.records import (
     Advice,
     Block,
     BrainState,
+    CommissionState,
     Diagnosis,
     Forecast,
     GuardState,
@@ -54,6 +57,7 @@ PUBLISHED: Final[dict[type[Record], str]] = {
     Forecast: "pa/forecast",
     Advice: "ag/advice",
     BrainState: "ha/state",
+    CommissionState: "ha/commission",
 }
 """Records that go out as they come in."""
 

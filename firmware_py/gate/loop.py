@@ -20,6 +20,7 @@ from firmware_py.clock import Clock, MonotonicClock
 from firmware_py.config import Config
 from firmware_py.gate import keys, session
 from firmware_py.gate.core import Doors, Gate
+from firmware_py.gate.normal_file import NormalFile
 from firmware_py.gate.page import Page
 from firmware_py.gate.recorder import Recorder
 from firmware_py.gate.station import GroundStation
@@ -105,7 +106,8 @@ def _open_doors(started: Launch, recordings: Path, models: Any) -> Doors:
         name = f"{config.device.site}-{config.device.rig}-{config.device.instance}"
         recorder = Recorder(recordings, name, metadata(config, models), config.recorder.max_megabytes * 10**6,
                             time.time_ns, raw_frames=config.recorder.raw_frames)
-    return Doors(RoomClient(folder / "guard.sock", "gate"), brain, telemetry, recorder)
+    normal = NormalFile(state_dir(config, os.environ), time.time_ns)
+    return Doors(RoomClient(folder / "guard.sock", "gate"), brain, telemetry, recorder, normal)
 
 
 def _close(doors: Doors) -> None:
@@ -138,8 +140,11 @@ def read_models(config: Config) -> Any:
 
 def recordings_dir(config: Config, environment: Mapping[str, str]) -> Path:
     """Where recordings go when the command line does not say."""
-    if config.recorder.directory:
-        return Path(config.recorder.directory)
+    return Path(config.recorder.directory) if config.recorder.directory else state_dir(config, environment)
+
+
+def state_dir(config: Config, environment: Mapping[str, str]) -> Path:
+    """The one folder that the device writes to: the service's, else the user's."""
     if state := environment.get("STATE_DIRECTORY", "").partition(":")[0]:
         return Path(state)
     home = environment.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")

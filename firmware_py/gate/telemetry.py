@@ -15,12 +15,12 @@ from zenoh.handlers import RingChannel
 
 from firmware_py.gate import keys
 from firmware_py.gate.features import Features
-from firmware_py.records import VERBS, Alarm, Block, Event, Record, Severity
+from firmware_py.records import BRAIN_VERBS, VERBS, Alarm, Block, Event, Record, Severity
 
 RING: Final = 32
 """Queries of one kind that may wait for the loop; older ones are dropped and their askers get no answer."""
 
-COMMAND_ORDER: Final = ("disarm", *(verb for verb in VERBS if verb != "disarm"))
+COMMAND_ORDER: Final = ("disarm", *(verb for verb in (*VERBS, *BRAIN_VERBS) if verb != "disarm"))
 """Disarm waits behind nothing: it has its own ring, and that ring is looked at first."""
 
 MSGPACK: Final = zenoh.Encoding("application/msgpack")

@@ -6,6 +6,7 @@ Telemetry, queries, metrics and the page all read this one view; only the gate's
 from __future__ import annotations
 
 from collections import Counter, deque
+from collections.abc import Iterable
 from typing import Final
 
 import msgspec
@@ -17,6 +18,7 @@ from firmware_py.records import (
     Alarm,
     Block,
     BrainState,
+    CommissionState,
     Diagnosis,
     Event,
     Forecast,
@@ -32,7 +34,10 @@ SILENT_AFTER_NS: Final = 1_000_000_000
 
 
 class DeviceState(msgspec.Struct, frozen=True, kw_only=True):
-    """Answer to a query on ``state``: the whole device at one instant."""
+    """Answer to a query on ``state``: the whole device at one instant.
+
+    ``normal`` says when the stored normal state of the machine was learned, or what is wrong with its file.
+    """
 
     site: str
     rig: str
@@ -47,6 +52,8 @@ class DeviceState(msgspec.Struct, frozen=True, kw_only=True):
     forecast: Forecast | None
     advice: Advice | None
     brain: BrainState | None
+    commission: CommissionState | None
+    normal: str
     alarms: list[Alarm]
     recording: str
     counters: dict[str, int]
@@ -68,6 +75,7 @@ class View:
         self.forecast: Forecast | None = None
         self.advice: Advice | None = None
         self.brain: BrainState | None = None
+        self.commission: CommissionState | None = None
         self.features: Features | None = None
         self.decimator = Decimator(config)
         self.counters: Counter[str] = Counter()
@@ -87,6 +95,8 @@ class View:
                 self.advice, self._heard_ns["brain"] = record, now_ns
             case BrainState():
                 self.brain = record
+            case CommissionState():
+                self.commission = record
             case RigReading():
                 self.reading = record
             case Diagnosis():
@@ -105,12 +115,15 @@ class View:
         """Kept events with a sequence number above ``since``, oldest first."""
         return [event for event in self._events if event.seq > since]
 
-    def alarms(self, now_ns: int, trouble: str = "") -> list[Alarm]:
-        """Every active alarm: the guard's while it lives, silent rooms, and the recorder's ``trouble``."""
+    def alarms(self, now_ns: int, troubles: Iterable[str] = ()) -> list[Alarm]:
+        """Every active alarm: the guard's while it lives, silent rooms, and the gate's own ``troubles``.
+
+        A normal state that the brain refuses to use is one: the machine is not judged as its owner thinks.
+        """
         alive = self.rooms(now_ns)
         standing = {f"{room}_silent": Severity.FAULT for room, lives in alive.items() if not lives}
-        if trouble:
-            standing["recorder"] = Severity.ALERT
+        refused = alive["brain"] and self.commission is not None and self.commission.phase == "refused"
+        standing |= dict.fromkeys((*troubles, *(("normal_refused",) if refused else ())), Severity.ALERT)
         self._since_ns = {name: self._since_ns.get(name, now_ns) for name in standing}
         own = [Alarm(name=name, severity=severity, since_ns=self._since_ns[name], value=0.0, limit=0.0,
                      latched=False) for name, severity in standing.items()]

@@ -14,9 +14,9 @@ import msgspec
 from firmware_py.records.acquired import Block, Quality, RigReading
 from firmware_py.records.base import CHANNELS, INSTANTS_PER_FRAME, N_CHANNELS, Record
 from firmware_py.records.brain import Advice, BrainState, Diagnosis, Forecast
-from firmware_py.records.command import VERBS, CommandReply, CommandRequest, EventAck, Hello, PlannedRamp
+from firmware_py.records.command import BRAIN_VERBS, VERBS, CommandReply, CommandRequest, EventAck, Hello, PlannedRamp
 from firmware_py.records.guard import Alarm, Event, GuardState, Severity
-from firmware_py.records.normal import COMMISSION_ACTIONS, Baseline, Belonging, Commission, CommissionState, Normal
+from firmware_py.records.normal import COMMISSION_ACTIONS, Baseline, Belonging, CommissionState, Normal
 from firmware_py.records.replay import Cycle, CycleRecord, Decision, Snapshot, WindowRecord
 from firmware_py.records.wire import (
     ArmState,
@@ -34,6 +34,7 @@ from firmware_py.records.wire import (
 )
 
 __all__ = [
+    "BRAIN_VERBS",
     "CHANNELS",
     "COMMISSION_ACTIONS",
     "INSTANTS_PER_FRAME",
@@ -49,7 +50,6 @@ __all__ = [
     "Command",
     "CommandReply",
     "CommandRequest",
-    "Commission",
     "CommissionState",
     "Cycle",
     "CycleRecord",
@@ -99,7 +99,6 @@ RoomRecord = (
     | CycleRecord
     | Snapshot
     | WindowRecord
-    | Commission
     | CommissionState
     | Normal
 )

@@ -17,7 +17,7 @@ class PlannedRamp(Record, frozen=True):
 
 
 class CommandRequest(Record, frozen=True, tag=True):
-    """A person's or program's wish: ``verb`` is one of :data:`VERBS`."""
+    """A person's or program's wish: ``verb`` is one of :data:`VERBS` or of :data:`BRAIN_VERBS`."""
 
     seq: int
     verb: str
@@ -25,9 +25,13 @@ class CommandRequest(Record, frozen=True, tag=True):
     mode: int | None = None
     origin: str = "local"
     ramp: PlannedRamp | None = None
+    action: str = ""
 
 
 VERBS: Final = ("mode", "arm", "disarm", "reset", "set_clearance", "set_pressure", "announce")
+"""What the guard answers."""
+BRAIN_VERBS: Final = ("commission",)
+"""What the brain answers; ``commission`` takes one of :data:`~firmware_py.records.COMMISSION_ACTIONS`."""
 
 
 class CommandReply(Record, frozen=True, tag=True):

@@ -55,13 +55,6 @@ class Normal(Record, frozen=True, tag=True):
     made_unix_ns: int = 0
 
 
-class Commission(Record, frozen=True, tag=True):
-    """A wish about commissioning (:data:`COMMISSION_ACTIONS`), from the gate to the brain."""
-
-    seq: int
-    action: str
-
-
 class CommissionState(Record, frozen=True, tag=True):
     """How commissioning stands: ``phase`` is ``none``, ``gathering``, ``commissioned`` or ``refused`` (with ``text``).
 

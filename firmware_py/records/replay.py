@@ -52,10 +52,14 @@ class Snapshot(Record, frozen=True, tag=True):
 
 
 class WindowRecord(Record, frozen=True, tag=True):
-    """What the brain decided on: ``last_t_acq_ns`` closes the window, for replay."""
+    """What the brain decided on: ``last_t_acq_ns`` closes the window, for replay.
+
+    ``normal`` names the machine's normal state that it was judged against (empty: the fleet's).
+    """
 
     seq: int
     last_t_acq_ns: int
     last_block_seq: int
     diagnosis_seq: int
     cpu_features: str
+    normal: str = ""

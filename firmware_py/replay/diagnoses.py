@@ -1,7 +1,8 @@
 """The brain's half of a replay: the recorded windows cut again from the replayed blocks, and diagnosed.
 
 The brain stored the end of each window that it decided on; dropped windows are therefore left out here
-too.  A run of windows lies on a grid that starts ``MIN_SECONDS`` before its first window's end, so the same
+too.  It also stored which normal state of the machine each decision was judged against, and the recording holds that
+state.  A run of windows lies on a grid that starts ``MIN_SECONDS`` before its first window's end, so the same
 windower, fed from that sample on, cuts the same windows.  Where the recording begins in the middle of a run
 the first diagnoses rest on windows that nobody stored; they are set aside, counted.
 """
@@ -15,10 +16,12 @@ import msgspec
 
 from firmware_py.acquire.windows import MIN_SECONDS, ChannelMap, Window, Windower
 from firmware_py.brain.diagnosis import Diagnoser
+from firmware_py.brain.normal import digest
+from firmware_py.brain.prediction import slow_roll_forward
 from firmware_py.brain.store import Models
 from firmware_py.config import Config
-from firmware_py.recording import TOPICS, Recording
-from firmware_py.records import N_CHANNELS, Block, Decision, Diagnosis, RigReading, WindowRecord
+from firmware_py.recording import TOPICS, Recording, decode_exact
+from firmware_py.records import N_CHANNELS, Block, Decision, Diagnosis, Normal, RigReading, WindowRecord
 
 PROBABILITY_TOLERANCE: Final = 0.02
 """Between machines of different vector extensions: the same verdict, and probabilities this close."""
@@ -29,7 +32,8 @@ HISTORY_NS: Final = 3_000_000_000
 SETTLED_AFTER_NS: Final = 8_000_000_000
 """From here on a recording that begins in mid-run holds all: two seconds of samples, six of votes."""
 
-_REACHING_BACK: Final = ("held_s", "confirmed")
+_REACHING_BACK: Final = ("held_s", "confirmed", "shaft_1x_move_um", "shaft_1x_baseline_um",
+                         "shaft_1x_baseline_phase_deg")
 """Evidence that reaches back before the recording."""
 
 
@@ -71,17 +75,21 @@ class DiagnosisReplay:
         self._models = models
         self._rate_hz = config.sampling.rate_hz
         self._due: dict[int, list[tuple[WindowRecord, dict[str, Any]]]] = defaultdict(list)
+        self._normals: dict[str, Normal | None] = {"": None}
         self._pair(recording, cpu_features)
         self._history: deque[Block | RigReading] = deque()
         self._restart()
 
     def _pair(self, recording: Recording, cpu_features: str) -> None:
-        """Each stored window with its stored diagnosis, by the block that closed it."""
+        """Each stored window with its stored diagnosis, by the block that closed it; every normal state by its name."""
         told: dict[int, dict[str, Any]] = {}
         for message in recording.messages():
             if message.topic == TOPICS[Diagnosis].name:
                 diagnosis = msgspec.json.decode(message.data)
                 told[diagnosis["seq"]] = diagnosis
+            elif message.topic == TOPICS[Normal].name:
+                normal = decode_exact(message, Normal)
+                self._normals[digest(normal)] = normal
             elif message.topic == TOPICS[WindowRecord].name:
                 window = msgspec.json.decode(message.data, type=WindowRecord)
                 if window.diagnosis_seq in told:
@@ -130,8 +138,12 @@ class DiagnosisReplay:
         if first or not found:
             windows = self._begin_run(record, block, first)
             found = [window for window in windows if window.end_ns == record.last_t_acq_ns]
+        known = record.normal in self._normals
+        if self._diagnoser and self._diagnoser.normal_name != record.normal:
+            self._diagnoser.use(self._normals.get(record.normal))
         diagnosis = self._diagnoser.step(found[0])[0] if found and self._diagnoser else None
-        if record.last_t_acq_ns < self._exact_from_ns:
+        self._whole &= known
+        if record.last_t_acq_ns < self._exact_from_ns or not known:
             return
         if diagnosis is None:
             self.report.windows_not_found += 1
@@ -146,7 +158,8 @@ class DiagnosisReplay:
         start_us = end_us - round(MIN_SECONDS * self._rate_hz) * period_us
         oldest_us = next(item.tick_us for item in self._history if isinstance(item, Block))
         if first or self._diagnoser is None:
-            self._diagnoser, self._whole = Diagnoser(self._models.classifier), first and start_us >= oldest_us
+            self._diagnoser = Diagnoser(self._models.classifier, slow_roll_forward(self._config))
+            self._whole = first and start_us >= oldest_us
             self._exact_from_ns = 0 if self._whole else block.t_acq_ns + SETTLED_AFTER_NS
         self._windower = Windower(ChannelMap.from_config(self._config), self._rate_hz)
         return self._feed_from(self._windower, start_us)

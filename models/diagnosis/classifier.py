@@ -118,7 +118,7 @@ def _export(
 ) -> None:
     metadata = export.Metadata(
         kind="classifier", version="0.2.0", inputs=FEATURE_NAMES, units=(),
-        outputs=("heads", "score", "drivers", "normal"),
+        outputs=("heads", "score", "drivers", "normal", "departures"),
         rate_hz=(5000, 10000), window=WINDOW_LAYOUT, rigs=(settings.rig,), domain={},
         data_hash=export.data_hash(data.features, data.kind, data.group), metrics=report,
         settings={"novelty_threshold": NOVELTY_THRESHOLD, "temperature": module.temperature, "normal": module.fleet},

@@ -68,11 +68,12 @@ class White(nn.Module):
 
 class Diagnosis(nn.Module):
     """``features (m, F)`` -> ``heads (m, 4)`` probabilities, ``score (m, 1)`` novelty, ``drivers (m, G * 4)``,
-    ``normal (m, k)``; float32.
+    ``normal (m, k)``, ``departures (m, G)``; float32.
 
     Drivers are the log-odds that each head owes to each group of features: what it loses when the group is set to
     the mean of the training rows (occlusion, Zeiler and Fergus 2014).  ``normal`` are the whitened residuals of all
-    parts, from which the device learns what is normal for one machine.
+    parts, from which the device learns what is normal for one machine;
+    ``departures`` the root mean square of the residuals in each group of features.
 
     Parameters
     ----------
@@ -105,10 +106,12 @@ class Diagnosis(nn.Module):
         self.parts = nn.ModuleList(self.whites)
         self.kept: Tensor
         kept = np.arange(len(GROUPS))[:, None] != GROUP_OF_FEATURE
+        self.share: Tensor
+        self.register_buffer("share", torch.from_numpy((~kept / np.sum(~kept, axis=1, keepdims=True)).T.copy()))
         self.register_buffer("kept", torch.from_numpy(kept.astype(np.float64)))
 
-    def forward(self, features: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-        """Probabilities of the heads, the novelty score, what drove the heads, the whitened residuals."""
+    def forward(self, features: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor, Tensor]:
+        """Probabilities of the heads, novelty score, what drove the heads, whitened residuals, their size by group."""
         z = (features.double() - self.mean) / self.deviation
         held = torch.clamp(z, -CLIP, CLIP)
         logits = self.net(held) / self.temperature
@@ -117,4 +120,7 @@ class Diagnosis(nn.Module):
         residual = self.residuals(features.double())
         white = [part(residual) for part in self.whites]
         score = torch.cat([p.distance(w) for p, w in zip(self.whites, white, strict=True)], 1).amax(1, keepdim=True)
-        return torch.sigmoid(logits).float(), score.float(), drivers.float(), torch.cat(white, dim=1).float()
+        departures = torch.sqrt((residual * residual) @ self.share)
+        answers = torch.sigmoid(logits), score, drivers, torch.cat(white, dim=1), departures
+        heads, score, drivers, normal, departures = (answer.float() for answer in answers)
+        return heads, score, drivers, normal, departures

@@ -41,7 +41,7 @@ FLOATING: Final = np.isin(GROUP_OF_FEATURE, [GROUPS.index(name) for name in ("op
 """How the shaft floats in its film: what oil, wear and side loads change."""
 RINGING: Final = np.isin(FEATURE_NAMES, ringing.names())
 """How pedestal and motor ring: what a foot changes that is no class."""
-PARTS: Final = (FLOATING, RINGING)
+PARTS: Final = {"floating": FLOATING, "ringing": RINGING}
 
 
 @dataclass(frozen=True)
@@ -155,7 +155,7 @@ def fit_novelty(train: Dataset, inner: Dataset, quantile: float) -> tuple[Residu
     """
     residual = Residual.fit(train.features[train.kind == 0])
     rows, inner_rows = residual(train.features), residual(inner.features)
-    return residual, tuple(Part.fit(columns, rows, train, inner_rows, quantile) for columns in PARTS)
+    return residual, tuple(Part.fit(columns, rows, train, inner_rows, quantile) for columns in PARTS.values())
 
 
 def fleet(parts: Sequence[Part], healthy: Floats, quantile: float) -> dict[str, object]:
@@ -168,7 +168,7 @@ def fleet(parts: Sequence[Part], healthy: Floats, quantile: float) -> dict[str, 
     """
     away = [np.sqrt(np.mean((healthy @ p.whitening - p.centres[0]) ** 2 / (1.0 + p.between), axis=1)) for p in parts]
     return {
-        "columns": [len(part.between) for part in parts],
+        "parts": list(PARTS), "columns": [len(part.between) for part in parts],
         "between": [float(f"{value:.4g}") for part in parts for value in part.between],
         "limits": [float(np.quantile(a, quantile)) for a in away], "typical": [float(np.median(a)) for a in away],
     }  # fmt: skip

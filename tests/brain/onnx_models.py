@@ -80,8 +80,11 @@ def short_film(nodes: int = 60, **changed: str) -> bytes:
 
 
 def classifier(bias: tuple[float, ...] = (-4.0, -4.0, -4.0, -4.0), *, unbalance_above: float = 99.0,
-               novelty_threshold: float = 1.0, score: float = 0.0, **changed: str) -> bytes:
-    """Heads ``sigmoid(bias)``; the unbalance head rises where ``log_shaft_fwd_1x_m`` exceeds ``unbalance_above``."""
+               novelty_threshold: float = 1.0, score: float = 0.0, fleet: bool = False, **changed: str) -> bytes:
+    """Heads ``sigmoid(bias)``; the unbalance head rises where ``log_shaft_fwd_1x_m`` exceeds ``unbalance_above``.
+
+    With ``fleet``: ``normal`` is the decades of the motor's and the microphone's level from a fleet's, by hundredths.
+    """
     g = Graph()
     amplitude = g.column(g.op("Cast", "features", to=TensorProto.DOUBLE), FEATURE_NAMES.index("log_shaft_fwd_1x_m"))
     above = g.op("Mul", g.op("Sub", amplitude, unbalance_above), 100.0)
@@ -89,10 +92,19 @@ def classifier(bias: tuple[float, ...] = (-4.0, -4.0, -4.0, -4.0), *, unbalance_
                  g.op("Max", above, bias[3]), axis=1)
     g.rename(g.op("Sigmoid", heads), "heads")
     g.rename(g.op("Add", g.op("Mul", above, 0.0), score), "score")
+    outputs, settings = {"heads": 4, "score": 1}, {"novelty_threshold": novelty_threshold}
+    if fleet:
+        levels = [g.column(g.op("Cast", "features", to=TensorProto.DOUBLE), FEATURE_NAMES.index(name))
+                  for name in ("acc_motor_log_rms", "microphone_log_rms")]
+        away = [g.op("Mul", g.op("Sub", level, usual), 100.0) for level, usual in zip(levels, (0.1, -1.2), strict=True)]
+        g.rename(g.op("Concat", *away, axis=1), "normal")
+        outputs["normal"] = 2
+        settings["normal"] = {"parts": ["floating", "ringing"], "columns": [1, 1], "between": [400.0, 400.0],
+                              "limits": [3.0, 3.0], "typical": [0.7, 0.7]}
     lists = {"channels": list(CHANNELS), "rate_hz": [5000, 10000], "inputs": list(FEATURE_NAMES),
              "outputs": ["heads", "score"], "domain": {}, "window": WINDOW_LAYOUT,
-             "settings": {"novelty_threshold": novelty_threshold}}
-    return finish(g, "features", len(FEATURE_NAMES), {"heads": 4, "score": 1}, TensorProto.FLOAT,
+             "settings": settings}
+    return finish(g, "features", len(FEATURE_NAMES), outputs, TensorProto.FLOAT,
                   card("classifier", **{k: json.dumps(v) for k, v in lists.items()} | changed))
 
 

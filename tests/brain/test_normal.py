@@ -25,7 +25,7 @@ def machines(n: int, decisions: int, seed: int) -> np.ndarray:
 def prior() -> Prior:
     fleet = machines(4000, 1, 0)[:, 0] ** 2 / (1 + BETWEEN)
     away = [np.sqrt(part.mean(axis=1)) for part in np.split(fleet, [COLUMNS[0]], axis=1)]
-    return Prior(COLUMNS, BETWEEN.tolist(), [float(np.quantile(a, 0.99)) for a in away],
+    return Prior(["floating", "ringing"], COLUMNS, BETWEEN.tolist(), [float(np.quantile(a, 0.99)) for a in away],
                  [float(np.median(a)) for a in away])
 
 

@@ -14,6 +14,7 @@ from firmware_py.config import Config
 from firmware_py.gate import keys, session
 from firmware_py.gate.client import Client
 from firmware_py.gate.core import Doors, Gate
+from firmware_py.gate.normal_file import NormalFile
 from firmware_py.gate.recorder import Recorder
 from firmware_py.gate.telemetry import Telemetry
 from firmware_py.records import ArmState, Block, GuardState, Mode
@@ -57,7 +58,8 @@ class Stage:
         self.gate_end = RoomServer(folder / "gate.sock", {"brain": None})
         self.gate = Gate(
             config,
-            Doors(RoomClient(folder / "guard.sock", "gate"), self.gate_end, self.telemetry, self.recorder),
+            Doors(RoomClient(folder / "guard.sock", "gate"), self.gate_end, self.telemetry, self.recorder,
+                  NormalFile(folder / "state", lambda: UNIX_NS)),
             MODELS,
             lambda: UNIX_NS,
         )

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from firmware_py.acquire.features import FEATURE_NAMES, GROUPS
+from firmware_py.acquire.features import FEATURE_NAMES, GROUP_OF_FEATURE, GROUPS
 from models.diagnosis import recordings
 from models.diagnosis.data_cache import load, make_recordings
 from models.diagnosis.dataset import Dataset, DatasetError
@@ -142,10 +142,12 @@ def test_novelty_in_the_graph_is_that_of_the_parts():
     assert np.mean([part.distance(residual(inner.features)) > 1.0 for part in parts]) == pytest.approx(0.1, abs=0.03)
     x = other.features.astype(np.float32)
     with torch.no_grad():
-        _, score, _, normal = (t.double().numpy() for t in graph()(torch.from_numpy(x)))
+        _, score, _, normal, departures = (t.double().numpy() for t in graph()(torch.from_numpy(x)))
     np.testing.assert_allclose(score[:, 0], novelty(parts, residual(x)), rtol=1e-5)
     white = [residual(x) @ part.whitening - part.centres[0] for part in parts]
     np.testing.assert_allclose(normal, np.concatenate(white, axis=1), atol=1e-4)
+    motor = residual(x)[:, GROUPS.index("acc_motor_orders") == GROUP_OF_FEATURE]
+    np.testing.assert_allclose(departures[:, GROUPS.index("acc_motor_orders")], np.sqrt((motor**2).mean(axis=1)), 1e-5)
     assert (novelty(parts, residual(other.features + 6.0)) > novelty(parts, residual(other.features))).all()
 
 
@@ -160,12 +162,10 @@ def test_builds_need_two_healthy_recordings():
 def test_drivers_are_what_a_head_loses_with_a_group():
     import torch
 
-    from firmware_py.acquire.features import GROUP_OF_FEATURE
-
     module = graph()
     x = rows(3).features.astype(np.float32)
     with torch.no_grad():
-        heads, _, drivers, _ = (t.double().numpy() for t in module(torch.from_numpy(x)))
+        heads, _, drivers, *_ = (t.double().numpy() for t in module(torch.from_numpy(x)))
         at = GROUPS.index("acc_motor_ringing")
         without = np.where(at == GROUP_OF_FEATURE, module.mean.numpy(), x).astype(np.float32)
         less = module(torch.from_numpy(without))[0].double().numpy()
@@ -180,7 +180,7 @@ def test_one_file_answers_like_the_module(tmp_path):
     from models import export
 
     rng, n, module = np.random.default_rng(0), len(FEATURE_NAMES), graph()
-    names = ("heads", "score", "drivers", "normal")
+    names = ("heads", "score", "drivers", "normal", "departures")
     metadata = export.Metadata("classifier", "0", FEATURE_NAMES, names, {}, (), "", {}, ())
     path, x = tmp_path / "classifier.onnx", rng.normal(0.0, 5.0, (10_000, n)).astype(np.float32)
     x[0], x[1] = 0.0, 1e6

@@ -1,0 +1,215 @@
+"""Commissioning: the brain gathers healthy decisions of this machine while a person runs it over its range.
+
+The person vouches that the machine is healthy; what must not be learned from all the same (bad channels, whirl, a
+standing alarm, a model in charge) is left out and counted.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections import Counter
+from dataclasses import dataclass
+from typing import Final
+
+import msgspec
+import numpy as np
+
+from firmware_py.acquire.features import FEATURE_NAMES
+from firmware_py.acquire.orders import Orders
+from firmware_py.acquire.windows import Window
+from firmware_py.brain import normal as own
+from firmware_py.brain.diagnosis import CLASSES, WINDOWS, Answer, Diagnoser, forward_first_order
+from firmware_py.brain.normal import NormalError
+from firmware_py.brain.store import HEADS, Model
+from firmware_py.config import Config
+from firmware_py.records import (
+    COMMISSION_ACTIONS,
+    Belonging,
+    CommandReply,
+    CommandRequest,
+    CommissionState,
+    Diagnosis,
+    GuardState,
+    Mode,
+    Normal,
+)
+
+EVERY_NS: Final = 2_500_000_000
+"""Decisions this far apart share no window."""
+MOST_DECISIONS: Final = 2000
+"""Some 80 minutes; further ones are left out, counted."""
+MODES: Final = (Mode.MONITOR, Mode.MANUAL)
+"""A model that moves the clearance would teach its own habits."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Decision:
+    row: own.Floats
+    log_odds: own.Floats
+    point: own.Floats
+    first_order_m: complex
+
+
+class Commissioner:
+    """Learns, adopts and forgets the machine's normal state; the diagnoser uses it.
+
+    Parameters
+    ----------
+    model
+        The classifier; its metadata hold the fleet's statistics.
+    config
+        The device's configuration.
+    diagnoser
+        Gets the state.
+    slow_roll_m
+        Forward first order of the probes' runout.
+    """
+
+    def __init__(self, model: Model | None, config: Config, diagnoser: Diagnoser, slow_roll_m: complex) -> None:
+        self._device = belonging(model, config) if model else None
+        self._prior = diagnoser.prior
+        self._diagnoser = diagnoser
+        self._slow_roll_m = slow_roll_m
+        operating = config.operating
+        reach = math.log(operating.speed_max_rpm / operating.speed_min_rpm)
+        self._speed_steps_declared = math.ceil(reach / own.LOG_SPEED_STEP)
+        self._phase, self._text = "none", ""
+        self._begin()
+
+    @property
+    def gathering(self) -> bool:
+        """Whether decisions are being learned from."""
+        return self._phase == "gathering"
+
+    def _begin(self) -> None:
+        self._kept: list[_Decision] = []
+        self._left_out: Counter[str] = Counter()
+        self._named: Counter[str] = Counter()
+        self._last_ns = -EVERY_NS
+
+    def obey(self, request: CommandRequest) -> tuple[CommandReply, Normal | None]:
+        """Answer to a person's wish, and the state that was learned with ``stop``."""
+        try:
+            reasons, learned = self._carry_out(request.action)
+        except NormalError as error:
+            return CommandReply(request.seq, False, [str(error)]), None
+        return CommandReply(request.seq, True, reasons), learned
+
+    def _carry_out(self, action: str) -> tuple[list[str], Normal | None]:
+        if action not in COMMISSION_ACTIONS:
+            raise NormalError(f"commission: {action!r} is none of {', '.join(COMMISSION_ACTIONS)}")
+        if action == "forget":
+            self._use(None, "none", "")
+            return [], None
+        if action == "start":
+            self._check_possible()
+            self._begin()
+            self._phase, self._text = "gathering", ""
+            return [], None
+        if not self.gathering:
+            raise NormalError(f"commission {action}: nothing is being gathered; `orbitd commission start` comes first")
+        if action == "cancel":
+            self._stand(self._diagnoser.normal)
+            return [], None
+        learned, warnings = self._fit(), self._warnings()
+        self._stand(learned)
+        return warnings, learned
+
+    def _check_possible(self) -> None:
+        if self._device is None:
+            raise NormalError("commission start: no classifier is in use, see `orbitd status`")
+        if self._prior is None:
+            raise NormalError("commission start: this classifier carries no statistics of healthy machines (output "
+                              "`normal`); use one that this version has trained")
+
+    def adopt(self, normal: Normal) -> None:
+        """Use a stored state, or refuse it by name."""
+        if self._device is None or self._prior is None:
+            self._use(None, "refused", "no classifier in use knows what to do with the machine's normal state")
+            return
+        try:
+            own.check_belongs(normal, self._device)
+        except NormalError as error:
+            self._use(None, "refused", str(error))
+            return
+        self._stand(normal)
+
+    def _use(self, normal: Normal | None, phase: str, text: str) -> None:
+        self._diagnoser.use(normal)
+        self._phase, self._text = phase, text
+        self._begin()
+
+    def _stand(self, normal: Normal | None) -> None:
+        self._use(normal, "commissioned" if normal else "none", "")
+
+    def gather(self, window: Window, orders: Orders | None, diagnosis: Diagnosis, answer: Answer | None,
+               guard: GuardState | None) -> None:
+        """Learn from the decision after ``window``, when it may be learned from."""
+        if not self.gathering or window.end_ns - self._last_ns < EVERY_NS:
+            return
+        reason = self._reason_against(diagnosis, answer, guard)
+        if reason or answer is None or answer.normal is None or orders is None:
+            self._left_out[reason or "no answer of the classifier"] += 1
+            return
+        self._last_ns = window.end_ns
+        if diagnosis.verdict in CLASSES and diagnosis.verdict != "normal":
+            self._named[diagnosis.verdict] += 1
+        self._kept.append(_Decision(answer.normal, answer.log_odds, own.operating_point(window, orders),
+                                    forward_first_order(orders) - self._slow_roll_m))
+
+    def _reason_against(self, diagnosis: Diagnosis, answer: Answer | None, guard: GuardState | None) -> str:
+        """Why a decision must not be learned from; empty when it may."""
+        if guard is None or guard.mode not in MODES:
+            return f"mode {Mode(guard.mode).name.lower()}" if guard else "no word of the guard"
+        if guard.alarms:
+            return f"alarm {guard.alarms[0].name}"
+        word = diagnosis.verdict.partition(":")[0]
+        if word in ("sensor_fault", "none", "whirl"):
+            return word
+        if answer is None or diagnosis.evidence["windows"] < WINDOWS:
+            return f"fewer than {WINDOWS} windows"
+        return f"more than {MOST_DECISIONS} decisions" if len(self._kept) >= MOST_DECISIONS else ""
+
+    def _fit(self) -> Normal:
+        if self._prior is None or self._device is None:
+            raise NormalError("commission stop: the classifier is gone")
+        kept = self._kept
+        rows = np.array([d.row for d in kept]).reshape(-1, len(self._prior.between))
+        log_odds = np.array([d.log_odds for d in kept]).reshape(-1, len(HEADS))
+        first_order_m = np.array([d.first_order_m for d in kept], np.complex128)
+        return own.fit(rows, log_odds, self._points(), first_order_m, self._prior, self._device, self._minutes)
+
+    @property
+    def _minutes(self) -> float:
+        return len(self._kept) * EVERY_NS / 60e9
+
+    def _points(self) -> own.Floats:
+        return np.array([d.point for d in self._kept]).reshape(-1, len(own.POINT))
+
+    def _warnings(self) -> list[str]:
+        return [f"{count} decisions were named {name}: if the machine is not healthy, repair it and commission again"
+                for name, count in self._named.items()]
+
+    def state(self, seq: int, t_ns: int) -> CommissionState:
+        """How commissioning stands."""
+        normal, points = self._diagnoser.normal, self._points()
+        if normal is not None and not self.gathering:
+            return CommissionState(seq, t_ns, self._phase, self._text, normal.decisions, normal.minutes, normal.points,
+                                   ranges=normal.ranges, normal=self._diagnoser.normal_name)
+        return CommissionState(
+            seq, t_ns, self._phase, self._text, len(points), self._minutes,
+            len(np.unique(own.cells(points))) if len(points) else 0, own.speed_steps(points[:, 0]),
+            self._speed_steps_declared, own.ranges(points) if len(points) else {}, dict(self._left_out),
+            dict(self._named), self._diagnoser.normal_name)
+
+
+def belonging(model: Model, config: Config) -> Belonging:
+    """What a state is learned with: classifier, features, rig, and the configuration that features depend on."""
+    shaped = (config.channel, config.sampling, config.bearing, config.contact, config.oil)
+    return Belonging(model.sha256, _digest("\n".join(FEATURE_NAMES).encode()), config.device.rig,
+                     _digest(msgspec.json.encode(shaped)))
+
+
+def _digest(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()[:12]
