@@ -84,6 +84,12 @@ class Bearing(Section, frozen=True):
     radial_clearance_min_um: Positive
     radial_clearance_max_um: Positive
     radial_clearance_nominal_um: Positive
+    load_error_share: Annotated[float, Meta(ge=0, lt=1)] = 0.21
+    """The film carries this much less or more than the unfed Reynolds film there: rupture, inlet, groove."""
+    attitude_error_deg: Annotated[float, Meta(ge=0, le=45)] = 15.0
+    """And stands this much off in direction."""
+    friction_error_share: Annotated[float, Meta(ge=0, le=1)] = 1.0
+    """And has this much less or more friction; 1: the shaft power says nothing about the oil."""
 
 
 class Oil(Section, frozen=True):
@@ -94,6 +100,10 @@ class Oil(Section, frozen=True):
     inlet_min_C: float
     inlet_max_C: float
     film_max_C: float
+    viscosity_error_share: Annotated[float, Meta(ge=0, lt=1)] = 0.1
+    """A batch of oil is this much thinner or thicker than the law."""
+    film_at_outlet: bool = False
+    """The film is as warm as its outlet; else it may be as cold as the coldest inlet."""
     thermal_capacity_J_K: NonNegative = 0.0
     """Of the oil node behind the outlet thermometer; 0: forecasts hold the oil's temperature."""
     cooling_W_K: NonNegative = 0.0
@@ -116,6 +126,9 @@ class Rotor(Section, frozen=True):
 
     effective_mass_at_bearing_kg: Positive
     unbalance_normal_kg_m: NonNegative
+    whirl_error_share: Annotated[float, Meta(ge=0, lt=1)] = 0.05
+    """The speed at which it whirls lies at most this much below that of a rigid rotor on the film: coupling, pedestal,
+    gyroscopic moments."""
     windage_W_s3: NonNegative = 0.0
     """Shaft power beside the film's, per cubed speed (rad/s): from a coast-down."""
 

@@ -1,53 +1,146 @@
-"""Closed forms of the plain journal bearing that the guard stands on: load, eccentricity, whirl.
+"""The static film of the plain journal bearing that the guard stands on: load, attitude, friction, whirl.
 
-Radius ``R``, length ``L``, ``lam = L/2R``, radial clearance ``c``, eccentricity ratio ``eps``.  Only + - * / and
-sqrt in a fixed order: the same bits on every machine.
+Radius ``R``, length ``L``, ``lam = L/2R``, radial clearance ``c``, eccentricity ratio ``eps``.  Ocvirk's short bearing
+with pi-film (Dubois & Ocvirk, NACA Report 1157, 1953) times shares of the Reynolds solution that a table holds
+(``film_table.json``, written by :mod:`sim_hil.film.static_table`, which says what they are).  Only + - * / and sqrt
+in a fixed order: the same bits on every machine.
 """
 
 from __future__ import annotations
 
+from bisect import bisect_right
+from functools import cache
+from importlib import resources
 from math import pi, sqrt
 from typing import Final
 
+import msgspec
+
 LENGTH_OVER_DIAMETER_MAX: Final = 1.0
-"""The fits below are verified up to here."""
+"""The table ends here."""
 
 CLEARANCE_ERROR_M: Final = 2e-6
 """A built bearing differs from its drawing by this much (radial)."""
 
-TEMPERATURE_ERROR_C: Final = 1.0
+ECCENTRICITY_MAX: Final = 0.97
+SHAKEN_LEAST: Final = 0.77
+"""No unbalance makes a rotor whirl in a clearance narrower than this share of the one without."""
+
+KNOTS: Final = 388
+"""Eccentricities that are looked up: evenly from 0 to :data:`ECCENTRICITY_MAX`, 0.0025 apart."""
 
 
-def leakage_factor(eccentricity: float, length_over_diameter: float) -> float:
-    """Finite-length load as a share of the short bearing's, fitted from below to the Reynolds solution."""
-    lam2 = length_over_diameter * length_over_diameter
-    e2 = eccentricity * eccentricity
-    return 1.0 / (1.0 + lam2 * (0.38 + e2) / (1.0 - e2))
+class StaticFilm:
+    """Film at rest of one bearing shape, at evenly spaced eccentricities.
 
+    Parameters
+    ----------
+    radius_m, length_m
+        ``L/2R`` up to :data:`LENGTH_OVER_DIAMETER_MAX`; a longer bearing is taken as one of that shape.
 
-def load_per_viscous_speed(eccentricity: float, clearance_m: float, radius_m: float, length_m: float) -> float:
-    """Static load carried at ``eccentricity`` per viscosity and speed, ``W / (mu w)`` in m^2.
-
-    Ocvirk's short bearing with pi-film, ``R L^3 eps sqrt(16 eps^2 + pi^2 (1 - eps^2)) / (4 c^2 (1 - eps^2)^2)``
-    (Dubois & Ocvirk, NACA Report 1157, 1953), times :func:`leakage_factor`.
+    Attributes
+    ----------
+    eccentricity, load, sine, cosine
+        At each knot: ``eps``, ``W c^2 / (mu w)`` in m^4 (inf beyond the last knot is the caller's), sine and cosine
+        of the attitude, which is counted from the load in the sense of rotation.
+    friction
+        At each knot ``T c / (mu w)`` in m^4: Petroff's torque over ``sqrt(1 - eps^2)`` and half ``e W sin(phi)``.
     """
-    e2 = eccentricity * eccentricity
-    short = (radius_m * length_m * length_m * length_m * eccentricity * sqrt(16.0 * e2 + pi * pi * (1.0 - e2))
-             / (4.0 * clearance_m * clearance_m * (1.0 - e2) * (1.0 - e2)))
-    return short * leakage_factor(eccentricity, 0.5 * length_m / radius_m)
+
+    def __init__(self, radius_m: float, length_m: float) -> None:
+        self._size_m4 = 0.25 * radius_m * length_m * length_m * length_m
+        self._shape = min(0.5 * length_m / radius_m, LENGTH_OVER_DIAMETER_MAX)
+        self.eccentricity = [i * ECCENTRICITY_MAX / KNOTS for i in range(KNOTS + 1)]
+        self.load = [self._load(e) for e in self.eccentricity]
+        attitudes = [self._attitude(e) for e in self.eccentricity]
+        self.sine, self.cosine = [a[0] for a in attitudes], [a[1] for a in attitudes]
+        petroff = 2.0 * pi * radius_m * radius_m * radius_m * length_m
+        self.friction = [
+            petroff / sqrt(1.0 - e * e) + 0.5 * e * load * sine
+            for e, load, sine in zip(self.eccentricity, self.load, self.sine, strict=True)
+        ]
+        self._whirl = self._running_whirl()
+        self._ties = [load * share * share for load, share in zip(self.load, self._whirl, strict=True)]
+
+    def load_per_viscous_speed(self, eccentricity: float, clearance_m: float) -> float:
+        """Static load carried at ``eccentricity`` per viscosity and speed, ``W / (mu w)`` in m^2."""
+        return self._load(eccentricity) / (clearance_m * clearance_m)
+
+    def whirl_share(self, tie_m4: float, unbalance_share: float = 0.0) -> float:
+        """``1 / Omega^2`` of a rigid rotor in the clearance that just makes it whirl; ``Omega = w sqrt(c m / W)``.
+
+        In that clearance ``c = Omega^2 W / (m w^2)`` the film carries ``W``: ``tie_m4 = W^3 / (m^2 w^5 mu)`` is
+        ``(W c^2 / (mu w)) / Omega^4`` and names the eccentricity.  A film that is more stable than a less eccentric one
+        is taken to be as that: it may get there through it.
+
+        An unbalance ``U`` of ``unbalance_share = U w^2 / W`` shakes the film at twice the whirl's frequency, and whirl
+        sets in before its threshold, the earlier the less eccentric; a large one keeps it off again, which is not
+        counted on (fitted from below to the rotor on the Reynolds film, :mod:`sim_hil.response`).
+        """
+        k = bisect_right(self._ties, tie_m4)
+        if k > KNOTS:
+            share, eccentricity = self._whirl[KNOTS], ECCENTRICITY_MAX
+        else:
+            low, high = self._ties[k - 1], self._ties[k]
+            share = self._whirl[k - 1] + (tie_m4 - low) / (high - low) * (self._whirl[k] - self._whirl[k - 1])
+            eccentricity = self.eccentricity[k - 1]
+        return share / max(SHAKEN_LEAST, 1.0 - (0.45 - 0.75 * min(eccentricity, 0.4)) * unbalance_share)
+
+    def _load(self, eccentricity: float) -> float:
+        e2 = eccentricity * eccentricity
+        rest = 1.0 - e2
+        short = eccentricity * sqrt(16.0 * e2 + pi * pi * rest) / (rest * rest)
+        return self._size_m4 * short * _share(_table().load_share, self._shape, eccentricity)
+
+    def _attitude(self, eccentricity: float) -> tuple[float, float]:
+        """Sine and cosine; of the short bearing ``tan(phi) = pi sqrt(1 - eps^2) / (4 eps)``."""
+        share = _share(_table().tangent_share, self._shape, eccentricity)
+        across = pi * sqrt(1.0 - eccentricity * eccentricity) * share
+        along = 4.0 * eccentricity
+        length = sqrt(across * across + along * along)
+        return across / length, along / length
+
+    def _running_whirl(self) -> list[float]:
+        """Largest ``1 / Omega^2`` up to each knot."""
+        found: list[float] = []
+        for e in self.eccentricity:
+            share = _share(_table().whirl_share, self._shape, e)
+            found.append(max(share, found[-1]) if found else share)
+        return found
 
 
-def eccentricity_above(need_m2: float, clearance_m: float, radius_m: float, length_m: float) -> float:
-    """No smaller than the eccentricity that carries ``W / (mu w) = need_m2``: load rises faster than in proportion."""
-    slope = (pi * radius_m * length_m * length_m * length_m / (4.0 * clearance_m * clearance_m)
-             * leakage_factor(0.0, 0.5 * length_m / radius_m))
-    return need_m2 / slope
+@cache
+def static_film(radius_m: float, length_m: float) -> StaticFilm:
+    """:class:`StaticFilm`, made once for all that share a bearing."""
+    return StaticFilm(radius_m, length_m)
 
 
-def whirl_number(eccentricity: float, length_over_diameter: float) -> float:
-    """Smallest ``w sqrt(c m / W)`` at which a rigid rotor whirls at this eccentricity or any smaller one.
+class _Table(msgspec.Struct, frozen=True):
+    """``film_table.json``: a row for each length over diameter, a column for each eccentricity."""
 
-    Fitted from below to the Reynolds film (:func:`sim_hil.film.equilibrium`; short bearing: Lund 1966, Holmes 1960);
-    the long bearing is the least stable at small eccentricity, every bearing at about 0.4.
-    """
-    return min(2.66, 2.765 - 0.31 * length_over_diameter, max(2.5, 2.73 - 0.48 * eccentricity))
+    length_over_diameter: list[float]
+    eccentricity: list[float]
+    load_share: list[list[float]]
+    tangent_share: list[list[float]]
+    whirl_share: list[list[float]]
+
+
+@cache
+def _table() -> _Table:
+    text = resources.files("firmware_py.guard").joinpath("film_table.json").read_bytes()
+    return msgspec.json.decode(text, type=_Table)
+
+
+def _share(rows: list[list[float]], length_over_diameter: float, eccentricity: float) -> float:
+    """Bilinear in the table; held beyond its ends."""
+    table = _table()
+    i, down = _place(table.length_over_diameter, length_over_diameter)
+    j, across = _place(table.eccentricity, eccentricity)
+    upper, lower = (row[j] + across * (row[j + 1] - row[j]) for row in (rows[i], rows[i + 1]))
+    return upper + down * (lower - upper)
+
+
+def _place(knots: list[float], value: float) -> tuple[int, float]:
+    """Knot below ``value`` and the part of the way to the next."""
+    i = min(max(bisect_right(knots, value) - 1, 0), len(knots) - 2)
+    return i, min(max((value - knots[i]) / (knots[i + 1] - knots[i]), 0.0), 1.0)

@@ -13,7 +13,7 @@ from firmware_py.guard.alarm import Notice
 from firmware_py.guard.announcements import Announced, Announcements
 from firmware_py.guard.arming import Arming, ArmingState, Target
 from firmware_py.guard.failsafe import Situation, node_reasons
-from firmware_py.guard.load_estimate import LoadEstimator, LoadInterval
+from firmware_py.guard.load_estimate import LoadEstimator, LoadInterval, LoadState, Look
 from firmware_py.guard.protection import Protection, ProtectionState, zone
 from firmware_py.guard.shield import Shield
 from firmware_py.guard.speaker import Codec, Speaker, SpeakerState
@@ -74,6 +74,7 @@ class CoreState(msgspec.Struct):
     speaker: SpeakerState
     memory: MemoryState
     announced: list[Announced]
+    load: LoadState
 
 
 class GuardCore:
@@ -139,7 +140,7 @@ class GuardCore:
     def snapshot(self, seq: int, now_ns: int) -> Snapshot:
         """The whole state before cycle ``seq``."""
         state = CoreState(self._acquire.state, self._protection.state, self._arming.state, self._speaker.state,
-                          self._memory, self._announcements.state)
+                          self._memory, self._announcements.state, self._load.state)
         return Snapshot(seq, now_ns, msgspec.msgpack.encode(state))
 
     def restore(self, snapshot: Snapshot) -> None:
@@ -147,7 +148,7 @@ class GuardCore:
         state = msgspec.msgpack.decode(snapshot.state, type=CoreState)
         self._acquire.state, self._protection.state = state.acquire, state.protection
         self._arming.state, self._speaker.state, self._memory = state.arming, state.speaker, state.memory
-        self._announcements.state = state.announced
+        self._announcements.state, self._load.state = state.announced, state.load
 
     @property
     def tripped(self) -> list[str]:
@@ -228,11 +229,12 @@ class GuardCore:
         if status is None or not motion.complete or speed.lost or not self._protection.displacement_ok:
             m.load = self._load.declared()
         else:
-            m.load = self._load.estimate(motion.mean_x_m, motion.mean_y_m, status.clearance_actual_um * 1e-6,
-                                         speed.speed_rad_s, temperature_C, p2p_m)
+            m.load = self._load.estimate(Look(
+                now_ns * 1e-9, motion.mean_x_m, motion.mean_y_m, p2p_m, status.clearance_actual_um * 1e-6,
+                speed.speed_rad_s, temperature_C, status.shaft_power_W))
         m.interval_m = None if speed.lost else self._shield.interval(
-            speed.speed_rad_s, m.load.low_N, m.load.high_N, temperature_C, p2p_m, self._smaller_clearance_um() * 1e-6,
-            self._announcements.ahead(now_ns))
+            speed.speed_rad_s, m.load.low_N, m.load.film_N, temperature_C, p2p_m, self._smaller_clearance_um() * 1e-6,
+            self._announcements.ahead(now_ns), self._load.oil.thinnest)
 
     def _situation(self, cycle: Cycle, gap: bool) -> Situation:
         m, a, now_ns = self._memory, self._acquire, cycle.now_ns

@@ -1,48 +1,65 @@
 """Static bearing load from where the shaft floats, as an interval that honours the sensors' errors.
 
-The mean shaft position gives the eccentricity; the short-bearing closed form with side leakage
-(:mod:`firmware_py.guard.bearing_laws`) turns it into load, given speed, clearance and viscosity.  Position also
-shows the *direction* of the load: where it disagrees with the attitude that belongs to the eccentricity,
-the zero reference (or the bearing) is not what it was, and the declared range is all that is known.
+The mean shaft position has two coordinates, and the film at rest (:mod:`firmware_py.guard.bearing_laws`) has one curve
+of places for all loads: a place is credible where both probes may show what they show.  The least and most eccentric
+credible place, with speed, clearance and viscosity, are the interval of the load.  Where no place of the curve is
+credible, the zero reference (or the bearing) is not what it was, and the declared range is all that is known.
 """
 
 from __future__ import annotations
 
-from math import pi, sqrt
+from math import cos, pi, radians, sin, sqrt
 from typing import Final
 
 import msgspec
 
 from firmware_py.config import Config
-from firmware_py.guard.bearing_laws import CLEARANCE_ERROR_M, TEMPERATURE_ERROR_C, load_per_viscous_speed
-from firmware_py.guard.motion import DISPLACEMENTS
+from firmware_py.guard.bearing_laws import CLEARANCE_ERROR_M, ECCENTRICITY_MAX, KNOTS, static_film
+from firmware_py.guard.motion import DISPLACEMENTS, WINDOW_S
+from firmware_py.guard.oil_estimate import OilEstimator, OilInterval, OilState, Steady
 from firmware_py.guard.viscosity import ViscosityTable
 
-ZERO_ERROR_M: Final = 2.9e-6
-"""Two probes of 2 um zero error each, along the eccentricity."""
-
+ZERO_ERROR_M: Final = 2e-6
 GAIN_ERROR: Final = 0.03
-ZEROED_ERROR_M: Final = 0.71e-6
+ZEROED_ERROR_M: Final = 0.5e-6
 ZEROED_GAIN_ERROR: Final = 0.01
-"""Both after the zero and slow-roll procedure (0.5 um each probe), where the configuration says that it was done."""
+"""Of each probe, before and after the zero and slow-roll procedure, where the configuration says that it was done."""
 
-MODEL_ERROR: Final = 0.25
-"""Rupture and inlet conditions move the load at one eccentricity by up to 21 %, the batch of oil by 10 %."""
-
-ATTITUDE_ERROR: Final = 0.26
-"""Rupture, inlet and groove move the attitude angle by up to 15 degrees (sine of it)."""
-
-ECCENTRICITY_MAX: Final = 0.97
 ORBIT_SHARE_MAX: Final = 0.6
 """Above this share of the clearance (peak to peak) the mean of the orbit is no static equilibrium."""
 
 
+class Look(msgspec.Struct, frozen=True):
+    """What is measured at one instant: mean shaft position over the window before it, and readings."""
+
+    time_s: float
+    x_m: float
+    y_m: float
+    peak_to_peak_m: float
+    clearance_m: float
+    speed_rad_s: float
+    temperature_C: float
+    power_W: float
+
+
 class LoadInterval(msgspec.Struct, frozen=True):
-    """Smallest and largest credible static load; ``measured`` False means the declared range."""
+    """Smallest and largest credible static load; ``measured`` False means the declared range.
+
+    ``film_N`` is the largest load as the thinnest credible oil would have to carry it: position shows load over
+    viscosity, so that the thickest oil, which ``high_N`` stands for, does not count for the film.
+    """
 
     low_N: float
     high_N: float
+    film_N: float
     measured: bool
+
+
+class LoadState(msgspec.Struct):
+    """What the estimator remembers (for snapshots)."""
+
+    oil: OilState
+    before: Look | None = None
 
 
 class LoadEstimator:
@@ -51,61 +68,118 @@ class LoadEstimator:
     Parameters
     ----------
     config
-        Bearing, oil and the declared range of load (downward, along -y).
+        Bearing, oil, probes and the declared range of load (downward, along -y).
     """
 
     def __init__(self, config: Config) -> None:
-        self._radius_m, self._length_m = config.bearing.journal_radius_m, config.bearing.length_m
-        self._inlet_min_C = config.oil.inlet_min_C
+        bearing = config.bearing
+        self._film = static_film(bearing.journal_radius_m, bearing.length_m)
+        self._low_share, self._high_share = 1.0 - bearing.load_error_share, 1.0 + bearing.load_error_share
+        self._turned = bearing.attitude_error_deg * pi / 180.0
         zeroed = all(config.channel[i].zeroed for i in DISPLACEMENTS)
         self._zero_m = ZEROED_ERROR_M if zeroed else ZERO_ERROR_M
         self._gain = ZEROED_GAIN_ERROR if zeroed else GAIN_ERROR
-        self._viscosity = ViscosityTable(config.oil)
-        self._declared = LoadInterval(config.operating.load_min_N, config.operating.load_max_N, False)
+        self._probes = [_direction(config.channel[i].angle_deg) for i in DISPLACEMENTS]
+        (c0, s0), (c1, s1) = self._probes
+        self._spread = sqrt(2.0 / (1.0 - abs(c0 * c1 + s0 * s1)))
+        self._places = [self._seen_by(*probe) for probe in self._probes]
+        self._viscosity, self._oil = ViscosityTable(config.oil), OilEstimator(config, self._film)
+        self._declared_N = (config.operating.load_min_N, config.operating.load_max_N)
+        self.state = LoadState(self._oil.unknown())
 
     def declared(self) -> LoadInterval:
         """The declared range, when nothing better is known."""
-        return self._declared
+        low_N, high_N = self._declared_N
+        return LoadInterval(low_N, high_N, high_N, False)
 
-    def estimate(
-        self, x_m: float, y_m: float, clearance_m: float, speed_rad_s: float, temperature_C: float,
-        peak_to_peak_m: float,
-    ) -> LoadInterval:
-        """Interval from the mean shaft position ``(x, y)``, reported radial clearance and oil outlet.
+    @property
+    def oil(self) -> OilInterval:
+        """What is known of the oil."""
+        return self._oil.interval(self.state.oil)
 
-        Falls back to the declared range when the position is not that of a static equilibrium under a
-        downward load, or contradicts the declared range altogether.
+    def estimate(self, look: Look) -> LoadInterval:
+        """Interval at the middle of the window that ends with ``look``.
+
+        The declared range when the position is not that of a static equilibrium under a downward load, or
+        contradicts the declared range altogether.
         """
-        e_m = sqrt(x_m * x_m + y_m * y_m)
-        error_m = self._zero_m + self._gain * e_m
-        if not speed_rad_s > 0.0 or peak_to_peak_m > ORBIT_SHARE_MAX * clearance_m:
-            return self._declared
-        if not self._direction_agrees(x_m, y_m, e_m, error_m, clearance_m):
-            return self._declared
-        low = self._load(max(0.0, e_m - error_m), clearance_m + CLEARANCE_ERROR_M)
-        high = self._load(e_m + error_m, clearance_m - CLEARANCE_ERROR_M)
-        thin = self._viscosity.thinnest(temperature_C + TEMPERATURE_ERROR_C)
-        thick = self._viscosity.thickest(min(temperature_C - TEMPERATURE_ERROR_C, self._inlet_min_C))
-        low_N = max(self._declared.low_N, low * thin * speed_rad_s * (1.0 - MODEL_ERROR))
-        high_N = min(self._declared.high_N, high * thick * speed_rad_s * (1.0 + MODEL_ERROR))
-        return LoadInterval(low_N, high_N, True) if low_N <= high_N else self._declared
+        look = self._amid(look)
+        if not look.speed_rad_s > 0.0 or look.peak_to_peak_m > ORBIT_SHARE_MAX * look.clearance_m:
+            return self.declared()
+        credible = self._credible(look)
+        if credible is None:
+            return self.declared()
+        self._oil.learn(self.state.oil, Steady(look.time_s, look.speed_rad_s, look.clearance_m, look.temperature_C,
+                                               look.power_W), credible)
+        return self._interval(look, credible)
 
-    def _load(self, eccentricity_m: float, clearance_m: float) -> float:
-        """Load per viscosity and speed; unbounded where the closed form ends."""
-        eccentricity = eccentricity_m / clearance_m
-        if eccentricity >= ECCENTRICITY_MAX:
-            return float("inf")
-        return load_per_viscous_speed(eccentricity, clearance_m, self._radius_m, self._length_m)
+    def _amid(self, look: Look) -> Look:
+        """``look`` with the clearance and speed of the middle of the window."""
+        before, self.state.before = self.state.before, look
+        if before is None or not 0.0 < look.time_s - before.time_s <= 2.0 * WINDOW_S:
+            return look
+        back = min(1.0, 0.5 * WINDOW_S / (look.time_s - before.time_s))
+        return msgspec.structs.replace(
+            look, clearance_m=look.clearance_m + back * (before.clearance_m - look.clearance_m),
+            speed_rad_s=look.speed_rad_s + back * (before.speed_rad_s - look.speed_rad_s))
 
-    @staticmethod
-    def _direction_agrees(x_m: float, y_m: float, e_m: float, error_m: float, clearance_m: float) -> bool:
-        """Whether the shaft lies where a downward load and counter-clockwise rotation put it.
+    def _interval(self, look: Look, credible: tuple[int, int]) -> LoadInterval:
+        """Load of the two places, by the oil and clearance that make it smallest and largest."""
+        low, high = credible
+        narrow_m, wide_m = look.clearance_m - CLEARANCE_ERROR_M, look.clearance_m + CLEARANCE_ERROR_M
+        oil, law = self.oil, self._viscosity.law(look.temperature_C) * look.speed_rad_s
+        least = self._film.load[low] / (wide_m * wide_m) * self._low_share * law
+        most = self._film.load[high] / (narrow_m * narrow_m) * self._high_share * law if high < KNOTS else float("inf")
+        low_N, high_N = max(self._declared_N[0], least * oil.thinnest), self._declared_N[1]
+        thick = self._oil.thickest(oil, look.temperature_C)
+        film_N, high_N = min(high_N, most * oil.thinnest), min(high_N, most * thick)
+        return LoadInterval(low_N, high_N, film_N, True) if low_N <= high_N else self.declared()
 
-        Attitude of the short bearing: ``tan(phi) = pi sqrt(1 - eps^2) / (4 eps)`` from -y toward +x.
+    def _credible(self, look: Look) -> tuple[int, int] | None:
+        """Knots around the least and the most eccentric credible place; None if there is none.
+
+        A probe may show ``zero + gain p`` beside the true ``p``; a mean over part of a turn is off by what of the
+        orbit is left over; the build's clearance and the film's attitude move the place itself.
         """
-        eccentricity = min(e_m / clearance_m, ECCENTRICITY_MAX)
-        across, along = pi * sqrt(1.0 - eccentricity * eccentricity), 4.0 * eccentricity
-        length = sqrt(across * across + along * along)
-        off_x, off_y = x_m - e_m * across / length, y_m + e_m * along / length
-        allowed_m = error_m + ATTITUDE_ERROR * e_m
-        return off_x * off_x + off_y * off_y <= allowed_m * allowed_m
+        turns = max(1.0, look.speed_rad_s * WINDOW_S / (2.0 * pi))
+        fixed_m = self._zero_m + look.peak_to_peak_m / (2.0 * pi * turns)
+        moved_m = self._turned * look.clearance_m + CLEARANCE_ERROR_M
+        (c0, s0), (c1, s1) = self._probes
+        a0, a1 = look.x_m * c0 + look.y_m * s0, look.x_m * c1 + look.y_m * s1
+        (p0, p1), c, gain, eccentricity = self._places, look.clearance_m, self._gain, self._film.eccentricity
+
+        def credible(k: int) -> bool:
+            x0, x1, slack_m = c * p0[k], c * p1[k], fixed_m + moved_m * eccentricity[k]
+            return abs(a0 - x0) <= slack_m + gain * abs(x0) and abs(a1 - x1) <= slack_m + gain * abs(x1)
+
+        first, last = self._within(sqrt(look.x_m * look.x_m + look.y_m * look.y_m), c, fixed_m, moved_m + gain * c)
+        low = next((k for k in range(first, last + 1) if credible(k)), None)
+        if low is None:
+            return None
+        high = next(k for k in range(last, low - 1, -1) if credible(k))
+        return max(low - 1, 0), min(high + 1, KNOTS)
+
+    def _within(
+        self, distance_m: float, clearance_m: float, fixed_m: float, per_eccentricity_m: float
+    ) -> tuple[int, int]:  # fmt: skip
+        """Knots beyond which the distance alone makes a place incredible: both probes off by all that they may."""
+        fixed_m, per_eccentricity_m = self._spread * fixed_m, self._spread * per_eccentricity_m
+        least = (distance_m - fixed_m) / (clearance_m + per_eccentricity_m)
+        near = clearance_m - per_eccentricity_m
+        most = (distance_m + fixed_m) / near if near > 0.0 else ECCENTRICITY_MAX
+        per_knot = ECCENTRICITY_MAX / KNOTS
+        return max(0, int(least / per_knot)), min(KNOTS, int(min(most, 1.0) / per_knot) + 1)
+
+    def _seen_by(self, cosine: float, sine: float) -> list[float]:
+        """What a probe of that direction sees of the places of the curve, in clearances.
+
+        The journal lies at ``eps (sin(phi), -cos(phi))`` under a downward load, turning counter-clockwise.
+        """
+        film = self._film
+        return [e * (s * cosine - c * sine)
+                for e, s, c in zip(film.eccentricity, film.sine, film.cosine, strict=True)]
+
+
+def _direction(angle_deg: float) -> tuple[float, float]:
+    """Rounded to 12 digits, so that differences between math libraries cannot reach a decision."""
+    return round(cos(radians(angle_deg)), 12), round(sin(radians(angle_deg)), 12)

@@ -1,4 +1,4 @@
-"""The shield: which radial clearances are admissible, by closed forms alone (:mod:`~firmware_py.guard.bearing_laws`).
+"""The shield: which radial clearances are admissible, by the film at rest (:mod:`~firmware_py.guard.bearing_laws`).
 
 Three laws bound the clearance ``c``:
 
@@ -27,22 +27,18 @@ from typing import Final
 import msgspec
 
 from firmware_py.config import Config, ConfigFile
-from firmware_py.guard.bearing_laws import (
-    CLEARANCE_ERROR_M,
-    LENGTH_OVER_DIAMETER_MAX,
-    TEMPERATURE_ERROR_C,
-    eccentricity_above,
-    load_per_viscous_speed,
-    whirl_number,
-)
+from firmware_py.guard.bearing_laws import CLEARANCE_ERROR_M, LENGTH_OVER_DIAMETER_MAX, static_film
 from firmware_py.guard.viscosity import ViscosityTable
 
 GRID_M: Final = 1e-6
-SPEED_MARGIN: Final = 0.95
-"""Share of the whirl threshold speed that is used (pedestal, coupling and gyroscopic moments shift it)."""
-
 MASS_ERROR: Final = 0.05
 """A built rotor is heavier than its drawing by at most this share."""
+
+WHIRL_UNBALANCE: Final = 0.25
+"""Share of the normal unbalance that whirl is judged with.
+
+All of it lies within the margins for mass, coupling, clearance and load, which are not all at their worst together;
+whirl that begins all the same meets the vibration's bound."""
 
 VIBRATION_MARGIN: Final = 0.8
 """Part of the share that vibration may fill in a clearance wider than the safe one."""
@@ -50,8 +46,8 @@ VIBRATION_MARGIN: Final = 0.8
 PERIOD_S: Final = 0.05
 """An interval is this old at most before the next one replaces it."""
 
-STEP_S: Final = 0.05
-FINE_S: Final = 0.3
+STEP_S: Final = 0.025
+FINE_S: Final = 0.6
 """Steps of the reachability test, twice as long after the first ``FINE_S``; each takes the worst of its end."""
 
 
@@ -84,10 +80,12 @@ class Shield:
 
     def __init__(self, config: Config) -> None:
         b, a, o = config.bearing, config.actuator, config.operating
-        self._radius_m, self._length_m = b.journal_radius_m, b.length_m
+        self._film = static_film(b.journal_radius_m, b.length_m)
         self._min_film_m = config.limits.min_film_um * 1e-6
         self._share = config.limits.clearance_share
-        self._mass_kg = config.rotor.effective_mass_at_bearing_kg
+        self._mass_kg = config.rotor.effective_mass_at_bearing_kg * (1.0 + MASS_ERROR)
+        self._whirl_speed = 1.0 - config.rotor.whirl_error_share
+        self._film_share = 1.0 - b.load_error_share
         self._unbalance_kg_m = config.rotor.unbalance_normal_kg_m
         self._oil = config.oil
         self._viscosity = ViscosityTable(config.oil)
@@ -120,6 +118,7 @@ class Shield:
     def interval(
         self, speed_rad_s: float, load_low_N: float, load_high_N: float, temperature_C: float,
         peak_to_peak_m: float = 0.0, clearance_m: float = 0.0, announced: Sequence[Ramp] = (),
+        oil_share: float | None = None,
     ) -> tuple[float, float] | None:
         """Admissible radial clearances now, able to retreat in time; None when not even safe is one.
 
@@ -128,7 +127,7 @@ class Shield:
         speed_rad_s
             Shaft speed, positive.
         load_low_N, load_high_N
-            Smallest and largest credible static load.
+            Smallest credible static load, and the largest as the thinnest credible oil would have to carry it.
         temperature_C
             Oil outlet temperature.
         peak_to_peak_m, clearance_m
@@ -136,11 +135,14 @@ class Shield:
             The safe clearance stays whatever it is: protection watches it.
         announced
             Ramps to come or under way, in the order of their starts.
+        oil_share
+            Thinnest credible oil over the law's at the outlet's reading; that of any batch when None.
         """
         if not speed_rad_s > 0.0:
             return None
         present = Box(speed_rad_s, speed_rad_s, load_low_N, load_high_N)
-        now = self._bounds(present, temperature_C, speed_rad_s)
+        thinner = self._viscosity.thinnest if oil_share is None else oil_share
+        now = self._bounds(present, temperature_C, speed_rad_s, thinner)
         low_m = max(now[0], self._min_m, min(peak_to_peak_m / self._share, self._safe_m))
         high_m = min(now[1], self._max_m)
         if peak_to_peak_m > 0.0 and clearance_m > 0.0:
@@ -152,9 +154,11 @@ class Shield:
         if not low_m <= self._safe_m <= high_m:
             return None
         for start_s, end_s in self._steps:
-            box = self._box_after(self._delay_s + end_s, present, announced)
-            low_t, high_t = self._bounds(box, temperature_C, speed_rad_s)
             run_m = self._rate_m_s * start_s
+            if low_m >= self._safe_m - run_m and high_m <= self._safe_m + run_m:
+                break  # back at the safe clearance by then, from all that is left
+            box = self._box_after(self._delay_s + end_s, present, announced)
+            low_t, high_t = self._bounds(box, temperature_C, speed_rad_s, thinner)
             low_m = max(low_m, min(low_t, self._safe_m) - run_m)
             high_m = min(high_m, max(high_t, self._safe_m) + run_m)
         return low_m, high_m
@@ -173,26 +177,18 @@ class Shield:
         return self._capacity(clearance_m) >= need and clearance_m <= whirl_m
 
     def _over_the_range(self) -> tuple[float, float]:
-        """Film need and whirl bound of the whole declared range."""
-        viscosity = self._viscosity.thinnest(self._oil.inlet_max_C)
-        need = self._film_need(self._speeds, self._loads[1]) / viscosity
-        return need, self._whirl_bound(self._speeds[1], self._loads[0], self._viscosity.thinnest(self._oil.film_max_C))
+        """Film need and whirl bound of the whole declared range, with oil as the law has it."""
+        need = self._film_need(self._speeds, self._loads[1]) / self._viscosity.law(self._oil.inlet_max_C)
+        return need, self._whirl_bound(self._speeds[1], self._loads[0], self._viscosity.law(self._oil.film_max_C))
 
     # ------------------------------------------------------------------ the two laws
 
     def _whirl_bound(self, speed_rad_s: float, load_N: float, viscosity: float) -> float:
-        """Largest stable clearance at the highest speed and smallest load.
-
-        Judged at the eccentricity in the clearance that the most stable film would bear: any narrower one has
-        less, and the whirl number does not rise with it.
-        """
-        ratio = 0.5 * self._length_m / self._radius_m
-        per_number = load_N / (self._mass_kg * (1.0 + MASS_ERROR) * speed_rad_s * speed_rad_s)
-        number = SPEED_MARGIN * whirl_number(0.0, ratio)
-        widest_m = min(number * number * per_number, self._max_m + CLEARANCE_ERROR_M)
-        eccentricity = eccentricity_above(load_N / (viscosity * speed_rad_s), widest_m, self._radius_m, self._length_m)
-        number = SPEED_MARGIN * whirl_number(eccentricity, ratio)
-        return number * number * per_number - CLEARANCE_ERROR_M
+        """Largest stable clearance at the highest speed and smallest load, in the thinnest oil."""
+        per_number = load_N / (self._mass_kg * speed_rad_s * speed_rad_s) * self._whirl_speed * self._whirl_speed
+        tie = per_number * per_number * load_N / (viscosity * speed_rad_s * self._film_share)
+        shaken = WHIRL_UNBALANCE * self._unbalance_kg_m * speed_rad_s * speed_rad_s / load_N
+        return per_number / self._film.whirl_share(tie, shaken) - CLEARANCE_ERROR_M
 
     def _film_need(self, speeds: tuple[float, float], load_N: float) -> float:
         """Largest ``W / w`` in the range of speeds; the normal unbalance turns with the load.
@@ -208,7 +204,7 @@ class Shield:
             eccentricity = 1.0 - self._min_film_m / c
             if eccentricity <= 0.0:
                 return 0.0
-            smallest = min(smallest, load_per_viscous_speed(eccentricity, c, self._radius_m, self._length_m))
+            smallest = min(smallest, self._film.load_per_viscous_speed(eccentricity, c))
         return smallest
 
     def _capacities(self, end_m: float) -> list[float]:
@@ -232,19 +228,23 @@ class Shield:
             return self._max_m, self._min_m
         return self._safe_m - (down - 1) * GRID_M, self._safe_m + (up - 1) * GRID_M
 
-    def _bounds(self, box: Box, temperature_C: float, present_rad_s: float) -> tuple[float, float]:
+    def _bounds(
+        self, box: Box, temperature_C: float, present_rad_s: float, thinner: float
+    ) -> tuple[float, float]:  # fmt: skip
         """Both laws over a box of speed and load.
 
         Film heating goes with speed (friction power with its square, side flow with itself), so the
         excess of the outlet over the warmest inlet is scaled to the slow end, where the film is judged.
+        The safe clearance is proven for the declared loads in oil as the law has it: no thinner batch asks for more.
         """
-        outlet_C = temperature_C + TEMPERATURE_ERROR_C
-        inlet_C = min(outlet_C, self._oil.inlet_max_C)
-        hottest = min(inlet_C + (outlet_C - inlet_C) * box.slow_rad_s / present_rad_s, self._oil.film_max_C)
-        need = self._film_need((box.slow_rad_s, box.fast_rad_s), box.heavy_N) / self._viscosity.thinnest(hottest)
-        low_m, high_m = self._film_bounds(need)
-        thinnest = self._viscosity.thinnest(max(outlet_C, self._oil.film_max_C))
-        return low_m, min(high_m, self._whirl_bound(box.fast_rad_s, box.light_N, thinnest))
+        inlet_C = min(temperature_C, self._oil.inlet_max_C)
+        hottest_C = min(inlet_C + (temperature_C - inlet_C) * box.slow_rad_s / present_rad_s, self._oil.film_max_C)
+        viscosity = self._viscosity.law(hottest_C) * thinner
+        speeds = box.slow_rad_s, box.fast_rad_s
+        declared = max(self._film_need(speeds, self._loads[1]) / self._viscosity.law(hottest_C), -self._above[0])
+        low_m, high_m = self._film_bounds(min(self._film_need(speeds, box.heavy_N) / viscosity, declared))
+        viscosity = self._viscosity.law(max(temperature_C, self._oil.film_max_C)) * thinner
+        return low_m, min(high_m, self._whirl_bound(box.fast_rad_s, box.light_N, viscosity))
 
     def _box_after(self, t_s: float, present: Box, announced: Sequence[Ramp]) -> Box:
         """All that unannounced ramps from now can reach in ``t_s``, and what has been announced."""

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from math import ceil, floor
+from math import floor
 from typing import Final
 
 from firmware_py.config import Oil
 
 COLDEST_C: Final = -40
 HOTTEST_C: Final = 200
+TEMPERATURE_ERROR_C: Final = 1.0
+"""Of the thermometer in the outlet."""
 
 
 def decay(exponent: float) -> float:
@@ -21,7 +23,14 @@ def decay(exponent: float) -> float:
 
 
 class ViscosityTable:
-    """``mu = mu_40 exp(-k (T - 40))`` at whole degrees, rounded to the side that is asked for."""
+    """``mu = mu_40 exp(-k (T - 40))``, linear between whole degrees, and what an oil may differ from it.
+
+    Attributes
+    ----------
+    thinnest, thickest
+        Viscosity of any credible batch at any credible temperature over the law's at the reading: the batch, and the
+        thermometer; film that is colder than its outlet is not in them.
+    """
 
     def __init__(self, oil: Oil) -> None:
         per_degree = decay(oil.viscosity_slope_per_K)
@@ -30,11 +39,13 @@ class ViscosityTable:
             values.append(values[-1] * per_degree)
         scale = oil.viscosity_at_40C_Pa_s / values[40 - COLDEST_C]
         self._values = [value * scale for value in values]
+        reading = decay(oil.viscosity_slope_per_K * TEMPERATURE_ERROR_C)
+        self.thinnest = (1.0 - oil.viscosity_error_share) * reading
+        self.thickest = (1.0 + oil.viscosity_error_share) / reading
 
-    def thinnest(self, temperature_C: float) -> float:
-        """Viscosity (Pa s) at ``temperature_C`` or up to one degree hotter."""
-        return self._values[min(max(ceil(temperature_C), COLDEST_C), HOTTEST_C) - COLDEST_C]
-
-    def thickest(self, temperature_C: float) -> float:
-        """Viscosity (Pa s) at ``temperature_C`` or up to one degree colder."""
-        return self._values[min(max(floor(temperature_C), COLDEST_C), HOTTEST_C) - COLDEST_C]
+    def law(self, temperature_C: float) -> float:
+        """Viscosity (Pa s) of the law; at most ``k^2 / 8`` of it above, for the curve is hollow."""
+        place = min(max(temperature_C, float(COLDEST_C)), float(HOTTEST_C)) - COLDEST_C
+        i = min(floor(place), HOTTEST_C - COLDEST_C - 1)
+        part = place - i
+        return self._values[i] + part * (self._values[i + 1] - self._values[i])

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from firmware_py import config as configuration
 from firmware_py.config import Config
-from firmware_py.guard.load_estimate import LoadEstimator
+from firmware_py.guard.load_estimate import LoadEstimator, Look
 from firmware_py.guard.shield import Ramp, Shield
 from sim_hil.control_task import CONTROL_S, OBSERVATIONS, actions_of, targets
 from sim_hil.duty import RAD_S_PER_RPM, Duty
@@ -72,13 +72,15 @@ class Keeper:
 
     def interval(self, observation: Observation, time_s: float) -> tuple[float, float] | None:
         """What the guard would admit."""
-        names = ("speed_rad_s", "clearance_m", "oil_outlet_C", "eccentricity_x_m", "eccentricity_y_m",
-                 "peak_to_peak_x_m", "peak_to_peak_y_m")  # fmt: skip
-        speed, clearance, oil, x, y, *swings = (float(observation[column(name)]) for name in names)
-        load = self._loads.estimate(x, y, clearance, speed, oil, max(swings))
+        names = ("eccentricity_x_m", "eccentricity_y_m", "peak_to_peak_x_m", "peak_to_peak_y_m", "clearance_m",
+                 "speed_rad_s", "oil_outlet_C", "shaft_power_W")  # fmt: skip
+        x, y, swing_x, swing_y, clearance, speed, oil, power = (float(observation[column(name)]) for name in names)
+        swing = max(swing_x, swing_y)
+        load = self._loads.estimate(Look(time_s, x, y, swing, clearance, speed, oil, power))
         known = [Ramp(r.start_s - time_s, r.end_s - time_s, r.speed_rad_s, r.load_N) for r in self._ramps
                  if r.start_s - ANNOUNCED_S <= time_s < r.end_s]  # fmt: skip
-        return self._shield.interval(speed, load.low_N, load.high_N, oil, max(swings), clearance, known)
+        return self._shield.interval(
+            speed, load.low_N, load.film_N, oil, swing, clearance, known, self._loads.oil.thinnest)
 
     def admitted(self, observation: Observation, time_s: float, wish_m: float) -> float:
         """``wish_m`` within the interval, else the safe clearance."""

@@ -12,16 +12,19 @@ from numpy.typing import NDArray
 
 from firmware_py import config as configuration
 from firmware_py.acquire.windows import ChannelMap
-from firmware_py.guard.load_estimate import LoadEstimator
+from firmware_py.guard.load_estimate import LoadEstimator, Look
 from firmware_py.guard.shield import Shield
 from sim_hil.duty import Duty
 from sim_hil.machine import Batch, Machine
 from sim_hil.rigs import RigData
+from sim_hil.rotor.parameters import TRUTH_COLUMNS
 from sim_hil.runs import run
 
 LOOPS: Final = ("fixed", "random actor", "agent")
 STEP_S: Final = 0.1
 """The agent chooses this often."""
+
+_POWER: Final = TRUTH_COLUMNS.index("shaft_power_W")
 
 
 class Loop(Protocol):
@@ -77,15 +80,16 @@ class AgentLoop:
         for step in range(round(seconds / STEP_S)):
             now_s = step * STEP_S
             batches.append(run(machine, duty, STEP_S, clearance=target_m, pressure=pressure_Pa, start_s=now_s))
-            target_m = self._choose(machine, batches[-1], duty.point(now_s + STEP_S)[0])
+            target_m = self._choose(machine, batches[-1], now_s + STEP_S, duty.point(now_s + STEP_S)[0])
         return Batch(*(np.concatenate([getattr(b, name) for b in batches]) for name in ("counts", "truth", "marks")))
 
-    def _choose(self, machine: Machine, batch: Batch, speed_rad_s: float) -> float:
+    def _choose(self, machine: Machine, batch: Batch, now_s: float, speed_rad_s: float) -> float:
         shaft = self._channels.to_si(batch.counts)[:, :2]
         (x, y), swing = shaft.mean(axis=0).tolist(), float(np.ptp(shaft, axis=0).max())
-        seen = machine.readings()
-        load = self._loads.estimate(x, y, seen.clearance_m, speed_rad_s, seen.oil_C, swing)
-        interval = self._shield.interval(speed_rad_s, load.low_N, load.high_N, seen.oil_C, swing)
+        seen, power_W = machine.readings(), float(batch.truth[:, _POWER].mean())
+        load = self._loads.estimate(Look(now_s, x, y, swing, seen.clearance_m, speed_rad_s, seen.oil_C, power_W))
+        interval = self._shield.interval(
+            speed_rad_s, load.low_N, load.film_N, seen.oil_C, swing, oil_share=self._loads.oil.thinnest)
         if interval is None:
             return self.start_m
         return interval[0] + self._wish * (interval[1] - interval[0])

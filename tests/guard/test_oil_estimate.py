@@ -1,0 +1,95 @@
+"""What the shaft power tells of the oil: credible at every corner, kept, and forgotten when it is contradicted."""
+
+from math import pi
+
+import msgspec
+import pytest
+
+from firmware_py.config import Config
+from firmware_py.guard.bearing_laws import StaticFilm
+from firmware_py.guard.load_estimate import LoadEstimator, Look
+from firmware_py.guard.oil_estimate import OilEstimator, OilState, Steady
+from sim_hil.film import equilibrium
+
+from .scripted_node import bench
+
+RPM = pi / 30
+FAST = 12000.0 * RPM
+
+
+def estimator(config: Config) -> OilEstimator:
+    return OilEstimator(config, StaticFilm(config.bearing.journal_radius_m, config.bearing.length_m))
+
+
+def learnt(share: float, error_W: float, built_m: float, clearance_m: float = 60e-6) -> OilState:
+    """After a second at 12000 rpm and 60 N with oil of that share of the law."""
+    config, state = bench(), estimator(bench()).unknown()
+    film = equilibrium(
+        load_N=60.0, radius_m=0.02, length_m=0.02, clearance_m=clearance_m + built_m,
+        viscosity_Pa_s=share * config.oil.viscosity_Pa_s(45.0), speed_rad_s=FAST,
+    )  # fmt: skip
+    power_W = float(film.film.friction_torque_N_m) * FAST + config.rotor.windage_W_s3 * FAST**3 + error_W
+    knot = int(film.eccentricity_ratio / 0.0025)
+    for tick in range(21):
+        now = Steady(0.05 * tick, FAST, clearance_m, 45.0, power_W)
+        estimator(config).learn(state, now, (knot - 2, knot + 3))
+    return state
+
+
+@pytest.mark.parametrize("share", [0.88, 1.0, 1.12])
+@pytest.mark.parametrize("error_W", [-5.0, 5.0])
+@pytest.mark.parametrize("built_m", [-2e-6, 2e-6])
+def test_the_true_oil_stays_credible_under_every_error(share: float, error_W: float, built_m: float) -> None:
+    state = learnt(share, error_W, built_m)
+    assert state.thinnest <= share <= state.thickest
+    assert state.thickest - state.thinnest < 0.16
+
+
+def test_nothing_is_learnt_while_the_speed_changes_nor_from_a_film_that_is_not_known() -> None:
+    config = bench()
+    for changed in (
+        msgspec.structs.replace(config, bearing=msgspec.structs.replace(config.bearing, friction_error_share=1.0)),
+        msgspec.structs.replace(config, oil=msgspec.structs.replace(config.oil, film_at_outlet=False)),
+    ):
+        oil, state = estimator(changed), estimator(changed).unknown()
+        for tick in range(40):
+            oil.learn(state, Steady(0.05 * tick, FAST, 60e-6, 45.0, 250.0), (80, 90))
+        assert oil.interval(state) == oil.interval(oil.unknown())
+    oil, state = estimator(config), estimator(config).unknown()
+    for tick in range(40):
+        oil.learn(state, Steady(0.05 * tick, FAST * (1 + 0.0005 * tick), 60e-6, 45.0, 250.0), (80, 90))
+    assert oil.interval(state) == oil.interval(oil.unknown())
+
+
+def test_a_contradiction_forgets_and_an_hour_of_silence_too() -> None:
+    state, oil = learnt(0.9, 0.0, 0.0), estimator(bench())
+    narrow = oil.interval(state)
+    for tick in range(21):
+        oil.learn(state, Steady(2.0 + 0.05 * tick, FAST, 60e-6, 45.0, 400.0), (80, 90))
+    assert oil.interval(state) == oil.interval(oil.unknown()) != narrow
+    state = learnt(0.9, 0.0, 0.0)
+    for tick in range(21):
+        oil.learn(state, Steady(3600.0 + 0.05 * tick, 300.0, 60e-6, 45.0, 5.0), (80, 90))
+    assert oil.interval(state) == oil.interval(oil.unknown())
+
+
+def test_a_film_that_may_be_colder_than_its_outlet_may_be_thicker() -> None:
+    config = bench()
+    oil = msgspec.structs.replace(config.oil, film_at_outlet=False)
+    cold = estimator(msgspec.structs.replace(config, oil=oil))
+    known = cold.interval(cold.unknown())
+    thicker = config.oil.viscosity_Pa_s(35.0) / config.oil.viscosity_Pa_s(45.0)
+    assert cold.thickest(known, 45.0) == pytest.approx(known.thickest * thicker)
+    assert cold.thickest(known, 30.0) == known.thickest
+    assert estimator(config).thickest(known, 45.0) == known.thickest
+
+
+def test_the_estimator_of_the_load_gains_by_what_was_learnt() -> None:
+    config = bench()
+    film = equilibrium(load_N=60.0, radius_m=0.02, length_m=0.02, clearance_m=60e-6, speed_rad_s=FAST,
+                       viscosity_Pa_s=config.oil.viscosity_Pa_s(45.0))  # fmt: skip
+    power_W = float(film.film.friction_torque_N_m) * FAST + config.rotor.windage_W_s3 * FAST**3
+    loads = LoadEstimator(config)
+    x, y = film.position_m.tolist()
+    seen = [loads.estimate(Look(0.05 * k, x, y, 5e-6, 60e-6, FAST, 45.0, power_W)) for k in range(40)]
+    assert seen[0].low_N < 0.96 * seen[-1].low_N < 60.0 < seen[-1].high_N < seen[0].high_N
