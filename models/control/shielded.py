@@ -7,11 +7,13 @@ from pathlib import Path
 from typing import Any, Final
 
 import gymnasium
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from firmware_py import config as configuration
 from firmware_py.config import Config
+from firmware_py.config.schema import Bearing
 from firmware_py.guard.load_estimate import LoadEstimator, Look
 from firmware_py.guard.shield import Ramp, Shield
 from sim_hil.control_task import CONTROL_S, OBSERVATIONS, actions_of, targets
@@ -40,6 +42,15 @@ def column(name: str) -> int:
 def shipped_config(rig: str) -> Config:
     """The configuration that ships for ``rig``."""
     return configuration.load(Path(str(resources.files("firmware_py").joinpath(f"configs/{rig}.toml"))))[0]
+
+
+def config_of(rig: str, *, fed: bool) -> Config:
+    """That configuration; where the film is fed from its groove, with the errors of a film that nobody knows."""
+    config = shipped_config(rig)
+    b = config.bearing
+    unknown = Bearing(b.journal_radius_m, b.length_m, b.radial_clearance_min_um, b.radial_clearance_max_um,
+                      b.radial_clearance_nominal_um)  # fmt: skip
+    return msgspec.structs.replace(config, bearing=unknown) if fed else config
 
 
 def fast_ramps(config: Config, duty: Duty) -> list[Ramp]:
@@ -102,7 +113,7 @@ class ShieldedRotors(gymnasium.vector.VectorWrapper[Observation, Observation, ND
     def __init__(self, rotors: RotorVectorEnv, *, shielded: bool = True) -> None:
         super().__init__(rotors)
         self.rotors = rotors
-        self._shielded, self._config = shielded, shipped_config(rotors.rig.name)
+        self._shielded, self._config = shielded, config_of(rotors.rig.name, fed=rotors.pressure)
         self._time_s = np.zeros(rotors.num_envs)
 
     def reset(
@@ -137,7 +148,7 @@ class ShieldedRotor(gymnasium.Wrapper[Observation, Observation, Observation, Obs
     def __init__(self, environment: RotorEnv) -> None:
         super().__init__(environment)
         self.rotor = environment
-        self._config = shipped_config(environment.rig.name)
+        self._config = config_of(environment.rig.name, fed=environment.pressure)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
