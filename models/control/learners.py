@@ -43,7 +43,7 @@ class ActorSettings(RunSettings, frozen=True):
         """The same training in some seconds."""
         return ActorSettings(
             seeds=2, rotors=4, episode_s=2.0, ddpg=DdpgSettings(steps=240, warm_up=80, batch=32, hidden=(16, 16)),
-            lookup_points=(2, 2, 3), validation_episodes=2, judged_episodes=2, judged_seconds=1.0, machine_episodes=1,
+            lookup_points=(2, 2, 3), validation_episodes=2, judged_episodes=1, judged_seconds=1.0, machine_episodes=1,
             direct_episodes=1, workers=1,
         )  # fmt: skip
 
