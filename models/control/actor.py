@@ -6,9 +6,10 @@ Two scoreboards: the clearance alone, which the device sets, and the clearance w
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 import torch
@@ -25,6 +26,8 @@ from models.runs import Run, progress_bar
 from sim_hil.control_task import OBSERVATIONS
 
 SETTINGS = ActorSettings
+
+T = TypeVar("T")
 
 JUDGE_SEED = 1_001_000
 """Added to the seed of judged episodes, so that no training sees them."""
@@ -44,20 +47,26 @@ def train(run: Run, settings: ActorSettings) -> dict[str, object]:
     """
     report: dict[str, Any] = {"reproduce": run.command}
     for pressure in (False, True):
-        board, started = settings.board(pressure=pressure), time.monotonic()
-        learned = learn_all(run, settings, board)
-        trained_s = round(time.monotonic() - started, 1)
-        found = _judged(board, learned.policies(), settings, run.seed, run.folder.parent,
-                        [OfModule(agent) for agent in learned.agents])  # fmt: skip
-        found |= {"shipped": _better(found), "ddpg_seed": learned.best}
-        found["training"] = {"steps": settings.ddpg.steps, "agents": settings.seeds, "seconds": trained_s}
+        board = settings.board(pressure=pressure)
+        learned, found = learned_and_judged(run, settings, board)
         report[board_name(board)] = found
-        parity = _export_all(run, settings, board, learned, found)
+        parity = _export_all(run, board, learned, found)
         report["export_parity"] = max(parity, report.get("export_parity", 0.0))
     run.write_json("actor.json", report)
     card.write(run, report, card.ACTOR)
     figures.actor(run.folder, report)
     return report
+
+
+def learned_and_judged(run: Run, settings: ActorSettings, board: Board) -> tuple[Learned, dict[str, Any]]:
+    """What was learned on a board, and its report; each part is done once where a training is resumed."""
+    started = time.monotonic()
+    learned = learn_all(run, settings, board)
+    trained_s = run.kept(f"{board_name(board)}-seconds", lambda: round(time.monotonic() - started, 1))
+    agents: list[Policy] = [OfModule(agent) for agent in learned.agents]
+    report = _judged(board, learned.policies(), settings, run.seed, run.folder.parent, agents, run.kept)
+    training = {"steps": settings.ddpg.steps, "agents": settings.seeds, "seconds": trained_s}
+    return learned, report | {"shipped": _better(report), "ddpg_seed": learned.best, "training": training}
 
 
 def evaluate(path: Path, seed: int, size: int | None, out: Path) -> dict[str, object]:
@@ -70,8 +79,13 @@ def evaluate(path: Path, seed: int, size: int | None, out: Path) -> dict[str, ob
         files = {"agent": stem} | {name: stem.with_name(f"{stem.stem}_{name}.onnx") for name in ("ddpg", "lookup")}
         policies: dict[str, Policy] = {name: OfFile(file) for name, file in files.items() if file.is_file()}
         if policies:
-            report[key] = _judged(settings.board(pressure=pressure), policies, settings, seed, out, [])
+            report[key] = _judged(settings.board(pressure=pressure), policies, settings, seed, out, [], _anew)
     return report
+
+
+def _anew(name: str, work: Callable[[], T]) -> T:
+    """Keeps nothing."""
+    return work()
 
 
 def _sized(settings: ActorSettings, size: int) -> ActorSettings:
@@ -79,27 +93,38 @@ def _sized(settings: ActorSettings, size: int) -> ActorSettings:
     return ActorSettings(**values | {"judged_episodes": size})
 
 
+class Keep(Protocol):
+    """Does a named part of the work, or knows it from before: :meth:`models.runs.Run.kept`."""
+
+    def __call__(self, name: str, work: Callable[[], T], /) -> T:
+        """The result of ``work``."""
+
+
 def _judged(
-    board: Board, learned: dict[str, Policy], settings: ActorSettings, seed: int, out: Path, agents: list[Policy]
+    board: Board, learned: dict[str, Policy], settings: ActorSettings, seed: int, out: Path, agents: list[Policy],
+    kept: Keep,
 ) -> dict[str, Any]:  # fmt: skip
     """Report of a board: policies in unseen episodes, and some of them on other plants."""
+    name, workers = board_name(board), settings.workers
     seeds = range(JUDGE_SEED + 1000 * seed, JUDGE_SEED + 1000 * seed + settings.judged_episodes)
-    bench = Bench.of(board, seeds, out, settings.workers)
+    bench = kept(f"{name}-bench", lambda: Bench.of(board, seeds, out, workers))
     policies = {**learned, **_rivals(board)}
-    report = judge(bench, policies, agents)
+    report = kept(f"{name}-judged", lambda: judge(bench, policies, agents, workers))
     named = {name: policy for name, policy in policies.items() if name in ELSEWHERE}
-    report["whole_machine"] = _on_machine(board, named, seeds[: settings.machine_episodes])
+    report["whole_machine"] = kept(
+        f"{name}-machine", lambda: _on_machine(board, named, seeds[: settings.machine_episodes], workers))
     if not board.pressure:
         fixed = {"best_fixed": bench.setting, "nominal_fixed": _nominal(board)}
-        report["direct_reynolds"] = _directly(board, named, fixed, seeds[: settings.direct_episodes], settings.workers)
+        report["direct_reynolds"] = kept(
+            f"{name}-direct", lambda: _directly(board, named, fixed, seeds[: settings.direct_episodes], workers))
     return report
 
 
-def judge(bench: Bench, policies: dict[str, Policy], agents: list[Policy]) -> dict[str, Any]:
+def judge(bench: Bench, policies: dict[str, Policy], agents: list[Policy], workers: int) -> dict[str, Any]:
     """Figures of every policy behind the shield and without it, and of all agents together."""
     everything = [*policies.values(), *agents]
     played = [(policy, shielded) for shielded in (True, False) for policy in everything]
-    scores = bench.play([*played, (_nominal(bench.board), False)], "unseen episodes")
+    scores = bench.play([*played, (_nominal(bench.board), False)], workers)
     behind, alone = scores[: len(everything)], scores[len(everything) : -1]
     shielded = dict(zip(policies, behind, strict=False))
     rows = {name: bench.figures(score) for name, score in shielded.items()}
@@ -136,14 +161,13 @@ def _better(report: dict[str, Any]) -> str:
     return "ddpg" if times[0] <= times[1] and beats(report["ddpg_less_lookup"]) else "lookup"
 
 
-def _on_machine(board: Board, policies: dict[str, Policy], seeds: range) -> dict[str, dict[str, float]]:
+def _on_machine(
+    board: Board, policies: dict[str, Policy], seeds: range, workers: int
+) -> dict[str, dict[str, float]]:  # fmt: skip
     """Behind the shield on the whole machine with its sensors."""
-    rows = {}
     with progress_bar(f"{board_name(board)}: whole machine", len(policies)) as bar:
-        for done, (name, policy) in enumerate(policies.items(), 1):
-            rows[name] = play_machine(board, seeds, policy).summary(board.seconds)
-            bar(done)
-    return rows
+        scores = play_all(board, seeds, [(policy, True) for policy in policies.values()], workers, bar, play_machine)
+    return {name: score.summary(board.seconds) for name, score in zip(policies, scores, strict=True)}
 
 
 def _directly(
@@ -168,7 +192,7 @@ def _difference(direct: Score, table: Score, seconds: float) -> dict[str, float]
     }  # fmt: skip
 
 
-def _export_all(run: Run, settings: ActorSettings, board: Board, learned: Learned, report: dict[str, Any]) -> float:
+def _export_all(run: Run, board: Board, learned: Learned, report: dict[str, Any]) -> float:
     """Write DDPG, lookup table and what ships; returns the largest distance of a file from its module."""
     stem = run.model.with_name("actor_pair.onnx") if board.pressure else run.model
     modules: dict[str, nn.Module] = {"ddpg": learned.agents[learned.best], "lookup": learned.table}

@@ -150,25 +150,10 @@ def play(board: Board, seeds: Sequence[int], policy: Policy, *, shielded: bool) 
     return record.score()
 
 
-def play_all(board: Board, seeds: Sequence[int], played: Sequence[tuple[Policy, bool]], workers: int,
-             progress: Callable[[int], None]) -> list[Score]:  # fmt: skip
-    """:func:`play` of every policy, shielded or not, on several processes."""
-    together = 1 if board.direct else SIDE_BY_SIDE
-    parts = [seeds[i : i + together] for i in range(0, len(seeds), together)]
-    scores = []
-    for done, score in enumerate(map_in_order(partial(_play_part, board), list(product(played, parts)), workers), 1):
-        scores.append(score)
-        progress(done // len(parts))
-    return [Score.joined(scores[i : i + len(parts)]) for i in range(0, len(scores), len(parts))]
-
-
-def _play_part(board: Board, part: tuple[tuple[Policy, bool], Sequence[int]]) -> Score:
-    (policy, shielded), seeds = part
-    return play(board, seeds, policy, shielded=shielded)
-
-
-def play_machine(board: Board, seeds: Sequence[int], policy: Policy) -> Score:
-    """Behind the shield on the whole machine with its sensors, one episode after another."""
+def play_machine(board: Board, seeds: Sequence[int], policy: Policy, *, shielded: bool) -> Score:
+    """The same behind the shield on the whole machine with its sensors, one episode after another."""
+    if not shielded:
+        raise ValueError("the whole machine is played behind its shield only; use `play` for the rotor alone")
     environment = ShieldedRotor(RotorEnv(board.rig, board.seconds, limits=UNTRIPPED, pressure=board.pressure))
     scores = []
     for seed in seeds:
@@ -181,6 +166,26 @@ def play_machine(board: Board, seeds: Sequence[int], policy: Policy) -> Score:
             record.add({name: np.array([value]) for name, value in info.items()})
         scores.append(record.score())
     return Score.joined(scores)
+
+
+def play_all(
+    board: Board, seeds: Sequence[int], played: Sequence[tuple[Policy, bool]], workers: int,
+    progress: Callable[[int], None], how: Callable[..., Score] = play,
+) -> list[Score]:  # fmt: skip
+    """:func:`play` of every policy, shielded or not, on several processes; or ``how`` else it is played."""
+    together = SIDE_BY_SIDE if how is play and not board.direct else 1
+    parts = [seeds[i : i + together] for i in range(0, len(seeds), together)]
+    tasks = list(product(played, parts))
+    scores = []
+    for done, score in enumerate(map_in_order(partial(_play_part, how, board), tasks, workers), 1):
+        scores.append(score)
+        progress(done // len(parts))
+    return [Score.joined(scores[i : i + len(parts)]) for i in range(0, len(scores), len(parts))]
+
+
+def _play_part(how: Callable[..., Score], board: Board, part: tuple[tuple[Policy, bool], Sequence[int]]) -> Score:
+    (policy, shielded), seeds = part
+    return how(board, seeds, policy, shielded=shielded)
 
 
 class _Record:

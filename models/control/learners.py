@@ -29,9 +29,9 @@ class ActorSettings(RunSettings, frozen=True):
     seeds: int = 10
     rotors: int = 16
     episode_s: float = 15.0
-    ddpg: DdpgSettings = DdpgSettings()
+    ddpg: DdpgSettings = DdpgSettings(steps=16_000)
     dqn_clearances: int = 13
-    lookup_points: tuple[int, int, int] = (7, 6, 25)
+    lookup_points: tuple[int, int, int] = (7, 6, 13)
     validation_episodes: int = 16
     judged_episodes: int = 50
     judged_seconds: float = 20.0
@@ -84,11 +84,11 @@ def learn(
 def learn_all(run: Run, settings: ActorSettings, board: Board) -> Learned:
     """Everything that is learned on ``board``, agents side by side; done once where a training is resumed."""
     name = board_name(board)
-    agents = [_logged(run, name, number, *found) for number, found in enumerate(_agents(run, settings, board))]
+    agents = _agents(run, settings, board)
     values = run.kept(f"{name}-dqn", partial(_values, settings, board, run.seed))
     with progress_bar(f"{name}: lookup table", settings.lookup_points[0]) as bar:
         table = run.kept(f"{name}-lookup", partial(lookup, board, settings.lookup_points, settings.workers, bar))
-    best = _choose(agents, settings, board, run.seed)
+    best = run.kept(f"{name}-best", partial(_choose, agents, settings, board, run.seed))
     return Learned(agents, best, OfValues(values, choices(board, settings.dqn_clearances)), table)
 
 
@@ -101,23 +101,24 @@ def _environment(settings: ActorSettings, board: Board) -> ShieldedRotors:
     return ShieldedRotors(Board(board.rig, settings.episode_s, board.pressure).rotors(settings.rotors))
 
 
-def _agents(run: Run, settings: ActorSettings, board: Board) -> list[tuple[Settings, Curve]]:
+def _agents(run: Run, settings: ActorSettings, board: Board) -> list[Settings]:
     names = [f"{board_name(board)}-agent{number}" for number in range(settings.seeds)]
     missing = [number for number, name in enumerate(names) if not run.has(name)]
     seeds = [1000 * run.seed + number for number in missing]
-    learned = map_in_order(partial(learn, settings, board), seeds, settings.workers)
+    learned = zip(missing, map_in_order(partial(learn, settings, board), seeds, settings.workers), strict=True)
     found = []
     with progress_bar(f"{board_name(board)}: DDPG", settings.seeds) as bar:
         for done, name in enumerate(names, 1):
-            found.append(run.kept(name, lambda: next(learned)))
+            found.append(run.kept(name, lambda: _logged(run, board, *next(learned))))
             bar(done)
     return found
 
 
-def _logged(run: Run, name: str, number: int, agent: Settings, curve: Curve) -> Settings:
+def _logged(run: Run, board: Board, number: int, learned: tuple[Settings, Curve]) -> Settings:
+    """The agent; its returns go to the run's metrics."""
+    agent, curve = learned
     for step, total in curve:
-        run.log({"board": name, "agent": number, "step": step, "return": round(total, 3)})
-    torch.save(agent.state_dict(), run.folder / f"{name}-agent{number}.pt")
+        run.log({"board": board_name(board), "agent": number, "step": step, "return": round(total, 3)})
     return agent
 
 

@@ -151,7 +151,7 @@ def test_rejected_episodes_are_told_beyond_the_least_violation() -> None:
 
     counted = np.array([True, False])
     bench = Bench(
-        Board("bench", 20.0), [1, 2], 1, counted, {"causal": np.array([40.0])}, Fixed(60e-6),
+        Board("bench", 20.0), [1, 2], counted, {"causal": np.array([40.0])}, Fixed(60e-6),
         Score(*(np.full(1, v) for v in (60.0, 0.0, 2e-5, 0.1, 0.0, 0.0))), np.array([0.0, 1.0]), np.array([0.0, 0.1]),
     )  # fmt: skip
     figures = bench.figures(score(0.0, 3.0))
