@@ -57,13 +57,17 @@ ACTOR = Prose(
     "Radial bearing clearance of least power from what a rig can measure; a proposal that the predictor checks "
     "and the guard's shield clamps.",
     (
-        "Behind the shield nearly every wish that is wide enough gives the same power: the shield's upper bound is "
-        "where the power is least, and `widest`, a constant wish, shows what it gives alone.",
-        "DDPG ships as the actor only if it needs less power than the lookup table at no more violation (`shipped` "
-        "says which did); `actor_ddpg.onnx` is the agent beside it.",
-        "Trained and judged on one simulated rig; it chooses the clearance alone, supply pressure stays as it is.",
-        "A figure of saving means nothing without its baseline: gap shares stand against the one fixed clearance "
-        "that keeps every limit in all judged episodes, and against the two reference schedules.",
+        "The clearance alone: behind the shield nearly every wish that is wide enough gives the same power, for the "
+        "shield's upper bound is where the power is least; `widest`, a constant wish, shows what it gives alone.",
+        "The pair: `actor_pair.onnx` sets the supply pressure too, on the film fed from the groove.  The device does "
+        "not run it; it sets the clearance only.  The predictor knows the unfed film, so no model-predictive choice "
+        "stands on that board, and no direct Reynolds film.",
+        "DDPG ships only if it needs less power than the lookup table at no more violation (`shipped` says which "
+        "did); `actor_ddpg.onnx` is the best agent, `actor_lookup.onnx` the table.",
+        "Trained and judged on one simulated rig.",
+        "A figure of saving means nothing without its baseline: gap shares stand against the one fixed setting that "
+        "keeps every limit in all judged episodes, and against the two reference schedules.  Episodes in which no "
+        "preview schedule keeps the limits are not counted; there violation is told beyond the least one.",
     ),
 )
 

@@ -107,6 +107,11 @@ class OfFile(_Memoryless):
 
     path: Path
 
+    @property
+    def outputs(self) -> list[str]:
+        """What it sets."""
+        return [output.name for output in _session(self.path).get_outputs()]
+
     def __call__(self, observation: Observation) -> Floats:
         """As :class:`models.control.episodes.Policy`."""
         answers = _session(self.path).run(None, {"observation": observation})
