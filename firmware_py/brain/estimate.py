@@ -1,6 +1,6 @@
 """Synchronising the film model with the running machine: an extended Kalman filter over readings.
 
-State: the nine parameters of :mod:`firmware_py.brain.measurement` and the rates of viscosity and clearance, so
+State: the ten parameters of :mod:`firmware_py.brain.measurement` and the rates of viscosity and clearance, so
 that starvation and wear are followed and foreseen.  Load moves freely; the errors of the instruments stay what
 they are and come to light as the operating point moves.  The model's error is no white noise: a reading counts
 for less the sooner it follows the one before.
@@ -20,8 +20,10 @@ from numpy.typing import NDArray
 from firmware_py.brain.film import Film
 from firmware_py.brain.intervals import GROWING_SIGMAS, SIGMA_90
 from firmware_py.brain.measurement import (
+    CARRIES,
     CLEARANCE,
     CONTACT,
+    FILLED,
     GAIN_1,
     GAIN_2,
     LOAD,
@@ -44,11 +46,15 @@ STATES: Final = PARAMETERS + 2
 
 LOAD_DRIFT: Final = 0.5
 """Random walk of ``ln`` load per root second."""
-VISCOSITY_DRIFT: Final = 0.01
+VISCOSITY_DRIFT: Final = 0.003
 CLEARANCE_DRIFT_UM: Final = 0.05
-RATE_DRIFT: Final = (0.02, 0.2)
+RATE_DRIFT: Final = (0.03, 0.05)
 """Random walk of the two rates: 1/s, um/s, per root second."""
 RATE_MEMORY_S: Final = 30.0
+BORE_SINKS: Final = 2.0
+"""Wear that widens the clearance by 1 lowers the bore's middle by this (first order over mean of a small flat)."""
+MEANS_LAG_S: Final = 0.1
+"""Mean position and contact voltage are this much older than the speed."""
 MODEL_MEMORY_S: Final = 1.0
 """Readings within this time share their model error."""
 REFUSED_SIGMAS: Final = 4.0
@@ -70,7 +76,7 @@ class Estimate:
     log_covariance
         Shape (2, 2): of ``ln`` load and ``ln`` viscosity.
     mean, covariance
-        Shapes (11,) and (11, 11): the whole state.
+        Shapes (12,) and (12, 12): the whole state.
     """
 
     load_N: float
@@ -96,15 +102,19 @@ class Estimate:
         deviation = np.sqrt(np.diag(self.covariance)[PARAMETERS:])
         return np.asarray(np.abs(self.mean[PARAMETERS:]) > GROWING_SIGMAS * deviation)
 
-    def ahead(self, seconds: float) -> tuple[Floats, Floats]:
+    def ahead(self, seconds: float) -> tuple[Floats, Floats, float]:
         """Mean (3,) and covariance (3, 3) of ``ln`` load, viscosity factor, clearance error (um), ``seconds`` on.
+
+        The third is the expected ``ln`` of the film's filled share.
 
         A rate that is not clear is taken for none: after a change of speed the model's own error looks like one.
         """
-        f = _transition(seconds)[: CLEARANCE + 1]
+        f = _transition(seconds)
         mean = self.mean.copy()
         mean[PARAMETERS:] *= self.growing
-        return f @ mean, f @ self.covariance @ f.T
+        mean = f @ mean
+        film = slice(CLEARANCE + 1)
+        return mean[film], f[film] @ self.covariance @ f[film].T, float(mean[FILLED])
 
 
 def lognormal(value: float, log_sd: float) -> tuple[float, float, float]:
@@ -114,10 +124,12 @@ def lognormal(value: float, log_sd: float) -> tuple[float, float, float]:
 
 
 def _transition(seconds: float) -> Floats:
-    """Transition (11, 11) over ``seconds``: rates act and fade."""
+    """Transition (12, 12) over ``seconds``: rates act and fade."""
     f = np.eye(STATES)
     fade = math.exp(-seconds / RATE_MEMORY_S)
     f[VISCOSITY, VISCOSITY_RATE] = f[CLEARANCE, CLEARANCE_RATE] = RATE_MEMORY_S * (1.0 - fade)
+    f[FILLED, VISCOSITY_RATE] = f[VISCOSITY, VISCOSITY_RATE] / CARRIES
+    f[ZERO_Y, CLEARANCE_RATE] = -BORE_SINKS * f[CLEARANCE, CLEARANCE_RATE]
     f[VISCOSITY_RATE, VISCOSITY_RATE] = f[CLEARANCE_RATE, CLEARANCE_RATE] = fade
     return f
 
@@ -151,11 +163,16 @@ class Synchroniser:
         deviation[VISCOSITY_RATE:] = 1e-4, 1e-3
         self._covariance = np.diag(deviation**2)
         drift = np.zeros(STATES)
-        drift[[LOAD, VISCOSITY, CLEARANCE]] = LOAD_DRIFT, VISCOSITY_DRIFT, CLEARANCE_DRIFT_UM
+        drift[[LOAD, VISCOSITY]] = LOAD_DRIFT, VISCOSITY_DRIFT
         drift[VISCOSITY_RATE:] = RATE_DRIFT
         self._drift = np.diag(drift**2)
+        worn = np.zeros(STATES)
+        worn[[CLEARANCE, ZERO_Y]] = CLEARANCE_DRIFT_UM * np.array([1.0, -BORE_SINKS])
+        self._drift += np.outer(worn, worn)
         self._t_ns: int | None = None
+        self._last: Measured | None = None
         self._start_m: Floats | None = None
+        self.unbalance_kg_m = 0.0
 
     @property
     def clearance_error_m(self) -> float:
@@ -172,7 +189,7 @@ class Synchroniser:
             self._covariance = f @ self._covariance @ f.T + (0.0 if first else elapsed_s) * self._drift
             weight = max(1.0, MODEL_MEMORY_S / elapsed_s)
             self._update(measured, weight, _FIRST_ITERATIONS if first else _ITERATIONS)
-            self._t_ns = measured.t_ns
+            self._t_ns, self._last = measured.t_ns, measured
         return self._estimate(measured)
 
     def static_film(self, measured: Measured) -> tuple[float, float]:
@@ -180,9 +197,9 @@ class Synchroniser:
 
         The bound is the posterior one (Tichavsky et al. 1998) at the estimate: of the filter's own noise model.
         """
-        film_m, slopes = self._instruments.static_film(self._mean[:PARAMETERS], measured)
+        shown = self._instruments.predict(self._mean[:PARAMETERS], measured, self.unbalance_kg_m, self._start_m)
         covariance = self._covariance[: CLEARANCE + 1, : CLEARANCE + 1]
-        return film_m, float(np.sqrt(slopes @ covariance @ slopes))
+        return shown.static_film_m, float(np.sqrt(shown.film_slopes @ covariance @ shown.film_slopes))
 
     def _update(self, measured: Measured, weight: float, iterations: int) -> None:
         """Iterated update: each pass linearises at the newest mean."""
@@ -191,8 +208,10 @@ class Synchroniser:
         used = np.isfinite(observed) & np.array([True, True, True, self._instruments.has_contact])
         prior, mean = self._mean, self._mean
         for _ in range(iterations):
-            values, slopes, self._start_m = self._instruments.predict(mean[:PARAMETERS], measured, self._start_m)
-            noise = weight * self._instruments.noise(values, slopes, measured)[np.ix_(used, used)]
+            shown = self._instruments.predict(mean[:PARAMETERS], measured, self.unbalance_kg_m, self._start_m)
+            values, slopes, self._start_m = shown.values, shown.slopes, shown.position_m
+            noise = self._instruments.noise(values, slopes, measured) + self._moving(values, slopes, measured)
+            noise = weight * noise[np.ix_(used, used)]
             h = np.zeros((int(used.sum()), STATES))
             h[:, :PARAMETERS] = slopes[used]
             rest = (observed - values)[used] - h @ (prior - mean)
@@ -206,6 +225,17 @@ class Synchroniser:
         self._mean = mean
         keep = np.eye(STATES) - gain @ h
         self._covariance = keep @ self._covariance @ keep.T + gain @ noise @ gain.T
+
+    def _moving(self, values: Floats, slopes: Floats, measured: Measured) -> Floats:
+        """Covariance (4, 4) of readings that are not of one moment: means lag behind speed and clearance."""
+        if self._last is None or measured.t_ns <= self._last.t_ns:
+            return np.zeros((len(values), len(values)))
+        share = MEANS_LAG_S / ((measured.t_ns - self._last.t_ns) * 1e-9)
+        faster = share * math.log(measured.speed_rad_s / self._last.speed_rad_s)
+        wider_um = share * (measured.clearance_m - self._last.clearance_m) / UM
+        by_speed = faster * (slopes[:, VISCOSITY] + np.array([0.0, 0.0, values[2], 0.0]))
+        by_clearance = wider_um * slopes[:, CLEARANCE]
+        return np.outer(by_speed, by_speed) + np.outer(by_clearance, by_clearance)
 
     def _estimate(self, measured: Measured) -> Estimate:
         law = self._oil.viscosity_Pa_s(measured.oil_outlet_C)

@@ -9,7 +9,7 @@ Sources: linearised film and unbalance response, Childs 1993, ch. 3; short-beari
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Final
 
 import numpy as np
@@ -37,7 +37,7 @@ class Points:
     viscosity_Pa_s: Floats
     load_N: Floats
 
-    def __getitem__(self, rows: NDArray[np.bool_]) -> Points:
+    def __getitem__(self, rows: NDArray[np.bool_] | slice) -> Points:
         return Points(self.speed_rad_s[rows], self.clearance_m[rows], self.viscosity_Pa_s[rows], self.load_N[rows])
 
 
@@ -59,6 +59,8 @@ class Steady:
         Shape (n,): of the least damped mode; below zero the shaft whirls.
     orbit_power_W_per_kg2_m2
         Shape (n,): what the 1X orbit dissipates in the film, per squared unbalance.
+    stiffness, damping
+        Shapes (n, 2, 2): see :meth:`Film.slopes`.
     """
 
     position_m: Floats
@@ -67,6 +69,11 @@ class Steady:
     response_m_per_kg_m: NDArray[np.complex128]
     damping_ratio: Floats
     orbit_power_W_per_kg2_m2: Floats
+    stiffness: Floats
+    damping: Floats
+
+    def __getitem__(self, rows: slice) -> Steady:
+        return Steady(*(getattr(self, f.name)[rows] for f in fields(self)))
 
     def min_film_m(self, clearance_m: Floats, unbalance_kg_m: Floats) -> Floats:
         """Smallest film over one turn, shape (n,)."""
@@ -133,7 +140,10 @@ class Film:
 
     def steady(self, points: Points) -> Steady:
         """Equilibrium, friction power, unbalance response and stability of every point."""
-        position, found, torque = self.equilibrium(points)
+        return self.about(points, *self.equilibrium(points))
+
+    def about(self, points: Points, position: Floats, found: NDArray[np.bool_], torque: Floats) -> Steady:
+        """Small motion about what :meth:`equilibrium` has found."""
         stiffness, damping = self.slopes(points, position)
         speed, mass = points.speed_rad_s, self.mass_kg
         inertia = (mass * speed**2)[:, None, None] * np.eye(2)
@@ -142,7 +152,14 @@ class Film:
         response = np.linalg.solve(dynamic, rotating)[:, :, 0]
         work = np.einsum("ni,nij,nj->n", response.conj(), damping, response).real
         return Steady(position, found, torque * speed, response, _damping_ratio(stiffness, damping, mass),
-                      0.5 * speed**2 * work)
+                      0.5 * speed**2 * work, stiffness, damping)
+
+    def shear_torque(self, points: Points, position: Floats) -> Floats:
+        """Friction torque (n,) of a film without pressure at ``position`` (n, 2): Petroff's, with the eccentricity."""
+        eps = np.minimum(np.hypot(*position.T) / points.clearance_m, ECCENTRICITY_MAX)
+        area = 2.0 * np.pi * self._radius_m**3 * self._length_m
+        return np.asarray(area * points.viscosity_Pa_s * points.speed_rad_s
+                          / (points.clearance_m * np.sqrt(1.0 - eps**2)))
 
     def slopes(self, points: Points, position: Floats, velocity: Floats | None = None) -> tuple[Floats, Floats]:
         """Stiffness and damping matrices, shape (n, 2, 2): ``K = -dF/dx``, ``C = -dF/dv``; at rest or ``velocity``."""

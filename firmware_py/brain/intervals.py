@@ -16,7 +16,7 @@ REGIMES: Final = ("steady", "ramp", "near_whirl", "fault")
 QUANTITIES: Final = ("power_W", "peak_to_peak_m", "min_film_m", "whirl_margin")
 NEAR_WHIRL: Final = 0.15
 """Damping ratio below which a forecast counts as near whirl."""
-GROWING_SIGMAS: Final = 2.5
+GROWING_SIGMAS: Final = 0.7
 """A rate of unbalance, viscosity or clearance this clear counts as a fault that grows."""
 SIGMA_90: Final = 1.645
 """Half-width of a 90 % interval in standard deviations."""

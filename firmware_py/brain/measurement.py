@@ -2,7 +2,10 @@
 
 Parameters of one machine, in this order: ``ln`` load; ``ln`` viscosity over the oil's law; error of the reported
 clearance (um); zero of the shaft position x, y (um); gains of the two probes; offset of the shaft power (W);
-``ln`` of the contact channel's film resistance over its declared one.
+``ln`` of the contact channel's film resistance over its declared one; ``ln`` of the film's filled share.
+
+A starved film carries less than it shears: of the viscosity it carries with (the second parameter), the share
+``s`` is filled, friction falls with ``s`` and load capacity with ``s^2.5``.
 
 What cannot be told apart: in an isothermal plain film the position follows from one number, the Sommerfeld
 number ``viscosity speed / load (R / c)^2``, so its Fisher information about load and viscosity is singular.
@@ -25,28 +28,32 @@ from numpy.typing import NDArray
 from firmware_py.acquire.windows import ChannelMap
 from firmware_py.brain.film import Film, Points
 from firmware_py.brain.intervals import state_of
+from firmware_py.brain.orbit import Orbit, balanced
 from firmware_py.config import Config
 from firmware_py.config.schema import Contact
 
 Floats = NDArray[np.float64]
 
-LOAD, VISCOSITY, CLEARANCE, ZERO_X, ZERO_Y, GAIN_1, GAIN_2, POWER, CONTACT = range(9)
-PARAMETERS: Final = 9
+LOAD, VISCOSITY, CLEARANCE, ZERO_X, ZERO_Y, GAIN_1, GAIN_2, POWER, CONTACT, FILLED = range(10)
+PARAMETERS: Final = 10
 ROWS: Final = ("position_x", "position_y", "shaft_power", "contact")
 UM: Final = 1e-6
 
 ROUGHNESS_M: Final = (0.5e-6, 1.0e-6)
 ASPERITY_OHM: Final = 10.0
 CLEARANCE_NOISE_UM: Final = 0.2
-POSITION_MODEL_UM: Final = 0.15
+POSITION_MODEL_UM: Final = 0.1
 """Mean of an orbit against the static position, and the surrogate's own error."""
-ORBIT_CURVATURE: Final = 2.0
-"""Shift of the mean by an orbit, as a share of its amplitude squared over the clearance."""
-RUNOUT_M: Final = 6e-6
+ORBIT_CURVATURE: Final = 0.3
+"""Error of the modelled shift by an orbit, as a share of its amplitude squared over the clearance."""
+RUNOUT_M: Final = 4e-6
 """Amplitude that is taken for runout, not motion."""
 POWER_MODEL: Final = (0.2, 0.007)
 """Deviation of the modelled power: W, and share."""
-CONTACT_NOISE_V: Final = 0.003
+CONTACT_NOISE_V: Final = 0.0015
+
+CARRIES: Final = 2.5
+"""A film whose share ``s`` is filled carries ``s`` to this power: exponent of the load in the film's length."""
 
 _LOG_STEP: Final = 0.01
 _FLAT: Final = math.sqrt(3.0)
@@ -94,6 +101,27 @@ class Errors:
         return math.hypot(self.viscosity, slope_per_K * self.oil_C)
 
 
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """What the sensors show of a film.
+
+    Attributes
+    ----------
+    values, slopes
+        Shapes (4,) and (4, 10): :data:`ROWS` and their slopes by the parameters.
+    position_m
+        Shape (4, 2): equilibria to start from next time.
+    static_film_m, film_slopes
+        Film at the mean position, and its slopes (3,) by ``ln`` load, ``ln`` viscosity, clearance (um).
+    """
+
+    values: Floats
+    slopes: Floats
+    position_m: Floats
+    static_film_m: float
+    film_slopes: Floats
+
+
 class Instruments:
     """Predicts what the sensors show of a film.
 
@@ -112,25 +140,44 @@ class Instruments:
         probes = np.linalg.inv(to_xy)
         self._gains = np.stack([np.outer(to_xy[:, i], probes[i]) for i in range(2)])
 
-    def predict(self, theta: Floats, measured: Measured, start_m: Floats | None) -> tuple[Floats, Floats, Floats]:
-        """Values (4,) of :data:`ROWS` at ``theta`` (9,), their slopes (4, 9), and positions (4, 2) to start from."""
+    def predict(self, theta: Floats, measured: Measured, unbalance_kg_m: float = 0.0,
+                start_m: Floats | None = None) -> Shown:
+        """What the sensors show at ``theta`` (10,), from the positions ``start_m`` (4, 2) on."""
         points = self._around(theta, measured)
         clearance = points.clearance_m
-        position, _, torque = self._film.equilibrium(points, start_m)
+        position, found, torque = self._film.equilibrium(points, start_m)
+        orbit = self._orbit(points, position, found, torque, unbalance_kg_m)
+        mean = position + orbit.shift_m
         gain = np.eye(2) + np.tensordot(theta[GAIN_1 : GAIN_2 + 1], self._gains, 1)
-        shown_um = position @ gain.T / UM + theta[ZERO_X : ZERO_Y + 1]
-        power = torque * measured.speed_rad_s + self._windage * measured.speed_rad_s**3 + theta[POWER]
-        film_m = clearance - np.hypot(*position.T)
-        volt = self._volt(film_m * math.exp(theta[CONTACT]))
+        shown_um = mean @ gain.T / UM + theta[ZERO_X : ZERO_Y + 1]
+        speed = measured.speed_rad_s
+        starved = self._film.shear_torque(points, position) * speed
+        friction = torque * speed + starved * starved_share(theta[FILLED]) + orbit.power_W
+        power = friction + self._windage * speed**3 + theta[POWER]
+        on_the_way = position[:, None] + orbit.path_m()
+        film_m = clearance[:, None] - np.hypot(on_the_way[..., 0], on_the_way[..., 1])
+        volt = self._volt(film_m * math.exp(theta[CONTACT])).mean(axis=1)
         columns = np.column_stack([shown_um, power, volt])
         slopes = np.zeros((4, PARAMETERS))
         slopes[:, : CLEARANCE + 1] = (columns[1:] - columns[0]).T / _LOG_STEP
         slopes[:, CLEARANCE] *= UM / clearance[0]
         slopes[:2, ZERO_X : ZERO_Y + 1] = np.eye(2)
-        slopes[:2, GAIN_1 : GAIN_2 + 1] = (self._gains @ position[0]).T / UM
+        slopes[:2, GAIN_1 : GAIN_2 + 1] = (self._gains @ mean[0]).T / UM
         slopes[2, POWER] = 1.0
-        slopes[3, CONTACT] = (self._volt(film_m[:1] * math.exp(theta[CONTACT] + _LOG_STEP))[0] - volt[0]) / _LOG_STEP
-        return columns[0], slopes, position
+        slopes[2, FILLED] = starved[0] * (starved_share(theta[FILLED] + _LOG_STEP)
+                                          - starved_share(theta[FILLED])) / _LOG_STEP
+        more = self._volt(film_m[0] * math.exp(theta[CONTACT] + _LOG_STEP)).mean()
+        slopes[3, CONTACT] = (more - volt[0]) / _LOG_STEP
+        still_m = clearance - np.hypot(*mean.T)
+        thinner = (still_m[1:] - still_m[0]) / _LOG_STEP * [1.0, 1.0, UM / clearance[0]]
+        return Shown(columns[0], slopes, position, float(still_m[0]), thinner)
+
+    def _orbit(self, points: Points, position: Floats, found: NDArray[np.bool_], torque: Floats,
+               unbalance_kg_m: float) -> Orbit:
+        """The orbit (1,) at the first of ``points``."""
+        here = points[:1]
+        steady = self._film.about(here, position[:1], found[:1], torque[:1])
+        return balanced(self._film, here, steady, np.array([unbalance_kg_m]))
 
     def noise(self, values: Floats, slopes: Floats, measured: Measured) -> Floats:
         """Covariance (4, 4) of what varies from reading to reading: model, noise, orbit, reported clearance."""
@@ -142,13 +189,6 @@ class Instruments:
                         math.hypot(volt, curved_um * slopes[3, CLEARANCE])])
         reported = CLEARANCE_NOISE_UM * slopes[:, CLEARANCE]
         return np.asarray(np.diag(own**2) + np.outer(reported, reported))
-
-    def static_film(self, theta: Floats, measured: Measured) -> tuple[float, Floats]:
-        """Film (m) at the mean position, and its slopes (3,) by ``ln`` load, ``ln`` viscosity, clearance (um)."""
-        points = self._around(theta, measured)
-        position, _, _ = self._film.equilibrium(points)
-        film_m = points.clearance_m - np.hypot(*position.T)
-        return float(film_m[0]), (film_m[1:] - film_m[0]) / _LOG_STEP * [1.0, 1.0, UM / points.clearance_m[0]]
 
     def _around(self, theta: Floats, measured: Measured) -> Points:
         """The operating point at ``theta``, and one step of ``ln`` load, ``ln`` viscosity, ``ln`` clearance each."""
@@ -176,6 +216,11 @@ class Instruments:
         return float(abs(smooth - rough)) / (2.0 * _FLAT)
 
 
+def starved_share(log_filled: float) -> float:
+    """Friction beyond the film's own, over the shear torque at the viscosity with which it carries."""
+    return math.exp((1.0 - CARRIES) * log_filled) - 1.0
+
+
 def contact_volt(contact: Contact, film_m: Floats, roughness_m: float = 0.5 * sum(ROUGHNESS_M)) -> Floats:
     """Voltage of the contact channel over the smallest film (m)."""
     film = contact.film_ohm_per_m * np.maximum(film_m, 1e-9)
@@ -195,9 +240,10 @@ def information(
     """
     theta = np.zeros(PARAMETERS)
     theta[LOAD] = math.log(load_N)
-    values, slopes, _ = instruments.predict(theta, measured, None)
+    shown = instruments.predict(theta, measured)
+    values, slopes = shown.values, shown.slopes
     constant = np.array([errors.zero_um, errors.zero_um, errors.gain, errors.gain, errors.power_W, contact_share])
-    bias = slopes[:, ZERO_X:] * constant
+    bias = slopes[:, ZERO_X:FILLED] * constant
     variance = instruments.noise(values, slopes, measured) + bias @ bias.T
     found = {}
     for name, rows in {"position": [0, 1], "shaft_power": [2], "contact": [3]}.items():

@@ -20,8 +20,9 @@ from numpy.typing import NDArray
 from firmware_py.acquire.windows import MAX_SECONDS, MIN_SECONDS, TURNS, ChannelMap
 from firmware_py.brain.estimate import Estimate, Synchroniser
 from firmware_py.brain.film import Film, Points, Steady
-from firmware_py.brain.intervals import GROWING_SIGMAS, NEAR_WHIRL, SIGMA_90, IntervalFactors, state_of
-from firmware_py.brain.measurement import CLEARANCE, UM, VISCOSITY, Measured
+from firmware_py.brain.intervals import NEAR_WHIRL, SIGMA_90, IntervalFactors, state_of
+from firmware_py.brain.measurement import CLEARANCE, UM, VISCOSITY, Measured, starved_share
+from firmware_py.brain.orbit import balanced
 from firmware_py.brain.store import Model
 from firmware_py.brain.time_simulation import Motion, simulate
 from firmware_py.brain.unbalance import RESIDUAL_RUNOUT_M, RUNOUT_PRIOR_M, Imbalance, ImbalanceFilter
@@ -131,16 +132,19 @@ class Predictor:
             Complex amplitude, phase from the mark.
         """
         turns_s = TURNS * 2.0 * math.pi / max(measured.speed_rad_s, 1.0)
-        start_ns = measured.t_ns - round(1e9 * min(max(turns_s, MIN_SECONDS), MAX_SECONDS))
+        length_ns = round(1e9 * min(max(turns_s, MIN_SECONDS), MAX_SECONDS))
+        start_ns = measured.t_ns - length_ns
         inside = [row[1:3] for row in self._history if start_ns <= row[0] <= measured.t_ns]
         if not inside:
             inside = [(e.load_N, e.viscosity_Pa_s) for e in (self._synchroniser.step(measured),)]
         load_N, viscosity = np.mean(inside, axis=0).tolist()
         clearance_m = measured.clearance_m + self._synchroniser.clearance_error_m
-        steady = self._film.steady(Points(*(np.array([v]) for v in (measured.speed_rad_s, clearance_m, viscosity,
-                                                                   load_N))))
-        x, y = steady.response_m_per_kg_m[0].tolist()
-        self._imbalance.step(measured.t_ns, forward_m - self._slow_roll_m, 0.5 * (x + 1j * y))
+        points = Points(*(np.array([v]) for v in (measured.speed_rad_s, clearance_m, viscosity, load_N)))
+        steady = self._film.steady(points)
+        unbalance = np.array([abs(self._imbalance.state.unbalance_kg_m) + 1e-9])
+        x, y = (balanced(self._film, points, steady, unbalance).first_m[0] / unbalance[0]).tolist()
+        self._imbalance.step(start_ns + length_ns // 2, forward_m - self._slow_roll_m, 0.5 * (x + 1j * y))
+        self._synchroniser.unbalance_kg_m = abs(self._imbalance.at(measured.t_ns).unbalance_kg_m)
         self._half_m, self._half_damping = measured.half_m, float(steady.damping_ratio[0])
 
     def static_film(self, measured: Measured) -> tuple[float, float]:
@@ -164,7 +168,9 @@ class Predictor:
             points = Points(points.speed_rad_s, points.clearance_m, points.viscosity_Pa_s * thinner, points.load_N)
             steady = self._film.steady(points)
         regime = "fault" if self.growing(estimate) else "ramp" if future.moves else "steady"
-        return self._outlook(measured, every, points, steady, self._imbalance.ahead(future.seconds), regime)
+        imbalance = self._imbalance.at(measured.t_ns, future.seconds)
+        starved = starved_share(estimate.ahead(future.seconds)[2])
+        return self._outlook(measured, every, points, steady, imbalance, starved, regime)
 
     def simulate(self, measured: Measured, estimate: Estimate, clearances_m: Floats, turns: int = 40) -> Motion:
         """The present operating point at each clearance (n,) followed in time, on demand (a fraction of a second)."""
@@ -179,8 +185,7 @@ class Predictor:
 
     def growing(self, estimate: Estimate) -> bool:
         """Whether unbalance, viscosity or clearance change at a clear rate."""
-        state = self._imbalance.state
-        return bool(estimate.growing.any()) or abs(state.rate_kg_m_s) > GROWING_SIGMAS * state.rate_sd_kg_m_s > 0.0
+        return bool(estimate.growing.any()) or self._imbalance.state.growing
 
     def time_to_limit(self, measured: Measured, estimate: Estimate, min_film_m: float,
                       swing_m: float) -> tuple[float, float, float]:
@@ -199,7 +204,7 @@ class Predictor:
 
     def _points(self, measured: Measured, estimate: Estimate, every: Floats, future: Future) -> Points:
         """Sigma points of every clearance at the end of ``future``."""
-        mean, covariance = estimate.ahead(future.seconds)
+        mean, covariance, _ = estimate.ahead(future.seconds)
         sigma = _sigma_points(mean, covariance)
         k, n = len(sigma), len(every)
         law = self._oil.viscosity_Pa_s(measured.oil_outlet_C)
@@ -233,18 +238,20 @@ class Predictor:
         return float(t_s @ oil) / spread if spread > 0.05 else 0.0
 
     def _outlook(self, measured: Measured, every: Floats, points: Points, steady: Steady, imbalance: Imbalance,
-                 regime: str) -> Outlook:
+                 starved: float, regime: str) -> Outlook:
         shape = (len(every), -1)
         unbalance = np.full(len(points.load_N), imbalance.size_kg_m)
         motion = 2.0 * np.abs(steady.response_m_per_kg_m @ self._probes.T).max(axis=1) * unbalance
         half_m = self._half_order(steady.damping_ratio)
-        film = steady.min_film_m(points.clearance_m, unbalance) - half_m
+        film = steady.min_film_m(points.clearance_m, unbalance)
+        friction = steady.power_W + steady.orbit_power_W_per_kg2_m2 * unbalance**2
+        friction += starved * self._film.shear_torque(points, steady.position_m) * points.speed_rad_s
+        motion, film, friction = self._finite(points, steady, unbalance, (motion, film, friction), shape[0])
         uncertain = math.hypot(SWING_ERROR, imbalance.size_sd_kg_m / imbalance.size_kg_m)
         orbit = motion.reshape(shape)[:, 0]
         windage = self._windage_W_s3 * points.speed_rad_s**3
-        friction = steady.power_W + steady.orbit_power_W_per_kg2_m2 * unbalance**2
         values = [(friction + windage).reshape(shape), (motion + 2.0 * half_m).reshape(shape),
-                  film.reshape(shape), steady.damping_ratio.reshape(shape)]
+                  (film - half_m).reshape(shape), steady.damping_ratio.reshape(shape)]
         model = [POWER_ERROR * values[0][:, 0], np.hypot(uncertain * orbit, SWING_ERROR_M),
                  np.hypot(0.5 * uncertain * orbit, FILM_ERROR_M), np.full(len(every), MARGIN_ERROR)]
         deviation = np.column_stack([_deviation(v, m) for v, m in zip(values, model, strict=True)])
@@ -258,6 +265,20 @@ class Predictor:
         film_power = power - windage.reshape(shape)[:, :1]
         return Outlook(every[:-1], np.maximum(swing[:-1], 0.0), power[:-1], least[:-1], margin[:-1], possible[:-1],
                        residual_m, film_power[:-1], deviation[:-1], regimes[:-1])
+
+    def _finite(self, points: Points, steady: Steady, unbalance: Floats, linear: tuple[Floats, Floats, Floats],
+                n: int) -> tuple[Floats, Floats, Floats]:
+        """Motion, smallest film and friction of the linear film, corrected as each candidate's expected orbit is."""
+        each = len(unbalance) // n
+        expected = slice(None, None, each)
+        here, still = points[expected], steady[expected]
+        orbit = balanced(self._film, here, still, unbalance[expected])
+        motion, film, friction = linear
+        finite = orbit.swing_m(self._probes)
+        larger = finite / np.maximum(motion[expected], 1e-12)
+        thicker = orbit.min_film_m(here, still) - film[expected]
+        dearer = orbit.power_W - still.orbit_power_W_per_kg2_m2 * unbalance[expected] ** 2
+        return (motion * np.repeat(larger, each), film + np.repeat(thicker, each), friction + np.repeat(dearer, each))
 
     def _half_order(self, damping_ratio: Floats) -> Floats:
         """Half-order amplitude: what was measured, more where the damping falls (response of a mode to noise)."""

@@ -17,6 +17,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from firmware_py.brain.intervals import GROWING_SIGMAS
+
 RUNOUT_PRIOR_M: Final = 4e-6
 """Root mean square of the runout's forward amplitude before anything was seen."""
 RESIDUAL_RUNOUT_M: Final = 3e-7
@@ -25,11 +27,11 @@ UNBALANCE_PRIOR: Final = 0.7
 """Root mean square of a healthy build's unbalance, in normal unbalances."""
 RUNOUT_DRIFT_M_S: Final = 2e-8
 """Random walk per root second."""
-UNBALANCE_DRIFT: Final = 0.05
-RATE_DRIFT: Final = 0.1
+UNBALANCE_DRIFT: Final = 0.02
+RATE_DRIFT: Final = 0.2
 """Random walks per root second of the unbalance and of its rate, in normal unbalances: faults grow."""
 NOISE_M: Final = 2e-7
-GAIN_ERROR: Final = 0.08
+GAIN_ERROR: Final = 0.03
 """Error of the model's response and of the probes' gain."""
 
 Complexes = NDArray[np.complex128]
@@ -39,24 +41,21 @@ Complexes = NDArray[np.complex128]
 class Imbalance:
     """Runout (m) and unbalance (kg m), complex, phases from the mark.
 
-    ``sd_kg_m`` is the unbalance's deviation, ``rate_kg_m_s`` and ``rate_sd_kg_m_s`` are of its magnitude.
+    ``size_kg_m`` is the typical magnitude of the unbalance, between the mode and the mean of its Rice distribution,
+    ``size_sd_kg_m`` its deviation; ``rate_kg_m_s`` and ``rate_sd_kg_m_s`` are of the magnitude.
     """
 
     runout_m: complex
     unbalance_kg_m: complex
-    sd_kg_m: float
-    rate_kg_m_s: float = 0.0
-    rate_sd_kg_m_s: float = 0.0
+    size_kg_m: float
+    size_sd_kg_m: float
+    rate_kg_m_s: float
+    rate_sd_kg_m_s: float
 
     @property
-    def size_kg_m(self) -> float:
-        """Typical magnitude of the unbalance: between the mode and the mean of its Rice distribution."""
-        return math.hypot(abs(self.unbalance_kg_m), 0.5 * self.sd_kg_m)
-
-    @property
-    def size_sd_kg_m(self) -> float:
-        """Standard deviation of the magnitude: the radial half of the complex deviation."""
-        return self.sd_kg_m / math.sqrt(2.0)
+    def growing(self) -> bool:
+        """Whether the magnitude changes at a clear rate."""
+        return abs(self.rate_kg_m_s) > GROWING_SIGMAS * self.rate_sd_kg_m_s > 0.0
 
 
 class ImbalanceFilter:
@@ -81,16 +80,22 @@ class ImbalanceFilter:
         """The present estimate."""
         return self.ahead(0.0)
 
+    def at(self, t_ns: int, seconds: float = 0.0) -> Imbalance:
+        """The estimate ``seconds`` after ``t_ns``, if the rate holds."""
+        return self.ahead(seconds + (0.0 if self._t_ns is None else max(0.0, (t_ns - self._t_ns) * 1e-9)))
+
     def ahead(self, seconds: float) -> Imbalance:
-        """The estimate ``seconds`` on, if the rate holds."""
-        f = _transition(seconds)
-        mean, covariance = f @ self._mean, f @ self._covariance @ f.T
-        runout, unbalance, rate = mean.tolist()
-        deviation, rate_deviation = (float(np.sqrt(covariance[i, i].real)) for i in (1, 2))
-        outward = (rate * unbalance.conjugate()).real / max(abs(unbalance), 1e-9)
-        scale = self._normal_kg_m
-        return Imbalance(runout, unbalance * scale, deviation * scale, outward * scale,
-                         rate_deviation / math.sqrt(2.0) * scale)
+        """The estimate ``seconds`` on, if a clear rate holds; one that is not clear is taken for none."""
+        runout, unbalance, rate = self._mean.tolist()
+        now_sd, rate_sd = np.sqrt(np.diag(self._covariance).real[1:]).tolist()
+        outward, outward_sd = (rate * unbalance.conjugate()).real / max(abs(unbalance), 1e-9), rate_sd / math.sqrt(2.0)
+        sd = now_sd
+        if abs(outward) > GROWING_SIGMAS * outward_sd:
+            f = _transition(seconds)
+            unbalance, sd = unbalance + seconds * rate, math.sqrt((f @ self._covariance @ f.T)[1, 1].real)
+        size, scale = math.hypot(abs(unbalance), 0.5 * now_sd), self._normal_kg_m
+        return Imbalance(runout, unbalance * scale, size * scale, sd / math.sqrt(2.0) * scale, outward * scale,
+                         outward_sd * scale)
 
     def step(self, t_ns: int, forward_m: complex, response_m_per_kg_m: complex) -> Imbalance:
         """Take the forward first order ``forward_m`` of a window and the model's response at its operating point."""

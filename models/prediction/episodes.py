@@ -26,6 +26,7 @@ from firmware_py.records import Block, Quality, RigReading, RigStatus
 from models.prediction.truth import damping_ratio
 from sim_hil.build import Build
 from sim_hil.duty import RAD_S_PER_RPM, Duty
+from sim_hil.faults.machine import STARVED_SHARE, WEAR_M, worn_bore
 from sim_hil.machine import Batch, Machine
 from sim_hil.rigs import RigData, read_json
 from sim_hil.runs import Recording, recording_of, run
@@ -164,7 +165,7 @@ def play(rig: RigData, episode: Episode, rate_hz: int = 5000) -> Recording:
 
 
 def _severity(rig: RigData, episode: Episode, time_s: float) -> float:
-    share = (time_s - FAULT_START_S) / (SECONDS - FAULT_START_S)
+    share = max(0.0, time_s - FAULT_START_S) / (SECONDS - FAULT_START_S)
     start = 0.0
     if episode.fault == "unbalance":
         unit = 1e-3 * rig.rotor.effective_mass_kg / (6000.0 * RAD_S_PER_RPM)
@@ -202,12 +203,21 @@ def truth_at(rig: RigData, episode: Episode, recording: Recording, time_s: float
     x, y = recording.column("eccentricity_x_m")[rows], recording.column("eccentricity_y_m")[rows]
     load, clearance, viscosity = (float(recording.column(name)[rows].mean())
                                   for name in ("load_N", "clearance_m", "viscosity_Pa_s"))
-    _, ratio = damping_ratio(rig, float(speed.mean()), load, clearance, viscosity, episode.build)
+    carried, drop_m = _fault_of_film(rig, episode, time_s)
+    _, ratio = damping_ratio(rig, float(speed.mean()), load, clearance, viscosity * carried, episode.build)
     windage = float(np.mean(rig.windage_W_s3 * speed**3))
     swing = max(np.ptp(_at_rest(x + y)), np.ptp(_at_rest(y - x))) * math.sqrt(0.5)
     return Truth(float(power.mean()), float(swing),
                  float(recording.column("min_film_m")[rows].min()), ratio, load, float(power.mean()) - windage,
-                 clearance - math.hypot(float(x.mean()), float(y.mean())))
+                 clearance - math.hypot(float(x.mean()), float(y.mean()) + drop_m))
+
+
+def _fault_of_film(rig: RigData, episode: Episode, time_s: float) -> tuple[float, float]:
+    """What starvation leaves of the load that the film carries, and how far (m) wear has lowered the bore's middle."""
+    severity = _severity(rig, episode, time_s)
+    carried = (1.0 - STARVED_SHARE * severity) ** 2.5 if episode.fault == "starvation" else 1.0
+    _, drop_m = worn_bore(WEAR_M * severity if episode.fault == "wear" else 0.0, rig.bearing.clearance_nominal_m)
+    return carried, drop_m
 
 
 def _at_rest(signal: Floats) -> Floats:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import multiprocessing
+import os
 import time
 from collections.abc import Iterable
 from concurrent.futures import ProcessPoolExecutor
@@ -35,7 +36,7 @@ from sim_hil.rigs import load_rig
 
 JUDGE_SEED = 1_000_000
 """Added to the seed of judged episodes, so that no training sees them."""
-CHUNK = 40
+CHUNK = 80
 """Episodes between two checkpoints."""
 STATES = ("as_built", "zeroed")
 """Of the probes: see :func:`firmware_py.brain.intervals.state_of`."""
@@ -45,7 +46,7 @@ class PredictorSettings(Settings, frozen=True):
     """What ``orbitd train predictor`` does; every key may stand in the ``--config`` file."""
 
     rig: str = "bench"
-    episodes: int = 320
+    episodes: int = 2400
     judged_episodes: int = 40
     workers: int = 2
 
@@ -101,8 +102,8 @@ def judge(fitted: Fitted, rig_name: str, seed: int, episodes: int, workers: int)
 
 
 def evaluate(path: Path, seed: int, size: int | None, out: Path) -> dict[str, object]:
-    """``orbitd evaluate predictor``: the file at ``path`` on ``size`` (300) episodes, one core; keeps nothing."""
-    return judge(of_file(path), PredictorSettings().rig, seed, size or 300, workers=1)
+    """``orbitd evaluate predictor``: the file at ``path`` on ``size`` (300) episodes, every core; keeps nothing."""
+    return judge(of_file(path), PredictorSettings().rig, seed, size or 300, workers=len(os.sched_getaffinity(0)))
 
 
 def of_file(path: Path) -> Fitted:

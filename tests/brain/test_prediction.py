@@ -13,7 +13,15 @@ import pytest
 from firmware_py.brain.estimate import Estimate, Synchroniser
 from firmware_py.brain.film import Points
 from firmware_py.brain.intervals import IntervalFactors
-from firmware_py.brain.measurement import Errors, Instruments, Measured, contact_volt, information
+from firmware_py.brain.measurement import (
+    CARRIES,
+    Errors,
+    Instruments,
+    Measured,
+    contact_volt,
+    information,
+    starved_share,
+)
 from firmware_py.brain.prediction import CANDIDATES, HELD, Future, Predictor, slow_roll_forward
 from firmware_py.brain.unbalance import ImbalanceFilter
 from firmware_py.config import Config
@@ -127,14 +135,19 @@ def test_reading_the_same_moment_twice_teaches_nothing() -> None:
 
 
 def test_a_thinning_film_is_followed_and_foreseen() -> None:
-    """Starvation: the film's share falls by 6 % a second; the forecast goes on where the readings end."""
+    """Starvation: what the film carries falls by 6 % a second; the forecast goes on where the readings end."""
     synchroniser = Synchroniser(FILM, CONFIG)
     for i in range(1, 61):
         share = math.exp(-0.06 * 0.1 * i)
         case = (*CASES[0][:2], 50.0 - math.log(share) / CONFIG.oil.viscosity_slope_per_K, CASES[0][3])
-        m = dataclasses.replace(measure(*case, t_ns=i * 100_000_000), oil_outlet_C=50.0)
+        p, _ = truth(*case)
+        sheared_W = float(FILM.shear_torque(p, FILM.equilibrium(p)[0])[0] * p.speed_rad_s[0])
+        m = measure(*case, t_ns=i * 100_000_000)
+        m = dataclasses.replace(m, oil_outlet_C=50.0, shaft_power_W=m.shaft_power_W + sheared_W * starved_share(
+            math.log(share) / CARRIES))
         estimate = synchroniser.step(m)
-    ahead, covariance = estimate.ahead(2.0)
+    ahead, covariance, filled = estimate.ahead(2.0)
+    assert filled == pytest.approx(ahead[1] / CARRIES, abs=0.03)
     assert estimate.growing[0]
     assert ahead[1] == pytest.approx(-0.06 * 8.0, abs=3 * math.sqrt(covariance[1, 1]) + 0.02)
     assert ahead[1] < estimate.mean[1] - 0.06
@@ -241,13 +254,13 @@ def test_runout_and_unbalance_are_told_apart_once_the_speed_has_moved() -> None:
         FILM.steady(truth(rpm, 100.0, 50.0, 60e-6)[0]).response_m_per_kg_m[0]) for rpm in (3000.0, 6000.0, 11000.0)}
     for i in range(20):
         state = f.step(i * 250_000_000, runout + gains[3000.0] * unbalance, gains[3000.0])
-    assert state.sd_kg_m > 8e-6  # not identifiable yet, and it says so
+    assert state.size_sd_kg_m > 8e-6  # not identifiable yet, and it says so
     for rpm in (6000.0, 11000.0):
         for i in range(20):
             state = f.step((20 + i) * 250_000_000, runout + gains[rpm] * unbalance, gains[rpm])
     assert state.runout_m == pytest.approx(runout, abs=4e-7)
     assert state.unbalance_kg_m == pytest.approx(unbalance, abs=3e-6)
-    assert abs(state.unbalance_kg_m - unbalance) < 3 * state.sd_kg_m
+    assert abs(state.unbalance_kg_m - unbalance) < 3 * state.size_sd_kg_m
 
 
 def test_a_growing_unbalance_is_not_taken_for_runout() -> None:

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -105,7 +106,33 @@ def test_a_regime_never_recognised_takes_the_factors_of_all():
     calm = Said(**{**{name: getattr(said, name) for name in said.__dataclass_fields__},
                    "recognised": np.full(400, "steady")})
     factors = conformal(calm)
-    assert factors["fault"] == factors["steady"]
+    assert factors["fault"] == factors["ramp"] == factors["near_whirl"]
+    low, high = intervals(calm, dict.fromkeys(REGIMES, factors["fault"]))
+    assert ((low <= calm.true) & (calm.true <= high)).mean() == pytest.approx(0.9, abs=0.02)
+
+
+def test_a_regime_taken_for_another_is_covered_all_the_same():
+    """A fifth of the faults, with errors twice as large, is taken for steady: both true regimes get 90 %."""
+    def mistaken(seed):
+        said = spoken(8000, seed, 1.0)
+        fault = said.regime == "fault"
+        true = np.where(fault[:, None], said.expected + 2.0 * (said.true - said.expected), said.true)
+        unseen = fault & (np.random.default_rng(seed + 9).random(8000) < 1 / 5)
+        return replace(said, true=true, recognised=np.where(unseen, "steady", said.regime))
+
+    factors, fresh = conformal(mistaken(1)), mistaken(2)
+    low, high = intervals(fresh, factors)
+    inside = (low <= fresh.true) & (fresh.true <= high)
+    for regime in REGIMES:
+        assert inside[fresh.regime == regime].mean(axis=0) == pytest.approx(np.full(4, 0.9), abs=0.03)
+
+
+def test_the_worst_coverage_of_few_episodes_is_far_off_by_chance():
+    rng = np.random.default_rng(0)
+    few, many = (report(said, conformal(said), rival_widths(said), rng)["coverage_worst_points_off_by_chance"]
+                 for said in (spoken(600, 1, 1.0), spoken(12000, 1, 1.0)))
+    assert few["median"] > 3.0 > 1.5 > many["median"]
+    assert many["within_3_points"] > 0.95 > few["within_3_points"]
 
 
 def test_interval_score_by_hand():
