@@ -81,6 +81,12 @@ PREDICTOR = Prose(
         "The start matters: the slow shaft is what tells the power channel's offset from the oil's viscosity.",
         "The contact channel's law is known to 2 % here; the rig's data file gives no error for it.",
         "Growing faults are fast (seconds); slower ones are easier to follow and harder to see in ten seconds.",
+        "The first forecast comes 2.5 s after a fault's start: its rate is still underestimated, and the expected time "
+        "to a limit late.",
+        "The device knows the regime that it recognises (one fault in eight is not, yet); the factors are set so that "
+        "the true regimes are covered all the same.",
+        "Bounds are those of the filter's own noise model, which allows for more than this simulator does: errors may "
+        "lie below them.",
     ),
 )
 

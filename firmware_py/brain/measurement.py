@@ -10,7 +10,9 @@ A starved film carries less than it shears: of the viscosity it carries with (th
 What cannot be told apart: in an isothermal plain film the position follows from one number, the Sommerfeld
 number ``viscosity speed / load (R / c)^2``, so its Fisher information about load and viscosity is singular.
 Shaft power measures viscosity where friction is large against the channel's error, the oil temperature bounds
-it everywhere, and the contact resistance measures the smallest film, which tells position from clearance.
+it everywhere, and the contact resistance measures the smallest film, which tells position from clearance.  A
+starved film and a thinner oil differ in friction alone; wear of the bore and a drifting probe differ in the contact
+resistance alone.
 
 Source of the contact law: film resistance proportional to the smallest film, beside asperity contacts
 ``10 ohm exp(h / roughness)`` (Greenwood and Williamson 1966), behind a series resistor.

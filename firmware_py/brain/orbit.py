@@ -23,6 +23,8 @@ ORDERS: Final = 2
 PHASES: Final = 12
 FINE_PHASES: Final = 48
 ITERATIONS: Final = 6
+TOLERANCE: Final = 1e-3
+"""Of the load; smaller orbits are the linear ones."""
 STEP_MAX: Final = 0.15
 """Largest change in one pass, in clearances."""
 
@@ -86,17 +88,18 @@ def balanced(film: Film, points: Points, steady: Steady, unbalance_kg_m: Floats)
     at[:, 1] = steady.response_m_per_kg_m * unbalance_kg_m[:, None]
     inverse = _linear_inverse(steady, speed, inertia)
     step = before = np.zeros((n, 2 + 4 * ORDERS))
-    for _ in range(ITERATIONS):
-        force, _ = _turn(film, every, steady, at, speed)
+    for passed in range(ITERATIONS + 1):
+        force, power = _turn(film, every, steady, at, speed)
         rest = given.copy()
         rest[:, 0] += force.mean(axis=1)
         rest[:, 1:] += inertia[:, :, None] * at[:, 1:] + 2.0 * np.einsum("nki,hk->nhi", force, _TURN.conj()) / PHASES
         now = _real(rest)
+        if passed == ITERATIONS or (np.abs(now).max(axis=1) <= TOLERANCE * points.load_N).all():
+            break
         inverse = inverse + _broyden(inverse, step, now - before)
         step = -np.einsum("nij,nj->ni", inverse, now)
         step = step * np.minimum(1.0, STEP_MAX * unit / np.maximum(np.linalg.norm(step, axis=1, keepdims=True), 1e-15))
         at, before = at + _complex(step), now
-    force, power = _turn(film, every, steady, at, speed)
     return Orbit(at[:, 0].real, at[:, 1:], power)
 
 

@@ -46,7 +46,7 @@ class PredictorSettings(Settings, frozen=True):
     """What ``orbitd train predictor`` does; every key may stand in the ``--config`` file."""
 
     rig: str = "bench"
-    episodes: int = 2400
+    episodes: int = 2800
     judged_episodes: int = 40
     workers: int = 2
 

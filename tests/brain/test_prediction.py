@@ -153,6 +153,21 @@ def test_a_thinning_film_is_followed_and_foreseen() -> None:
     assert ahead[1] < estimate.mean[1] - 0.06
 
 
+def test_a_worn_bore_is_followed_by_its_film() -> None:
+    """Wear widens the bore and lowers its middle twice as much, which the probes cannot tell from their own zero."""
+    synchroniser, (rpm, load_N, oil_C, clearance_m) = Synchroniser(FILM, after_procedure(0.0)), CASES[0]
+    for i in range(1, 61):
+        worn_m = 0.2e-6 * 0.1 * i
+        m = measure(rpm, load_N, oil_C, clearance_m + worn_m, t_ns=i * 100_000_000)
+        estimate = synchroniser.step(dataclasses.replace(m, clearance_m=clearance_m,
+                                                         mean_y_m=m.mean_y_m - 2.0 * worn_m))
+    position, _, _ = FILM.equilibrium(truth(rpm, load_N, oil_C, clearance_m + worn_m)[0])
+    film_m, bound_m = synchroniser.static_film(m)
+    assert film_m == pytest.approx(clearance_m + worn_m - np.hypot(*position[0]), abs=max(0.4e-6, bound_m))
+    assert estimate.growing.tolist() == [False, True]
+    assert estimate.clearance_m - clearance_m == pytest.approx(worn_m, abs=0.5e-6)
+
+
 def test_more_load_and_speed_are_forecast_as_declared() -> None:
     predictor = Predictor(model(short_film()), CONFIG)
     m = measure(6000.0, 100.0, 50.0, 60e-6)
