@@ -22,9 +22,11 @@ Complexes = NDArray[np.complex128]
 ORDERS: Final = 2
 PHASES: Final = 12
 FINE_PHASES: Final = 48
-ITERATIONS: Final = 6
+ITERATIONS: Final = 14
 TOLERANCE: Final = 1e-3
 """Of the load; smaller orbits are the linear ones."""
+REACH_MAX: Final = 0.9
+"""Eccentricity ratio up to which the first guess may reach."""
 STEP_MAX: Final = 0.15
 """Largest change in one pass, in clearances."""
 
@@ -76,7 +78,10 @@ class Orbit:
 
 
 def balanced(film: Film, points: Points, steady: Steady, unbalance_kg_m: Floats) -> Orbit:
-    """Orbits of ``n`` operating points under ``unbalance_kg_m`` (n,), from the linear answer on."""
+    """Orbits of ``n`` operating points under ``unbalance_kg_m`` (n,), from the linear answer on: the best pass.
+
+    A pass that leaves more than the best one teaches the Jacobian and is taken back.
+    """
     n, speed, unit = len(points.load_N), points.speed_rad_s, points.clearance_m[:, None]
     inertia = film.mass_kg * (speed[:, None] * np.arange(1, ORDERS + 1)) ** 2
     given = np.zeros((n, ORDERS + 1, 2), np.complex128)
@@ -84,23 +89,40 @@ def balanced(film: Film, points: Points, steady: Steady, unbalance_kg_m: Floats)
     given[:, 1] = (unbalance_kg_m * speed**2)[:, None] * np.array([1.0, -1.0j])
     every = Points(*(np.repeat(column, PHASES) for column in
                      (speed, points.clearance_m, points.viscosity_Pa_s, points.load_N)))
-    at = np.zeros_like(given)
-    at[:, 1] = steady.response_m_per_kg_m * unbalance_kg_m[:, None]
     inverse = _linear_inverse(steady, speed, inertia)
-    step = before = np.zeros((n, 2 + 4 * ORDERS))
-    for passed in range(ITERATIONS + 1):
-        force, power = _turn(film, every, steady, at, speed)
-        rest = given.copy()
-        rest[:, 0] += force.mean(axis=1)
-        rest[:, 1:] += inertia[:, :, None] * at[:, 1:] + 2.0 * np.einsum("nki,hk->nhi", force, _TURN.conj()) / PHASES
-        now = _real(rest)
-        if passed == ITERATIONS or (np.abs(now).max(axis=1) <= TOLERANCE * points.load_N).all():
+    best = step = np.zeros((n, 2 + 4 * ORDERS))
+    least, rest = np.full(n, np.inf), np.zeros_like(best)
+    power = np.zeros(n)
+    tried = _first_guess(points, steady, unbalance_kg_m)
+    for _ in range(ITERATIONS):
+        at = _complex(tried)
+        force, dear = _turn(film, every, steady, at, speed)
+        left = given.copy()
+        left[:, 0] += force.mean(axis=1)
+        left[:, 1:] += inertia[:, :, None] * at[:, 1:] + 2.0 * np.einsum("nki,hk->nhi", force, _TURN.conj()) / PHASES
+        now = _real(left)
+        inverse = inverse + _broyden(inverse, step, now - rest)
+        size = np.linalg.norm(now, axis=1) / points.load_N
+        better = size < least
+        best, rest = np.where(better[:, None], tried, best), np.where(better[:, None], now, rest)
+        least, power = np.minimum(size, least), np.where(better, dear, power)
+        if (least <= TOLERANCE).all():
             break
-        inverse = inverse + _broyden(inverse, step, now - before)
-        step = -np.einsum("nij,nj->ni", inverse, now)
+        step = -np.einsum("nij,nj->ni", inverse, rest)
         step = step * np.minimum(1.0, STEP_MAX * unit / np.maximum(np.linalg.norm(step, axis=1, keepdims=True), 1e-15))
-        at, before = at + _complex(step), now
+        tried = best + step
+    at = _complex(best)
     return Orbit(at[:, 0].real, at[:, 1:], power)
+
+
+def _first_guess(points: Points, steady: Steady, unbalance_kg_m: Floats) -> Floats:
+    """The linear orbit, drawn together where it would reach beyond :data:`REACH_MAX`."""
+    first = steady.response_m_per_kg_m * unbalance_kg_m[:, None]
+    room = REACH_MAX * points.clearance_m - np.hypot(*steady.position_m.T)
+    first = first * np.minimum(1.0, np.maximum(room, 0.0) / np.maximum(np.abs(first).max(axis=1), 1e-15))[:, None]
+    at = np.zeros((len(first), ORDERS + 1, 2), np.complex128)
+    at[:, 1] = first
+    return _real(at)
 
 
 def _turn(film: Film, every: Points, steady: Steady, at: Complexes, speed: Floats) -> tuple[Floats, Floats]:

@@ -56,7 +56,8 @@ def _factors(said: Said, errors: Floats) -> dict[str, float]:
         for regime in known:
             true = said.regime == regime
             if true.any():
-                level = levels[regime] + 0.5 * (float(np.mean(missed[true])) - (1.0 - SIDE))
+                share = (float(missed[true].sum()) + 1.0) / (true.sum() + 1.0)
+                level = levels[regime] + 0.5 * (share - (1.0 - SIDE))
                 levels[regime] = min(max(level, LEVELS[0]), LEVELS[1])
     return factor
 

@@ -45,3 +45,13 @@ def test_a_large_orbit_is_that_of_the_time_simulation(case: tuple[float, float, 
     assert np.hypot(*shift) > 0.4e-6
     assert orbit.shift_m[0] == pytest.approx(shift, abs=0.2 * np.hypot(*shift))
     assert orbit.min_film_m(p, steady) == pytest.approx(motion.min_film_m(1), abs=0.5e-6)
+
+
+def test_an_unbalance_beyond_what_the_gap_holds_keeps_a_sane_orbit() -> None:
+    """The linear orbit would be twice as wide as the gap."""
+    p = points(9000.0, 60.0, 90e-6)
+    steady = FILM.steady(p)
+    response = np.abs(steady.response_m_per_kg_m).max()
+    orbit = balanced(FILM, p, steady, np.array([2.0 * 90e-6 / response]))
+    assert 40e-6 < np.abs(orbit.first_m).max() < 90e-6
+    assert 0.0 < orbit.power_W[0] < steady.power_W[0]
