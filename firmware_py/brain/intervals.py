@@ -9,8 +9,12 @@ from __future__ import annotations
 from typing import Final
 
 import msgspec
+import numpy as np
+from numpy.typing import NDArray
 
 from firmware_py.config import Config
+
+Floats = NDArray[np.float64]
 
 REGIMES: Final = ("steady", "ramp", "near_whirl", "fault")
 QUANTITIES: Final = ("power_W", "peak_to_peak_m", "min_film_m", "whirl_margin")
@@ -41,3 +45,21 @@ class IntervalFactors(msgspec.Struct, frozen=True):
 def state_of(config: Config) -> str:
     """``zeroed`` after the slow-roll and zero procedure of the probes, else ``as_built``."""
     return "zeroed" if all(channel.zeroed for channel in config.channel[:2]) else "as_built"
+
+
+def sigma_points(mean: Floats, covariance: Floats) -> Floats:
+    """(7, 3): expected, and one deviation along each column of the covariance's root."""
+    root = np.linalg.cholesky(covariance + 1e-12 * np.eye(len(mean)))
+    return np.asarray(mean + np.concatenate([np.zeros((1, len(mean))), root.T, -root.T]))
+
+
+def deviation_of(values: Floats, model: Floats) -> Floats:
+    """Standard deviation (n,) from the seven sigma points (n, 7) and a model error (n,)."""
+    reach = 0.5 * (values[:, 1:4] - values[:, 4:7])
+    return np.asarray(np.sqrt(np.sum(reach**2, axis=1) + model**2))
+
+
+def interval(expected: Floats, deviation: Floats, factors: list[tuple[float, float]]) -> Floats:
+    """(n, 3) low, expected, high."""
+    low, high = np.array(factors).T
+    return np.column_stack([expected - low * deviation, expected, expected + high * deviation])

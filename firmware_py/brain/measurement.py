@@ -13,9 +13,6 @@ Shaft power measures viscosity where friction is large against the channel's err
 it everywhere, and the contact resistance measures the smallest film, which tells position from clearance.  A
 starved film and a thinner oil differ in friction alone; wear of the bore and a drifting probe differ in the contact
 resistance alone.
-
-Source of the contact law: film resistance proportional to the smallest film, beside asperity contacts
-``10 ohm exp(h / roughness)`` (Greenwood and Williamson 1966), behind a series resistor.
 """
 
 from __future__ import annotations
@@ -28,11 +25,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_py.acquire.windows import ChannelMap
+from firmware_py.brain.contact import contact_volt, roughness_volt
 from firmware_py.brain.film import Film, Points
 from firmware_py.brain.intervals import state_of
 from firmware_py.brain.orbit import Orbit, balanced
 from firmware_py.config import Config
-from firmware_py.config.schema import Contact
 
 Floats = NDArray[np.float64]
 
@@ -41,8 +38,6 @@ PARAMETERS: Final = 10
 ROWS: Final = ("position_x", "position_y", "shaft_power", "contact")
 UM: Final = 1e-6
 
-ROUGHNESS_M: Final = (0.5e-6, 1.0e-6)
-ASPERITY_OHM: Final = 10.0
 CLEARANCE_NOISE_UM: Final = 0.2
 POSITION_MODEL_UM: Final = 0.1
 """Mean of an orbit against the static position, and the surrogate's own error."""
@@ -186,7 +181,7 @@ class Instruments:
         amplitude_m = max(0.0, 0.5 * measured.peak_to_peak_m - RUNOUT_M)
         curved_um = ORBIT_CURVATURE * amplitude_m**2 / measured.clearance_m / UM
         position = math.hypot(POSITION_MODEL_UM, curved_um)
-        volt = math.hypot(CONTACT_NOISE_V, self._roughness_V(values[3]))
+        volt = math.hypot(CONTACT_NOISE_V, 0.0 if self._contact is None else roughness_volt(self._contact, values[3]))
         own = np.array([position, position, math.hypot(POWER_MODEL[0], POWER_MODEL[1] * values[2]),
                         math.hypot(volt, curved_um * slopes[3, CLEARANCE])])
         reported = CLEARANCE_NOISE_UM * slopes[:, CLEARANCE]
@@ -208,27 +203,10 @@ class Instruments:
     def _volt(self, film_m: Floats) -> Floats:
         return np.zeros_like(film_m) if self._contact is None else contact_volt(self._contact, film_m)
 
-    def _roughness_V(self, volt: float) -> float:
-        """Deviation of the voltage that comes from the unknown roughness of the surfaces."""
-        if self._contact is None:
-            return 0.0
-        film = np.array([self._contact.circuit_ohm * volt / max(self._contact.circuit_V - volt, 1e-3)])
-        film_m = film / self._contact.film_ohm_per_m
-        smooth, rough = (contact_volt(self._contact, film_m, sigma)[0] for sigma in ROUGHNESS_M)
-        return float(abs(smooth - rough)) / (2.0 * _FLAT)
-
 
 def starved_share(log_filled: float) -> float:
     """Friction beyond the film's own, over the shear torque at the viscosity with which it carries."""
     return math.exp((1.0 - CARRIES) * log_filled) - 1.0
-
-
-def contact_volt(contact: Contact, film_m: Floats, roughness_m: float = 0.5 * sum(ROUGHNESS_M)) -> Floats:
-    """Voltage of the contact channel over the smallest film (m)."""
-    film = contact.film_ohm_per_m * np.maximum(film_m, 1e-9)
-    asperity = ASPERITY_OHM * np.exp(np.minimum(film_m / roughness_m, 60.0))
-    parallel = 1.0 / (1.0 / film + 1.0 / asperity)
-    return np.asarray(contact.circuit_V * parallel / (parallel + contact.circuit_ohm))
 
 
 def information(

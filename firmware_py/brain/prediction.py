@@ -20,7 +20,15 @@ from numpy.typing import NDArray
 from firmware_py.acquire.windows import MAX_SECONDS, MIN_SECONDS, TURNS, ChannelMap
 from firmware_py.brain.estimate import Estimate, Synchroniser
 from firmware_py.brain.film import Film, Points, Steady
-from firmware_py.brain.intervals import NEAR_WHIRL, SIGMA_90, IntervalFactors, state_of
+from firmware_py.brain.intervals import (
+    NEAR_WHIRL,
+    SIGMA_90,
+    IntervalFactors,
+    deviation_of,
+    interval,
+    sigma_points,
+    state_of,
+)
 from firmware_py.brain.measurement import CLEARANCE, UM, VISCOSITY, Measured, starved_share
 from firmware_py.brain.orbit import balanced
 from firmware_py.brain.store import Model
@@ -205,7 +213,7 @@ class Predictor:
     def _points(self, measured: Measured, estimate: Estimate, every: Floats, future: Future) -> Points:
         """Sigma points of every clearance at the end of ``future``."""
         mean, covariance, _ = estimate.ahead(future.seconds)
-        sigma = _sigma_points(mean, covariance)
+        sigma = sigma_points(mean, covariance)
         k, n = len(sigma), len(every)
         law = self._oil.viscosity_Pa_s(measured.oil_outlet_C)
         load = np.clip(np.exp(sigma[:, 0]) + future.load_change_N, *self._load_range_N)
@@ -254,11 +262,11 @@ class Predictor:
                   (film - half_m).reshape(shape), steady.damping_ratio.reshape(shape)]
         model = [POWER_ERROR * values[0][:, 0], np.hypot(uncertain * orbit, SWING_ERROR_M),
                  np.hypot(0.5 * uncertain * orbit, FILM_ERROR_M), np.full(len(every), MARGIN_ERROR)]
-        deviation = np.column_stack([_deviation(v, m) for v, m in zip(values, model, strict=True)])
+        deviation = np.column_stack([deviation_of(v, m) for v, m in zip(values, model, strict=True)])
         whirling = (values[3][:, 0] < NEAR_WHIRL) & (regime != "fault")
         regimes = tuple("near_whirl" if near else regime for near in whirling)
         power, swing, least, margin = (
-            _interval(values[i][:, 0], deviation[:, i], [self._factors.of(self._state, r, name) for r in regimes])
+            interval(values[i][:, 0], deviation[:, i], [self._factors.of(self._state, r, name) for r in regimes])
             for i, name in enumerate(("power_W", "peak_to_peak_m", "min_film_m", "whirl_margin")))
         possible = np.asarray(steady.converged.reshape(shape).all(axis=1))
         residual_m = max(0.0, measured.peak_to_peak_m - float(swing[-1, 1]))
@@ -291,24 +299,6 @@ def slow_roll_forward(config: Config) -> complex:
     probes = [c.slow_roll_um * UM * np.exp(1j * math.radians(c.slow_roll_deg)) for c in config.channel[:2]]
     x, y = (ChannelMap.from_config(config).to_xy @ np.array(probes)).tolist()
     return 0.5 * complex(x + 1j * y)
-
-
-def _sigma_points(mean: Floats, covariance: Floats) -> Floats:
-    """(7, 3): expected, and one deviation along each column of the covariance's root."""
-    root = np.linalg.cholesky(covariance + 1e-12 * np.eye(len(mean)))
-    return np.asarray(mean + np.concatenate([np.zeros((1, len(mean))), root.T, -root.T]))
-
-
-def _deviation(values: Floats, model: Floats) -> Floats:
-    """Standard deviation (n,) from the seven sigma points (n, 7) and a model error (n,)."""
-    reach = 0.5 * (values[:, 1:4] - values[:, 4:7])
-    return np.asarray(np.sqrt(np.sum(reach**2, axis=1) + model**2))
-
-
-def _interval(expected: Floats, deviation: Floats, factors: list[tuple[float, float]]) -> Floats:
-    """(n, 3) low, expected, high."""
-    low, high = np.array(factors).T
-    return np.column_stack([expected - low * deviation, expected, expected + high * deviation])
 
 
 def _crossing(room: Floats) -> float:

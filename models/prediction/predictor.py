@@ -21,9 +21,10 @@ import msgspec
 import numpy as np
 
 from firmware_py import config as configuration
+from firmware_py.brain.contact import contact_volt
 from firmware_py.brain.film import Film
 from firmware_py.brain.intervals import IntervalFactors
-from firmware_py.brain.measurement import Errors, Instruments, Measured, contact_volt, information
+from firmware_py.brain.measurement import Errors, Instruments, Measured, information
 from firmware_py.brain.prediction import Predictor
 from firmware_py.brain.store import Model, load_model
 from firmware_py.config import Config

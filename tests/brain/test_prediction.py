@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from firmware_py.brain.contact import contact_volt
 from firmware_py.brain.estimate import Estimate, Synchroniser
 from firmware_py.brain.film import Points
 from firmware_py.brain.intervals import IntervalFactors
@@ -18,7 +19,6 @@ from firmware_py.brain.measurement import (
     Errors,
     Instruments,
     Measured,
-    contact_volt,
     information,
     starved_share,
 )
