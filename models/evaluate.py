@@ -95,10 +95,12 @@ def _classifier(path: Path, args: argparse.Namespace) -> dict[str, object]:
 
 
 def _measured(args: argparse.Namespace) -> dict[str, object]:
-    from models.diagnosis import measured
+    from models.diagnosis import measured, measured_normal
     from models.diagnosis.dataset_folder import read_folder
+    from models.diagnosis.measured_features import windows_of
 
-    return measured.evaluate(measured.windows_of(read_folder(args.data, args.group)), args.seed)
+    data = windows_of(read_folder(args.data, args.group))
+    return {**measured.evaluate(data, args.seed), "fit_normal_then_detect": measured_normal.detect(data)}
 
 
 def _actor(path: Path, args: argparse.Namespace) -> dict[str, object]:

@@ -25,7 +25,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Measured:
-    """One recording: samples ``(n, channels)`` in SI, its label, and the group that never crosses a split."""
+    """One recording: samples ``(n, channels)`` in SI, its label, the group that never crosses a split, its machine."""
 
     name: str
     samples: Floats
@@ -33,6 +33,7 @@ class Measured:
     channels: tuple[str, ...]
     label: str
     group: str
+    machine: str = ""
 
 
 def read_folder(folder: Path, group: str = "group") -> list[Measured]:
@@ -96,7 +97,8 @@ def _recording(folder: Path, number: int, row: dict[str, str], group: str) -> Me
             f"{place}: {row['file']}: {len(bad)} samples are not finite, the first in row {bad[0][0]}, channel "
             f"{channels[bad[0][1]]}; cut them out or drop the recording"
         )
-    return Measured(row["file"], samples, rate, channels, row["label"].strip(), row[group].strip())
+    return Measured(row["file"], samples, rate, channels, row["label"].strip(), row[group].strip(),
+                    (row.get("machine") or "").strip())  # fmt: skip
 
 
 def _samples(path: Path, place: str) -> Floats:

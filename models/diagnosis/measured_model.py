@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from models import export
-from models.diagnosis import measured
+from models.diagnosis import measured, measured_normal
 from models.diagnosis.dataset_folder import read_folder
 from models.diagnosis.measured import Network
+from models.diagnosis.measured_features import window_samples, windows_of
 from models.film.reduced_network import Perceptron
 from models.runs import Run, Settings
 
@@ -50,21 +51,23 @@ class MeasuredGraph(nn.Module):
 
 
 def train(run: Run, settings: MeasuredSettings) -> dict[str, object]:
-    """Judge by leaving groups out, then train the regression on everything and export it."""
+    """Judge by leaving groups out, then train the rung that all groups choose on everything and export it."""
     found = read_folder(Path(settings.data), settings.group)
-    data = measured.windows_of(found)
-    report = measured.evaluate(data, run.seed)
-    network = measured.fit_regression(data.features, data.label, len(data.labels), run.seed)
-    module, x = MeasuredGraph(network), data.features.astype(np.float32)
+    data = windows_of(found)
+    report = measured.evaluate(data, run.seed) | {"fit_normal_then_detect": measured_normal.detect(data)}
+    chosen = measured.choose(data, np.arange(len(data)), run.seed)
+    view, fit = measured.RUNGS[chosen]
+    network = fit(data.views[view], data.label, len(data.labels), run.seed)
+    module, x = MeasuredGraph(network), data.views[view].astype(np.float32)
     metadata = export.Metadata(
-        kind="measured classifier", version="0.1.0", inputs=[f"feature {i}" for i in range(x.shape[1])],
+        kind="measured classifier", version="0.1.0", inputs=[f"{view} {i}" for i in range(x.shape[1])],
         outputs=("classes",), units=(), channels=found[0].channels, rigs=(), domain={},
-        rate_hz=(round(found[0].rate_hz),), window={"samples": float(measured.window_samples(found[0].rate_hz))},
-        data_hash=export.data_hash(data.features, data.label, data.group), metrics=report,
-        settings={"labels": list(data.labels)},
+        rate_hz=(round(found[0].rate_hz),), window={"samples": float(window_samples(found[0].rate_hz))},
+        data_hash=export.data_hash(x, data.label, data.group), metrics=report,
+        settings={"labels": list(data.labels), "view": view},
     )  # fmt: skip
     export.export(module, torch.from_numpy(x[:2]), run.model, input_name="features", output_names=("classes",),
                   metadata=metadata)  # fmt: skip
-    report |= {"export_parity": export.parity(module, run.model, x), "trained": "logistic regression, spectra"}
+    report |= {"export_parity": export.parity(module, run.model, x), "trained": chosen}
     run.write_json("measured_model.json", report)
     return report

@@ -20,17 +20,19 @@ from models.diagnosis.dataset_folder import TABLE
 
 AXES = "acc_x acc_y acc_z"
 VIBRATION_HZ = 99.5
+FAN = {1: "weights on adjacent blades", 2: "weights at 90 degrees", 3: "normal"}
+"""Configurations; in the third the weights are opposite each other and cancel."""
 
 Row = dict[str, str | float]
 Item = tuple[NDArray[np.float32], Row]
 
 
 def fan(data: Path) -> Iterator[Item]:
-    """Fan with weights in three configurations at a commanded speed; 50 Hz, three axes, m/s2."""
+    """Fan with two weights at a commanded speed; 50 Hz, three axes, m/s2."""
     with np.load(data / "fan_unbalance" / "fan.npz") as stored:
         for acc, config, speed in zip(stored["acc_mg"], stored["config"], stored["speed_pct"], strict=True):
             samples = (acc * (9.80665e-3)).astype(np.float32)
-            row: Row = {"label": f"configuration {config}", "group": f"{speed} %", "rate_hz": 50.0, "channels": AXES}
+            row: Row = {"label": FAN[int(config)], "group": f"{speed} %", "rate_hz": 50.0, "channels": AXES}
             yield samples, row
 
 
