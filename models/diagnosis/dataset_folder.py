@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import hashlib
 import math
 import zipfile
 from collections import Counter
@@ -54,7 +55,9 @@ def read_folder(folder: Path, group: str = "group") -> list[Measured]:
         raise DatasetError(f"{folder / TABLE}: names no recording; add a row for each file")
     found = [_recording(folder, number, row, group) for number, row in rows]
     _check_alike(found)
+    _check_spelling(found, group)
     _check_labels(found, group)
+    _check_copies(found)
     return found
 
 
@@ -124,6 +127,36 @@ def _check_alike(found: list[Measured]) -> None:
                 f"{odd.name}: {what} = {getattr(odd, what)}, most recordings have {values.most_common(1)[0][0]}; "
                 "bring all to one, or make a folder for each"
             )
+
+
+def _check_spelling(found: list[Measured], group: str) -> None:
+    """Refuse labels and groups that a person means as one: 20 and 20.0 would stand on both sides of a split."""
+    for what, column in (("label", "label"), ("group", group)):
+        spelled: dict[str, str] = {}
+        for recording in found:
+            value = getattr(recording, what)
+            other = spelled.setdefault(_meant(value), value)
+            if other != value:
+                raise DatasetError(f"{recording.name}: {column} {value!r}, another recording has {other!r}: spell them "
+                                   "alike if they are one, or tell them apart by more")
+
+
+def _meant(value: str) -> str:
+    """The same for all spellings of one number or word."""
+    try:
+        return repr(float(value))
+    except ValueError:
+        return " ".join(value.casefold().replace("_", " ").replace("-", " ").split())
+
+
+def _check_copies(found: list[Measured]) -> None:
+    """Refuse the same samples twice: under two labels one is wrong, under two groups both sides would hold them."""
+    seen: dict[bytes, Measured] = {}
+    for recording in found:
+        first = seen.setdefault(hashlib.sha256(recording.samples.tobytes()).digest(), recording)
+        if first is not recording:
+            raise DatasetError(f"{recording.name}: the same samples as {first.name} (label {first.label}, group "
+                               f"{first.group}); keep one of them")
 
 
 def _check_labels(found: list[Measured], group: str) -> None:

@@ -56,6 +56,8 @@ def test_text_files_are_read(tmp_path):
         ({"file": "1.wav"}, r"neither .npz nor .csv"),
         ({"file": "0.npz"}, r"0.npz: stands 2 times"),
         ({"label": "c"}, r"label c has 1 recording"),
+        ({"label": "B "}, r"1.npz: label 'B', another recording has 'b'|3.npz: label 'b', another recording has 'B'"),
+        ({"group": "G0"}, r"1.npz: group 'G0', another recording has 'g0': spell them alike"),
     ],
 )
 def test_bad_entries_are_refused(tmp_path, changed, match):
@@ -76,6 +78,17 @@ def test_nan_and_short_recordings_are_refused(tmp_path):
     refusal(tmp_path, r"2.npz: 1 samples are not finite, the first in row 3, channel y")
     np.savez(tmp_path / "2.npz", samples=np.ones((10, 2)))
     refusal(tmp_path, "has 10 samples, at least 64")
+
+
+def test_numbers_that_are_one_are_one_group(tmp_path):
+    rows = [[f"{i}.npz", ("a", "b")[i % 2], ("20", "20.0", "30", "30")[i], "100", "x y", "b0"] for i in range(4)]
+    refusal(folder(tmp_path, rows), r"1.npz: group '20.0', another recording has '20'")
+
+
+def test_a_copy_is_refused_with_the_name_of_its_original(tmp_path):
+    folder(tmp_path)
+    np.savez(tmp_path / "3.npz", samples=np.load(tmp_path / "0.npz")["samples"])
+    refusal(tmp_path, r"3.npz: the same samples as 0.npz \(label a, group g0\); keep one")
 
 
 def test_one_label_and_one_group_are_refused(tmp_path):
