@@ -95,7 +95,8 @@ def softmax(z: Floats) -> Floats:
 
 FOREST: Final = ("16 bands", fit_forest)
 """The baseline: what the public recordings come with."""
-RUNGS: Final[dict[str, tuple[str, Callable[[Floats, Indices, int, int], Network]]]] = {
+Rungs = dict[str, tuple[str, Callable[[Floats, Indices, int, int], Network]]]
+RUNGS: Final[Rungs] = {
     f"{name}, {view}": (view, fit)
     for name, fit in (("logistic regression", fit_regression), ("network", fit_network))
     for view in ("2 bands", "16 bands", "64 bands", "spectra")
@@ -103,7 +104,7 @@ RUNGS: Final[dict[str, tuple[str, Callable[[Floats, Indices, int, int], Network]
 """Simplest first."""
 
 
-def evaluate(data: Windows, seed: int = 0) -> dict[str, object]:
+def evaluate(data: Windows, seed: int = 0, rungs: Rungs = RUNGS) -> dict[str, object]:
     """The chosen rung, every rung and the forest with each group left out once; balanced accuracy of windows.
 
     Raises
@@ -116,7 +117,7 @@ def evaluate(data: Windows, seed: int = 0) -> dict[str, object]:
         raise DatasetError("no group shares its class with another: nothing can be judged; choose another group column")
     classes, every = len(data.labels), np.arange(len(data))
     forest = _left_out(data, every, seed, *FOREST)
-    chosen, names = _chosen_left_out(data, seed)
+    chosen, names = _chosen_left_out(data, seed, rungs)
     report: dict[str, object] = {
         "windows": len(rows), "recordings": len(np.unique(data.recording[rows])), "groups_left_out": len(data.groups),
         "labels": list(data.labels), "majority_share": round(float(np.bincount(data.label[rows]).max() / len(rows)), 4),
@@ -126,14 +127,14 @@ def evaluate(data: Windows, seed: int = 0) -> dict[str, object]:
             "confusion": _confusion(data.label[rows], chosen[rows], classes)},
     }  # fmt: skip
     return report | {name: _figures(data, rows, _left_out(data, every, seed, *rung), forest)
-                     for name, rung in RUNGS.items()}  # fmt: skip
+                     for name, rung in rungs.items()}  # fmt: skip
 
 
-def choose(data: Windows, part: Indices, seed: int) -> str:
+def choose(data: Windows, part: Indices, seed: int, rungs: Rungs = RUNGS) -> str:
     """The simplest rung that no other beats by :data:`MARGIN` with groups of ``part`` left out, fold by fold."""
     groups = np.random.default_rng(seed).permutation(np.unique(data.group[part]))
     scores = {name: _inner_score(data, part, np.array_split(groups, min(INNER_FOLDS, len(groups))), seed, *rung)
-              for name, rung in RUNGS.items()}  # fmt: skip
+              for name, rung in rungs.items()}  # fmt: skip
     best = max(scores.values())
     return next(name for name, score in scores.items() if score >= best - MARGIN)
 
@@ -163,12 +164,12 @@ def _left_out(data: Windows, part: Indices, seed: int, view: str, fit: Fit) -> I
     return named
 
 
-def _chosen_left_out(data: Windows, seed: int) -> tuple[Indices, list[str]]:
+def _chosen_left_out(data: Windows, seed: int, rungs: Rungs) -> tuple[Indices, list[str]]:
     """As :func:`_left_out` with the rung that the other groups choose, and what they chose."""
     named, names = np.full(len(data), -1, np.intp), []
     for train, test in folds(data, np.arange(len(data))):
-        names.append(choose(data, train, seed))
-        named[test] = _named(data, train, test, seed, *RUNGS[names[-1]])
+        names.append(choose(data, train, seed, rungs))
+        named[test] = _named(data, train, test, seed, *rungs[names[-1]])
     return named, names
 
 

@@ -56,8 +56,9 @@ def windows_of(found: list[Measured]) -> Windows:
                 rows[name].append(view(window, recording.rate_hz))
             told.append((labels.index(recording.label), groups.index(recording.group), number,
                          machines.index(recording.machine)))  # fmt: skip
-    columns = np.array(told, np.intp).T
-    return Windows({name: np.array(found) for name, found in rows.items()}, *columns, labels, groups, machines)
+    label, group, of, machine = np.array(told, np.intp).T
+    views = {name: np.array(found) for name, found in rows.items()}
+    return Windows(views, label, group, of, machine, labels, groups, machines)
 
 
 def window_samples(rate_hz: float) -> int:

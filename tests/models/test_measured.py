@@ -45,7 +45,7 @@ def test_labels_that_say_nothing_are_not_told():
     assert measured.balanced(data.label, measured._left_out(data, np.arange(32), 0, *measured.FOREST)) < 0.8
 
 
-def test_the_choice_sees_only_the_groups_of_its_part(monkeypatch):
+def test_the_choice_sees_only_the_groups_of_its_part():
     data = windows_of(recordings(55.0))
     seen = []
 
@@ -53,9 +53,8 @@ def test_the_choice_sees_only_the_groups_of_its_part(monkeypatch):
         seen.append(len(x))
         return measured.fit_regression(x, label, classes, seed)
 
-    monkeypatch.setattr(measured, "RUNGS", {"spy": ("2 bands", spy)})
     part = np.flatnonzero(data.group != 0)
-    assert measured.choose(data, part, 0) == "spy"
+    assert measured.choose(data, part, 0, {"spy": ("2 bands", spy)}) == "spy"
     assert seen == [16] * 3, "three groups of eight windows, one of them held out each time"
 
 
@@ -121,3 +120,32 @@ def test_public_fan_recordings_by_speed(tmp_path):
                        for rung in (measured.FOREST, measured.RUNGS["network, 2 bands"]))
     assert forest > 0.75
     assert network > forest
+
+
+def test_a_folder_of_ones_own_is_trained_and_judged_from_the_command_line(tmp_path, capsys):
+    import csv
+    import json
+
+    import onnx
+
+    from models import evaluate, train
+
+    folder = tmp_path / "rig"
+    folder.mkdir()
+    with (folder / "recordings.csv").open("w", newline="") as stream:
+        table = csv.writer(stream)
+        table.writerow(["file", "label", "group", "rate_hz", "channels"])
+        for r in recordings(75.0, 3, labels=("normal", "loose")):
+            np.savez(folder / f"{r.name}.npz", samples=r.samples)
+            table.writerow([f"{r.name}.npz", r.label, r.group, r.rate_hz, "x y"])
+    given = ["classifier", "--data", str(folder)]
+    assert train.main([*given, "--smoke", "--out", str(tmp_path / "runs")]) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report["trained"] == "logistic regression, 2 bands"
+    assert report["export_parity"] < 1e-6
+    model = onnx.load(next((tmp_path / "runs").rglob("measured_model.onnx")))
+    metadata = {entry.key: entry.value for entry in model.metadata_props}
+    assert json.loads(metadata["settings"]) == {"labels": ["loose", "normal"], "view": "2 bands"}
+    (folder / "recordings.csv").write_text("file,label\n")
+    assert evaluate.main([*given, "--json"]) == 2
+    assert "lacks the columns group, rate_hz, channels" in capsys.readouterr().err
