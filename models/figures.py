@@ -1,48 +1,19 @@
-"""Figures of a run; matplotlib is imported here alone."""
+"""Figures of a run: classifier and actor."""
 
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-import matplotlib
 import numpy as np
 from numpy.typing import NDArray
 
 from models.diagnosis.scores import CALIBRATION_BINS, Decisions, severity_grid
-from models.film.states import JudgedFilms
-
-matplotlib.use("Agg")
-from matplotlib import pyplot
+from models.panel import panel as _figure
 
 Floats = NDArray[np.float64]
-
-
-def _figure(path: Path, draw: Callable[[Any], None], *, x: str, y: str) -> None:
-    """One labelled panel as PNG."""
-    figure, axes = pyplot.subplots(figsize=(6.0, 4.0), layout="constrained")
-    draw(axes)
-    axes.set_xlabel(x)
-    axes.set_ylabel(y)
-    axes.grid(alpha=0.3)
-    figure.savefig(path, dpi=120)
-    pyplot.close(figure)
-
-
-def surrogate(folder: Path, judged: JudgedFilms, force: Floats) -> None:
-    """Relative force error against eccentricity, over the direction of the squeeze velocity."""
-    eps, gamma = np.hypot(*judged.ab.T), np.degrees(np.arctan2(judged.ab[:, 1], judged.ab[:, 0]))
-    error = 100.0 * np.hypot(*(force - judged.force).T) / np.hypot(*judged.force.T)
-
-    def draw(axes: Any) -> None:
-        points = axes.scatter(eps, error, c=gamma, s=10, cmap="viridis")
-        axes.set_yscale("log")
-        axes.figure.colorbar(points, label="angle from eccentricity to squeeze velocity, deg")
-
-    _figure(folder / "error_over_eccentricity.png", draw, x="eccentricity ratio", y="relative force error, %")
 
 
 def classifier(folder: Path, decisions: Decisions) -> None:

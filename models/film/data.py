@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from models.film.parallel import each
 from sim_hil.film.force import film_force
 
 Floats = NDArray[np.float64]
@@ -39,13 +40,7 @@ def draw_points(count: int, eccentricity_max: float, rng: np.random.Generator) -
     return np.stack([eps * np.cos(angle), eps * np.abs(np.sin(angle))], axis=1)
 
 
-def solve_points(
-    ab: Floats,
-    *,
-    length_over_diameter: float,
-    grid: tuple[int, int],
-    progress: Callable[[int], None] | None = None,
-) -> FilmSamples:
+def solve_points(ab: Floats, *, length_over_diameter: float, grid: tuple[int, int]) -> FilmSamples:
     """Reynolds film (periodic, ambient rupture) at each point, by :func:`sim_hil.film_force`.
 
     Parameters
@@ -54,19 +49,18 @@ def solve_points(
         Points of the disk, ``(m, 2)``.
     grid
         Nodes around and along.
-    progress
-        Called with the number of points done.
     """
+    answers = each(partial(_solve, length_over_diameter, grid), ab, "film solutions")
+    return FilmSamples(ab, answers[:, :2], answers[:, 2])
+
+
+def _solve(length_over_diameter: float, grid: tuple[int, int], point: Floats) -> Floats:
+    """Dimensionless force and side flow at one point."""
     radius, clearance, viscosity, speed = 0.02, 6e-5, 0.01, 0.01
     length = 2.0 * radius * length_over_diameter
-    force, flow = np.empty((len(ab), 2)), np.empty(len(ab))
-    for i, point in enumerate(ab):
-        film = film_force(
-            point * clearance, [speed, 0.0], radius_m=radius, length_m=length, clearance_m=clearance,
-            viscosity_Pa_s=viscosity, speed_rad_s=0.0, grid=grid,
-        )  # fmt: skip
-        force[i] = film.force_N * clearance**3 / (viscosity * radius * length**3 * speed)
-        flow[i] = film.side_flow_m3_s / (2.0 * radius * length * speed)
-        if progress is not None:
-            progress(i + 1)
-    return FilmSamples(ab, force, flow)
+    film = film_force(
+        point * clearance, [speed, 0.0], radius_m=radius, length_m=length, clearance_m=clearance,
+        viscosity_Pa_s=viscosity, speed_rad_s=0.0, grid=grid,
+    )  # fmt: skip
+    force = film.force_N * clearance**3 / (viscosity * radius * length**3 * speed)
+    return np.array([*force, float(film.side_flow_m3_s) / (2.0 * radius * length * speed)])

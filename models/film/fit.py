@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -14,6 +14,7 @@ from models.export import data_hash
 from models.film.cache import kept
 from models.learning.levenberg_marquardt import LmOptions, levenberg_marquardt
 from models.learning.network import Mlp
+from models.learning.squares import NetworkSquares
 from models.runs import progress_bar
 
 Floats = NDArray[np.float64]
@@ -45,15 +46,9 @@ class Targets:
             outputs = 0.5 * (outputs + self.mirror[1] * net.outputs(theta, self.mirror[0] * self.x))
         return np.asarray((outputs - self.y) * self.weight)
 
-    def residuals(self, net: Mlp, theta: Floats) -> tuple[Floats, Floats]:
-        """Weighted error and its Jacobian, flat, as Levenberg-Marquardt takes them."""
-        outputs, jacobian = net.jacobian(theta, self.x)
-        if self.mirror is not None:
-            image, its_jacobian = net.jacobian(theta, self.mirror[0] * self.x)
-            outputs = 0.5 * (outputs + self.mirror[1] * image)
-            jacobian = 0.5 * (jacobian + self.mirror[1][:, None] * its_jacobian)
-        weighted = (jacobian * self.weight[:, :, None]).reshape(-1, net.count)
-        return ((outputs - self.y) * self.weight).ravel(), weighted
+    def squares(self, net: Mlp) -> NetworkSquares:
+        """Their sum as Levenberg-Marquardt takes it."""
+        return NetworkSquares(net, self.x, self.y, self.weight, self.mirror)
 
 
 @dataclass(frozen=True)
@@ -67,20 +62,22 @@ class Search:
 
 @dataclass(frozen=True)
 class Start:
-    """Best weights of one start by validation, their score, and how the search ended."""
+    """Best weights of one start by validation, their score, the way there, and how the search ended."""
 
     theta: Floats
     score: Floats
+    scores: Floats
     iterations: NDArray[np.int64]
     reason: NDArray[np.str_]
 
 
 @dataclass(frozen=True)
 class Fit:
-    """Best weights by validation, their score, and one row for every start."""
+    """Best weights by validation, their score, the scores on the way there, and one row for every start."""
 
     theta: Floats
     score: float
+    scores: Floats
     l2: float
     starts: list[dict[str, object]]
 
@@ -108,7 +105,7 @@ def fit(
                          "ended_by": str(start.reason)})  # fmt: skip
             log(rows[-1])
     l2, best = min(tried, key=lambda one: float(one[1].score))
-    return Fit(best.theta, float(best.score), l2, rows)
+    return Fit(best.theta, float(best.score), best.scores, l2, rows)
 
 
 def _search(net: Mlp, targets: Targets, first: Floats, l2: float, iterations: int, title: str) -> Start:
@@ -116,8 +113,22 @@ def _search(net: Mlp, targets: Targets, first: Floats, l2: float, iterations: in
     train_on, validate = targets.subset(~held_out), targets.subset(held_out)
     with progress_bar(title, iterations) as bar:
         result = levenberg_marquardt(
-            lambda theta: train_on.residuals(net, theta), first, l2=l2, penalised=net.is_weight(),
+            train_on.squares(net), first, l2=l2, penalised=net.is_weight(),
             monitor=lambda theta: float(np.sqrt(np.mean(np.sum(validate.error(net, theta) ** 2, axis=1)))),
             options=LmOptions(iterations=iterations), progress=bar,
         )  # fmt: skip
-    return Start(result.theta, np.array(result.score), np.array(result.iterations), np.array(result.reason))
+    counted, reason = np.array(result.iterations), np.array(result.reason)
+    return Start(result.theta, np.array(result.score), np.array(result.scores), counted, reason)
+
+
+def spread(errors_percent: Sequence[float], fits: Sequence[Fit]) -> dict[str, object]:
+    """Force error of every seed's fit on the judged films: their median, with the range as its interval.
+
+    Smallest and largest of five enclose the median with 94 % probability (order statistics).
+    """
+    return {
+        "force_relative_rms_percent": [float(f"{error:.4g}") for error in errors_percent],
+        "median": float(f"{np.median(errors_percent):.4g}"),
+        "interval": [float(f"{min(errors_percent):.4g}"), float(f"{max(errors_percent):.4g}")],
+        "validation": [float(f"{one.score:.4g}") for one in fits],
+    }

@@ -4,17 +4,39 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
+from models import export
 from models.film.states import JudgedFilms, draw_states, squeeze_velocity
 
 Floats = NDArray[np.float64]
 FilmModel = Callable[[Floats], Sequence[Floats]]
 """State ``(m, 9)`` in SI to force ``(m, 2)``, friction torque, side flow and ``inside`` ``(m, 1)``."""
 
+JUDGE_SEED = 99
+"""Stands before the seed of judged films, so that they are never those of a training seed."""
+
 _CHUNK = 20_000
+
+
+def of_module(module: torch.nn.Module) -> FilmModel:
+    """A torch module as a :data:`FilmModel`."""
+
+    def film(state: Floats) -> Sequence[Floats]:
+        with torch.no_grad():
+            return [output.numpy() for output in module(torch.from_numpy(state))]
+
+    return film
+
+
+def of_file(path: Path) -> FilmModel:
+    """An exported file as a :data:`FilmModel`."""
+    run = export.session(path)
+    return lambda state: run.run(None, {run.get_inputs()[0].name: state})
 
 
 @dataclass(frozen=True)

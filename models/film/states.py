@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from models.film.parallel import each
 from sim_hil.film import film_force
 
 Floats = NDArray[np.float64]
@@ -55,20 +56,19 @@ def draw_states(
     ])  # fmt: skip
 
 
-def solve_states(
-    state: Floats, grid: tuple[int, int], progress: Callable[[int], None] | None = None
-) -> JudgedFilms:
+def solve_states(state: Floats, grid: tuple[int, int]) -> JudgedFilms:
     """The film (periodic, ambient rupture) of each state, by :func:`sim_hil.film_force`."""
-    force, torque, flow = np.empty((len(state), 2)), np.empty(len(state)), np.empty(len(state))
-    for i, row in enumerate(state):
-        film = film_force(
-            row[:2], row[2:4], speed_rad_s=float(row[4]), clearance_m=float(row[5]), viscosity_Pa_s=float(row[6]),
-            radius_m=float(row[7]), length_m=float(row[8]), grid=grid,
-        )  # fmt: skip
-        force[i], torque[i], flow[i] = film.force_N, film.friction_torque_N_m, film.side_flow_m3_s
-        if progress is not None:
-            progress(i + 1)
-    return JudgedFilms(state, force, torque, flow)
+    answers = each(partial(_solve, grid), state, "unseen films")
+    return JudgedFilms(state, answers[:, :2], answers[:, 2], answers[:, 3])
+
+
+def _solve(grid: tuple[int, int], row: Floats) -> Floats:
+    """Force, torque and side flow of one state."""
+    film = film_force(
+        row[:2], row[2:4], speed_rad_s=float(row[4]), clearance_m=float(row[5]), viscosity_Pa_s=float(row[6]),
+        radius_m=float(row[7]), length_m=float(row[8]), grid=grid,
+    )  # fmt: skip
+    return np.array([*film.force_N, float(film.friction_torque_N_m), float(film.side_flow_m3_s)])
 
 
 def squeeze_velocity(state: Floats) -> Floats:

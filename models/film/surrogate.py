@@ -2,32 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from models import card, export, figures
+from models import card, export
 from models.film import dynamics as film_dynamics
+from models.film import figures
 from models.film import judge as film_judge
 from models.film.cache import kept
 from models.film.data import FilmSamples, draw_points, solve_points
-from models.film.fit import Fit, Search, Targets, fit
-from models.film.judge import FilmModel, figures_of
+from models.film.fit import Fit, Search, Targets, fit, spread
+from models.film.judge import JUDGE_SEED, FilmModel, figures_of, of_file, of_module
 from models.film.reduced_network import ReducedFilm, half_film_integrals, layers_of_file
 from models.film.rivals import Bearing, RawNetwork, raw_network, table_model
 from models.film.states import STATE, JudgedFilms, draw_states, solve_states
 from models.learning.network import Mlp
-from models.runs import Run, Settings, progress_bar
+from models.runs import Run, Settings
 from sim_hil.rigs import RIGS, load_rig
 from sim_hil.rotor.network_law import ReducedNetworkLaw
 
 Floats = NDArray[np.float64]
-
-JUDGE_SEED = 99
-"""Stands before the seed of judged films, so that they are never those of a training seed."""
 
 
 class SurrogateSettings(Settings, frozen=True):
@@ -74,13 +71,13 @@ def train(run: Run, settings: SurrogateSettings) -> dict[str, object]:
     report = {
         **judge(of_module(module), law, judged, settings, run.seed),
         "network": {"sizes": net.sizes, "weights": net.count, "lambda": best.l2},
-        "seeds": _spread(net, fits, judged, settings),
+        "seeds": spread([_error_percent(_module(net, one, settings), judged) for one in fits], fits),
         "rivals": rivals(judged, settings, run.seed, run.folder.parent),
         "training": {"points": settings.train_points, "starts": [row for one in fits for row in one.starts]},
         "reproduce": run.command,
     }  # fmt: skip
     _export(module, run, samples, settings, report)
-    figures.surrogate(run.folder, judged, of_module(module)(judged.state)[0])
+    figures.film(run.folder, judged.state, judged.force, of_module(module)(judged.state)[0], fits)
     return report
 
 
@@ -134,8 +131,7 @@ def unseen(settings: SurrogateSettings, seed: int, out: Path) -> JudgedFilms:
     def make() -> JudgedFilms:
         rng = np.random.default_rng([JUDGE_SEED, 1 + seed])
         states = draw_states(settings.judge_points, settings.length_over_diameter, rng)
-        with progress_bar("unseen films", len(states)) as bar:
-            return solve_states(states, settings.judge_grid, bar)
+        return solve_states(states, settings.judge_grid)
 
     key = (seed, settings.judge_points, settings.length_over_diameter, settings.judge_grid)
     return kept(out, "unseen-films", key, JudgedFilms, make)
@@ -157,22 +153,6 @@ def targets_of(samples: FilmSamples) -> Targets:
     return Targets(np.hstack([a, b * b]), y, np.column_stack([share, np.ones(len(size))]))
 
 
-def of_module(module: torch.nn.Module) -> FilmModel:
-    """A torch module as a :data:`FilmModel`."""
-
-    def film(state: Floats) -> Sequence[Floats]:
-        with torch.no_grad():
-            return [output.numpy() for output in module(torch.from_numpy(state))]
-
-    return film
-
-
-def of_file(path: Path) -> FilmModel:
-    """An exported file as a :data:`FilmModel`."""
-    run = export.session(path)
-    return lambda state: run.run(None, {run.get_inputs()[0].name: state})
-
-
 def law_of(path: Path) -> ReducedNetworkLaw:
     """An exported file as the film of a rotor."""
     layers = layers_of_file(path)
@@ -183,9 +163,7 @@ def law_of(path: Path) -> ReducedNetworkLaw:
 def _samples(run: Run, settings: SurrogateSettings) -> FilmSamples:
     def make() -> FilmSamples:
         points = draw_points(settings.train_points, settings.eccentricity_max, np.random.default_rng(run.seed))
-        with progress_bar("film solutions", len(points)) as bar:
-            shape = settings.length_over_diameter
-            return solve_points(points, length_over_diameter=shape, grid=settings.grid, progress=bar)
+        return solve_points(points, length_over_diameter=settings.length_over_diameter, grid=settings.grid)
 
     key = (run.seed, settings.train_points, settings.eccentricity_max, settings.length_over_diameter, settings.grid)
     return kept(run.folder.parent, "films", key, FilmSamples, make)
@@ -199,18 +177,8 @@ def _module(net: Mlp, fitted: Fit, settings: SurrogateSettings) -> ReducedFilm:
     return ReducedFilm(net.layers(fitted.theta), settings.length_over_diameter, settings.eccentricity_max)
 
 
-def _spread(net: Mlp, fits: list[Fit], judged: JudgedFilms, settings: SurrogateSettings) -> dict[str, object]:
-    """Force error of every seed on the judged films: their median, with the range as its interval.
-
-    Smallest and largest of five enclose the median with 94 % probability (order statistics).
-    """
-    errors = [film_judge.accuracy(of_module(_module(net, one, settings)), judged)[0].value for one in fits]
-    return {
-        "force_relative_rms_percent": [float(f"{e:.4g}") for e in errors],
-        "median": float(f"{np.median(errors):.4g}"),
-        "interval": [float(f"{min(errors):.4g}"), float(f"{max(errors):.4g}")],
-        "validation": [float(f"{one.score:.4g}") for one in fits],
-    }
+def _error_percent(module: ReducedFilm, judged: JudgedFilms) -> float:
+    return film_judge.accuracy(of_module(module), judged)[0].value
 
 
 def _export(

@@ -26,6 +26,7 @@ class BestSoFar:
         self._patience = patience
         self._since = 0
         self.score = np.inf
+        self.scores: list[float] = []
         self.theta: Floats = np.empty(0)
 
     @property
@@ -36,6 +37,7 @@ class BestSoFar:
     def offer(self, theta: Floats, cost: float) -> None:
         """Take ``theta`` if it scores better than every point before it."""
         score = cost if self._monitor is None else self._monitor(theta)
+        self.scores.append(score)
         if score < self.score:
             self.theta, self.score, self._since = theta, score, 0
         else:

@@ -14,20 +14,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.learning.best import BestSoFar
+from models.learning.squares import Squares
 
 Floats = NDArray[np.float64]
-Residuals = Callable[[Floats], tuple[Floats, Floats]]
 
 
 @dataclass(frozen=True)
 class LmResult:
-    """Best point by the monitor (without one: the last), the last cost, and why the search ended."""
+    """Best point by the monitor (without one: the last), the last cost, and why the search ended.
+
+    ``scores`` are the monitor's, at the start and after every accepted step.
+    """
 
     theta: Floats
     cost: float
     score: float
     iterations: int
     reason: str
+    scores: list[float]
 
 
 @dataclass(frozen=True)
@@ -43,30 +47,29 @@ class LmOptions:
 
 @dataclass(frozen=True)
 class _Point:
-    """Residuals, Jacobian and penalised cost at ``theta``."""
+    """Sum of squares and penalised cost at ``theta``."""
 
     theta: Floats
-    r: Floats
-    jacobian: Floats
+    squares: Squares
     decay: Floats
 
     @property
     def cost(self) -> float:
-        return float(0.5 * (self.r @ self.r) + 0.5 * (self.decay * self.theta) @ self.theta)
+        return self.squares.cost + 0.5 * float((self.decay * self.theta) @ self.theta)
 
     @property
     def gradient(self) -> Floats:
-        slope: Floats = self.jacobian.T @ self.r + self.decay * self.theta
+        slope: Floats = self.squares.gradient + self.decay * self.theta
         return slope
 
     @property
     def normal(self) -> Floats:
-        matrix: Floats = self.jacobian.T @ self.jacobian + np.diag(self.decay)
+        matrix: Floats = self.squares.normal + np.diag(self.decay)
         return matrix
 
 
 def levenberg_marquardt(
-    residuals: Residuals,
+    squares: Callable[[Floats], Squares],
     start: Floats,
     *,
     l2: float = 0.0,
@@ -75,12 +78,12 @@ def levenberg_marquardt(
     options: LmOptions = LmOptions(),
     progress: Callable[[int, float], None] | None = None,
 ) -> LmResult:
-    """Minimise ``1/2 |r(theta)|**2 + l2/2 |theta[penalised]|**2``.
+    """Minimise ``1/2 |r(theta)|**2 + l2/2 |theta[penalised]|**2``, the residuals ``r`` known by their squares.
 
     Parameters
     ----------
-    residuals
-        ``theta -> (r, dr/dtheta)`` of shapes ``(n,)`` and ``(n, p)``.
+    squares
+        Half the sum of squares at ``theta``, with its gradient and Gauss-Newton matrix.
     start
         First ``theta``, ``(p,)``.
     l2, penalised
@@ -97,7 +100,7 @@ def levenberg_marquardt(
         When the residuals at ``start`` are not finite.
     """
     decay = l2 * (np.ones(start.size) if penalised is None else penalised.astype(np.float64))
-    point = _Point(start, *residuals(start), decay)
+    point = _Point(start, squares(start), decay)
     if not np.isfinite(point.cost):
         raise ValueError("residuals at the start are not finite: scale the data or choose another start")
     best = BestSoFar(monitor, options.patience)
@@ -111,7 +114,7 @@ def levenberg_marquardt(
             reason = "gradient"
             break
         step = np.linalg.solve(normal + damping * np.diag(scale), -gradient)
-        trial = _Point(point.theta + step, *residuals(point.theta + step), decay)
+        trial = _Point(point.theta + step, squares(point.theta + step), decay)
         gain = _gain(point.cost, trial.cost, 0.5 * float(step @ (damping * scale * step - gradient)))
         if gain <= 0.0:
             damping, growth = damping * growth, growth * 2.0
@@ -128,7 +131,7 @@ def levenberg_marquardt(
         if best.exhausted or fall <= options.cost_tolerance * point.cost:
             reason = "patience" if best.exhausted else "cost"
             break
-    return LmResult(best.theta, point.cost, best.score, iteration, reason)
+    return LmResult(best.theta, point.cost, best.score, iteration, reason, best.scores)
 
 
 def _gain(cost: float, trial_cost: float, expected: float) -> float:

@@ -7,11 +7,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+if TYPE_CHECKING:
+    from torch import Tensor
+
 Floats = NDArray[np.float64]
+Vector = TypeVar("Vector", NDArray[np.float64], "Tensor")
 
 
 def sigmoid(z: Floats) -> Floats:
@@ -37,9 +42,10 @@ class Mlp:
         """Number of weights, biases included."""
         return sum((n + 1) * m for n, m in pairwise(self.sizes))
 
-    def layers(self, theta: Floats) -> list[Floats]:
-        """``theta`` as one ``(inputs + 1, outputs)`` matrix a layer; row 0 is the bias."""
-        matrices, start = [], 0
+    def layers(self, theta: Vector) -> list[Vector]:
+        """``theta``, an array or a tensor, as one ``(inputs + 1, outputs)`` matrix a layer; row 0 is the bias."""
+        matrices: list[Vector] = []
+        start = 0
         for n, m in pairwise(self.sizes):
             matrices.append(theta[start : start + (n + 1) * m].reshape(n + 1, m))
             start += (n + 1) * m
@@ -64,18 +70,6 @@ class Mlp:
     def outputs(self, theta: Floats, x: Floats) -> Floats:
         """Predictions ``(m, outputs)`` for inputs ``(m, inputs)``."""
         return self._forward(theta, x)[-1]
-
-    def jacobian(self, theta: Floats, x: Floats) -> tuple[Floats, Floats]:
-        """Predictions ``(m, outputs)`` and their derivatives ``(m, outputs, count)``."""
-        activations = self._forward(theta, x)
-        samples, outputs = activations[-1].shape
-        delta = np.broadcast_to(np.eye(outputs), (samples, outputs, outputs))
-        blocks: list[Floats] = []
-        for matrix, a in zip(reversed(self.layers(theta)), reversed(activations[:-1]), strict=True):
-            ones = np.hstack([np.ones((samples, 1)), a])
-            blocks.append((ones[:, None, :, None] * delta[:, :, None, :]).reshape(samples, outputs, -1))
-            delta = (delta @ matrix[1:].T) * (a * (1.0 - a))[:, None, :]
-        return activations[-1], np.concatenate(blocks[::-1], axis=2)
 
     def gradient(self, theta: Floats, x: Floats, slope: Floats) -> Floats:
         """Gradient of a cost whose derivative to the predictions is ``slope`` ``(m, outputs)``."""

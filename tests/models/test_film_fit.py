@@ -8,6 +8,7 @@ import pytest
 from models.film.cache import kept
 from models.film.fit import Search, Targets, fit
 from models.learning.network import Mlp
+from models.learning.squares import Squares
 
 SIGNS = (np.array([1.0, -1.0]), np.array([1.0, -1.0]))
 
@@ -60,16 +61,18 @@ def test_a_mirror_makes_the_fit_odd_and_even_exactly():
     np.testing.assert_allclose(flipped.error(net, theta), SIGNS[1] * data.error(net, theta), rtol=1e-12, atol=1e-15)
 
 
-def test_the_mirrored_jacobian_is_the_slope_of_the_residuals():
-    net, data = Mlp((2, 3, 2)), targets(SIGNS).subset(np.arange(200) < 5)
+def test_the_squares_of_a_mirrored_net_are_those_of_its_errors():
+    """In two parts, the second not full."""
+    net, some = Mlp((2, 3, 2)), targets()
+    x, y = np.tile(some.x, (6, 1)), np.tile(some.y, (6, 1))
+    data = Targets(x, y, np.random.default_rng(4).uniform(0.5, 2.0, y.shape), SIGNS)
     theta = net.initial(np.random.default_rng(3))
-    residual, jacobian = data.residuals(net, theta)
-    for k in range(net.count):
-        step = np.zeros(net.count)
-        step[k] = 1e-6
-        slope = (data.residuals(net, theta + step)[0] - data.residuals(net, theta - step)[0]) / 2e-6
-        np.testing.assert_allclose(jacobian[:, k], slope, atol=1e-8)
-    np.testing.assert_allclose(residual, data.error(net, theta).ravel())
+    steps = 1e-6 * np.eye(net.count)
+    slopes = np.array([(data.error(net, theta + s) - data.error(net, theta - s)).ravel() / 2e-6 for s in steps]).T
+    expected, found = Squares.of(data.error(net, theta).ravel(), slopes), data.squares(net)(theta)
+    assert found.cost == pytest.approx(expected.cost, rel=1e-12)
+    np.testing.assert_allclose(found.gradient, expected.gradient, atol=1e-5)
+    np.testing.assert_allclose(found.normal, expected.normal, atol=1e-5)
 
 
 @dataclass(frozen=True)

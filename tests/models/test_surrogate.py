@@ -33,7 +33,7 @@ def module(net, theta):
 
 @pytest.fixture(scope="module")
 def film(module):
-    from models.film.surrogate import of_module
+    from models.film.judge import of_module
 
     return of_module(module)
 
@@ -134,7 +134,8 @@ def test_shipped_surrogate_passes_every_bar():
 
 @pytest.mark.slow
 def test_shipped_surrogate_keeps_its_bars_on_films_of_today():
-    from models.film.surrogate import SurrogateSettings, judge, law_of, of_file
+    from models.film.judge import of_file
+    from models.film.surrogate import SurrogateSettings, judge, law_of
 
     path = ARTIFACTS / "surrogate.onnx"
     judged = solve_states(draw_states(40, SHAPE, np.random.default_rng(11)), (240, 48))
