@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import msgspec
 
 from models import PHYSICS_VERSION
+from models.manifest import write_whole
 from models.runs import Run
+
+_FROZEN = "## Frozen evaluation"
 
 
 @dataclass(frozen=True)
@@ -124,3 +130,20 @@ def write(run: Run, report: Mapping[str, object], prose: Prose) -> None:
         "## Made again by", "", f"    {run.command}", "",
     ]  # fmt: skip
     (run.folder / "data.md").write_text("\n".join(data), encoding="utf-8")
+
+
+def settle(path: Path, status: str, verdict: Mapping[str, Any]) -> None:
+    """Put the verdict of the frozen evaluation into the model card at ``path``."""
+    text = path.read_text(encoding="utf-8").partition(_FROZEN)[0]
+    lines = [
+        re.sub(r"Status: \*\*\w+\*\*", f"Status: **{status}**", text) + _FROZEN, "",
+        f"Seed {verdict['seed']}, size {verdict['size']}, against `models/bars.toml`.", "",
+        "| figure | reached | bar | holds |", "|---|---|---|---|", *(_row(bar) for bar in verdict["bars"]), "",
+    ]  # fmt: skip
+    write_whole(path, "\n".join(lines).encode())
+
+
+def _row(bar: Mapping[str, Any]) -> str:
+    limits = [f"{word} {bar[word]:g}" for word in ("least", "most") if bar[word] is not None]
+    reached = "not given" if bar["reached"] is None else f"{bar['reached']:.4g}"
+    return f"| {bar['figure']} | {reached} | {', '.join(limits)} | {'yes' if bar['holds'] else 'no'} |"

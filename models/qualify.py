@@ -18,7 +18,7 @@ import msgspec
 
 from firmware_py.brain.errors import ModelError
 from firmware_py.brain.session import Session
-from models import ARTIFACTS, PHYSICS_VERSION
+from models import ARTIFACTS, PHYSICS_VERSION, card
 from models.manifest import write_manifest, write_whole
 
 Evaluate = Callable[[Path, int, int], dict[str, object]]
@@ -92,13 +92,15 @@ def qualify(kind: str, path: Path, evaluate: Evaluate, *, ship: bool, artifacts:
             for bar in bars.bar for value in (figure(report, bar.figure),)]
     qualified = all(row.holds for row in rows)
     shipped = artifacts / path.name
-    if ship and shipped.is_file() and shipped.resolve() != path.resolve():
+    if ship and shipped.is_file() and shipped.resolve() != path.resolve() and _alike(path, shipped):
         _check_not_worse(path, bars.better, report, evaluate(shipped, bars.seed, bars.size))
-    _mark(path, "qualified" if qualified else "provisional")
+    verdict = {"qualified": qualified, "seed": bars.seed, "size": bars.size, "bars": [asdict(row) for row in rows]}
+    _mark(path, "qualified" if qualified else "provisional", verdict)
     if ship:
         _replace(path, artifacts)
-    return {"qualified": qualified, "seed": bars.seed, "size": bars.size, "bars": [asdict(row) for row in rows],
-            "shipped": ship, "report": report}
+    if ship or path.resolve() == shipped.resolve():
+        write_manifest(artifacts)
+    return {**verdict, "shipped": ship, "report": report}
 
 
 def figure(report: Mapping[str, Any], dotted: str) -> float | None:
@@ -132,6 +134,12 @@ def metadata(path: Path) -> dict[str, str]:
         raise QualifyError(f"{path}: no model that can be read ({error}); train and export it again") from error
 
 
+def _alike(path: Path, shipped: Path) -> bool:
+    """Whether both were made for the same physics and answer the same question; else there is nothing to compare."""
+    new, old = metadata(path), metadata(shipped)
+    return all(new.get(key) == old.get(key) for key in ("physics_version", "inputs", "outputs"))
+
+
 def _check_not_worse(path: Path, better: Better, report: Mapping[str, Any], shipped: Mapping[str, Any]) -> None:
     new, old = figure(report, better.figure), figure(shipped, better.figure)
     if new is None:
@@ -141,25 +149,30 @@ def _check_not_worse(path: Path, better: Better, report: Mapping[str, Any], ship
                            "evaluation: it stays; nothing was changed")
 
 
-def _mark(path: Path, status: str) -> None:
-    """Write the status into the file's own metadata."""
+def _mark(path: Path, status: str, verdict: Mapping[str, object]) -> None:
+    """Write the status into the file's own metadata, and the verdict into its report and card."""
     import onnx
 
-    if metadata(path).get("status") == status:
-        return
     if path.suffix == ".json":
-        content = json.loads(path.read_text(encoding="utf-8")) | {"status": status}
-        write_whole(path, (json.dumps(content, indent=2, sort_keys=True) + "\n").encode())
-        return
-    model = onnx.load(str(path))
-    onnx.helper.set_model_props(model, metadata(path) | {"status": status})
-    write_whole(path, model.SerializeToString())
+        _write_json(path, {"status": status, "frozen_evaluation": verdict})
+    else:
+        model = onnx.load(str(path))
+        onnx.helper.set_model_props(model, metadata(path) | {"status": status})
+        write_whole(path, model.SerializeToString())
+        if path.with_suffix(".json").is_file():
+            _write_json(path.with_suffix(".json"), {"frozen_evaluation": verdict})
+    if path.with_suffix(".md").is_file():
+        card.settle(path.with_suffix(".md"), status, verdict)
+
+
+def _write_json(path: Path, more: Mapping[str, object]) -> None:
+    content = json.loads(path.read_text(encoding="utf-8")) | more
+    write_whole(path, (json.dumps(content, indent=2, sort_keys=True) + "\n").encode())
 
 
 def _replace(path: Path, artifacts: Path) -> None:
-    """Copy the model with its report and card, and renew the manifest."""
-    for suffix in dict.fromkeys((path.suffix, ".json", ".md")):
-        source = path.with_suffix(suffix)
+    """Copy the model with its report, its card and what stands beside it."""
+    own = [path.with_suffix(suffix) for suffix in dict.fromkeys((path.suffix, ".json", ".md"))]
+    for source in (*own, *path.parent.glob(f"{path.stem}_*.onnx")):
         if source.is_file() and source.resolve() != (artifacts / source.name).resolve():
             shutil.copyfile(source, artifacts / source.name)
-    write_manifest(artifacts)

@@ -16,8 +16,7 @@ import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
-from models import ARTIFACTS, checkpoint
-from models.manifest import write_manifest
+from models import checkpoint
 
 
 class SettingsError(ValueError):
@@ -157,14 +156,6 @@ class Run:
         """Write ``content`` beside the model."""
         text = json.dumps(content, indent=2, sort_keys=True) + "\n"
         (self.folder / name).write_text(text, encoding="utf-8")
-
-    def ship(self) -> None:
-        """Copy model, report, card and what stands beside the model to ``models/artifacts``; renew the manifest."""
-        main = (self.folder / f"{self.kind}.{suffix}" for suffix in ("onnx", "json", "md"))
-        for path in (*main, *self.folder.glob(f"{self.kind}_*.onnx")):
-            if path.is_file():
-                shutil.copyfile(path, ARTIFACTS / path.name)
-        write_manifest(ARTIFACTS)
 
 
 @contextmanager

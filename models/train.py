@@ -1,4 +1,4 @@
-"""``orbitd train MODEL``: train, judge, export; ``--ship`` makes the result the shipped model."""
+"""``orbitd train MODEL``: train, judge, export; ``orbitd evaluate MODEL --file FILE --qualify --ship`` ships it."""
 
 from __future__ import annotations
 
@@ -36,19 +36,14 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--group", default="group", help="with --data: column whose values never cross a split")
     parser.add_argument("--out", type=Path, default=Path("runs"), help="folder for the run (default: runs)")
     parser.add_argument("--resume", action="store_true", help="go on where the same training was interrupted")
-    parser.add_argument("--ship", action="store_true",
-                        help="ship it as provisional; `orbitd evaluate --qualify` judges it")  # fmt: skip
     return parser
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry of ``orbitd train``; returns the exit code."""
     args = _parser().parse_args(argv)
-    if args.ship and args.smoke:
-        print("orbitd train: --ship with --smoke: a smoke model is for tests only; drop one", file=sys.stderr)
-        return EXIT_BAD_INPUT
-    if args.data and (args.model != "classifier" or args.ship):
-        print("orbitd train: --data: trains a classifier of the user's own, which is not shipped", file=sys.stderr)
+    if args.data and args.model != "classifier":
+        print(f"orbitd train: --data: recordings train a classifier, not the {args.model}", file=sys.stderr)
         return EXIT_BAD_INPUT
     try:
         report = _train(args)
@@ -69,6 +64,4 @@ def _train(args: argparse.Namespace) -> dict[str, object]:
     run = Run(args.out, name, args.seed, settings, smoke=args.smoke, resume=args.resume, config=args.config)
     with closing(run):
         report: dict[str, object] = trainer.train(run, settings)
-    if args.ship:
-        run.ship()
     return report

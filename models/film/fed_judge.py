@@ -78,22 +78,20 @@ def judge(film: FilmModel, judged: JudgedFed) -> list[Bar]:
 
 
 def tables(film: FilmModel, judged: JudgedFed, length_over_diameter: float) -> dict[str, object]:
-    """The simulator's table and smaller ones on the same films, and the time of a state beside the network's.
+    """The simulator's table and smaller ones on the same films, with the time of a state.
 
-    The network runs as the device runs it (onnxruntime, one thread), the table compiled, as in the simulator.  With
+    The network runs as the device runs it (onnxruntime, one thread), the tables compiled, as in the simulator.  With
     each table stands how much the network's force error is below its own, with a 95 % interval by bootstrap over films.
     """
-    thinned = (fed_table.thinned(length_over_diameter, cells) for cells in fed_table.THINNED)
-    shipped = fed_table.shipped(length_over_diameter)
-    rows = []
-    for table in (shipped, *thinned):
-        rival = fed_table.model(table)
-        rows.append({"numbers": table.groove.size, **figures_of(judge(rival, judged)),
-                     "network_less_percent": _less(film, rival, judged)})  # fmt: skip
+    found = fed_table.tables(length_over_diameter)
     state = np.resize(judged.state, (1000, judged.state.shape[1]))
-    speed = {name: fed_table.microseconds(one, state)
-             for name, one in (("network", film), ("shipped_table", fed_table.model(shipped)))}  # fmt: skip
-    return {"microseconds_a_state": speed, "shipped": rows[0], "thinned": rows[1:]}
+    rows: dict[str, object] = {"network": {"microseconds_a_state": fed_table.microseconds(film, state)}}
+    for name, table in found.items():
+        rival = fed_table.model(table)
+        rows[name] = {"numbers": table.groove.size, **figures_of(judge(rival, judged)),
+                      "microseconds_a_state": fed_table.microseconds(rival, state),
+                      "network_less_percent": _less(film, rival, judged)}  # fmt: skip
+    return rows
 
 
 def _less(film: FilmModel, rival: FilmModel, judged: JudgedFed) -> dict[str, object]:
@@ -103,4 +101,5 @@ def _less(film: FilmModel, rival: FilmModel, judged: JudgedFed) -> dict[str, obj
     draws = np.random.default_rng(JUDGE_SEED).integers(len(size), size=(2000, len(size)))
     gains = 100.0 * (np.sqrt(np.mean(theirs[draws] ** 2, axis=1)) - np.sqrt(np.mean(ours[draws] ** 2, axis=1)))
     gain = 100.0 * (rms(theirs) - rms(ours))
-    return {"gain": round(gain, 3), "interval": [round(float(q), 3) for q in np.quantile(gains, (0.025, 0.975))]}
+    lower, upper = np.quantile(gains, (0.025, 0.975))
+    return {"gain": round(gain, 3), "lower": round(float(lower), 3), "upper": round(float(upper), 3)}

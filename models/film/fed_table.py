@@ -16,20 +16,16 @@ from sim_hil.film.fed import FedLaw, FedTable, fed_force
 
 Floats = NDArray[np.float64]
 
-THINNED = ((5, 6, 8, 3), (3, 3, 4, 3))
-"""Cells of smaller tables: eccentricity, half a turn from the groove, a turn from the eccentricity, share of the
-supply.  The last is the smallest there is of cubic splines.
+_CELLS = {"thinned": (5, 6, 8, 3), "smallest": (3, 3, 4, 3)}
+"""Smaller tables: cells of the eccentricity, of half a turn from the groove, of a turn from the eccentricity and of the
+share of the supply.  Its spline takes no fewer than three cells.
 """
 
 
-def shipped(length_over_diameter: float) -> FedTable:
-    """The table that the simulator ships."""
-    return FedTable.load(length_over_diameter, float(GROOVE_WIDTH_RAD), GROOVE_LENGTH_SHARE)
-
-
-def thinned(length_over_diameter: float, cells: tuple[int, int, int, int]) -> FedTable:
-    """A table of so many cells, made as the shipped one."""
-    return FedTable.build(length_over_diameter, float(GROOVE_WIDTH_RAD), GROOVE_LENGTH_SHARE, cells=cells)
+def tables(length_over_diameter: float) -> dict[str, FedTable]:
+    """The table that the simulator ships, and smaller ones made alike, by name."""
+    groove = (length_over_diameter, float(GROOVE_WIDTH_RAD), GROOVE_LENGTH_SHARE)
+    return {"shipped": FedTable.load(*groove)} | {k: FedTable.build(*groove, cells=c) for k, c in _CELLS.items()}
 
 
 def model(table: FedTable) -> FilmModel:

@@ -106,7 +106,7 @@ def _solve_filled(
             p[i, j] = rhs[fold(i, n) * m + j]
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def solve_pressure(
     p: Floats,
     fixed: np.ndarray,

@@ -1,5 +1,6 @@
 """Bars apart from training: what qualifies, what may replace the shipped model, what is refused untouched."""
 
+import hashlib
 import json
 
 import numpy as np
@@ -36,6 +37,31 @@ def test_every_bar_decides_the_status_in_the_file(tmp_path, error, qualified):
     assert verdict["qualified"] is qualified
     assert metadata(path)["status"] == ("qualified" if qualified else "provisional")
     assert [bar["holds"] for bar in verdict["bars"]] == [qualified, True]
+
+
+def test_the_verdict_goes_into_report_card_and_manifest(tmp_path):
+    path = model(tmp_path / "actor.onnx", 0.5)
+    path.with_suffix(".json").write_text('{"own": 1}')
+    path.with_suffix(".md").write_text("# Actor\n\nStatus: **provisional**.\n")
+    (tmp_path / "manifest.json").write_text("{}")
+    for _ in range(2):  # a second verdict takes the place of the first
+        qualify("actor", path, evaluate, ship=False, artifacts=tmp_path, bars=BARS)
+    report, text = json.loads(path.with_suffix(".json").read_text()), path.with_suffix(".md").read_text()
+    assert report["own"] == 1
+    assert report["frozen_evaluation"]["qualified"] is True
+    assert "Status: **qualified**" in text
+    assert text.count("| share.right | 0.95 | least 0.9 | yes |") == 1
+    listed = json.loads((tmp_path / "manifest.json").read_text())["files"]["actor.onnx"]
+    assert listed["sha256"] == hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def test_a_shipped_model_of_another_physics_is_replaced_without_comparing(tmp_path):
+    model(tmp_path / "artifacts" / "actor.onnx", 0.1, physics="0")
+    newer = model(tmp_path / "new" / "actor.onnx", 0.5)
+    (newer.parent / "actor_ddpg.onnx").write_bytes(b"beside")
+    qualify("actor", newer, evaluate, ship=True, artifacts=tmp_path / "artifacts", bars=BARS)
+    assert metadata(tmp_path / "artifacts" / "actor.onnx")["physics_version"] == PHYSICS_VERSION
+    assert (tmp_path / "artifacts" / "actor_ddpg.onnx").read_bytes() == b"beside"
 
 
 def test_a_qualified_file_still_answers_alike(tmp_path):
@@ -77,7 +103,7 @@ def test_a_figure_that_the_report_lacks_does_not_pass():
 
 def test_bars_name_every_kind_and_a_limit_each():
     bars = load_bars()
-    assert set(bars) == {"surrogate", "predictor", "classifier", "actor"}
+    assert set(bars) == {"surrogate", "surrogate_fed", "predictor", "classifier", "actor"}
     assert all((bar.least is None) != (bar.most is None) for kind in bars.values() for bar in kind.bar)
 
 

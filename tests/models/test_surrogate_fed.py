@@ -88,7 +88,8 @@ def test_a_table_answers_like_the_film_and_a_thinned_one_worse():
     films = [fed_film(row, (120, 24)) for row in state]
     force, flow = np.array([film.force_N for film in films]), np.array([film.side_flow_m3_s for film in films])
     errors = []
-    for table in (fed_table.shipped(SHAPE), fed_table.thinned(SHAPE, (3, 3, 4, 3))):
+    tables = fed_table.tables(SHAPE)
+    for table in (tables["shipped"], tables["smallest"]):
         answer = fed_table.model(table)(state)
         errors.append([np.abs(answer[0] - force).max() / np.abs(force).max(), np.abs(answer[2][:, 0] / flow - 1).max()])
     assert max(errors[0]) < 0.05

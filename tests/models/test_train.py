@@ -26,13 +26,6 @@ def test_settings_from_toml_and_unknown_keys_refused(tmp_path):
     assert load_settings(Some, None) == Some()
 
 
-def test_shipping_a_smoke_model_is_refused(capsys):
-    from models.train import main
-
-    assert main(["surrogate", "--smoke", "--ship"]) == 2
-    assert "drop one" in capsys.readouterr().err
-
-
 def test_evaluating_a_missing_file_is_refused(capsys, tmp_path):
     from models.evaluate import main
 
