@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -117,6 +118,7 @@ def write(run: Run, report: Mapping[str, object], prose: Prose) -> None:
     lines = [
         f"# {prose.title}", "", prose.purpose, "", "Status: **provisional**.", "",
         "## Reproduce", "", f"    {run.command}", "",
+        f"Trained, judged and exported in {run.minutes:.1f} min on {len(os.sched_getaffinity(0))} cores.", "",
         "## Measured", "", "```json", json.dumps(report, indent=2, sort_keys=True), "```", "",
         "## Limits", "", *(f"- {limit}" for limit in prose.limits), "",
         "## Settings", "", "```json", settings, "```", "",

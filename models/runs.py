@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import shutil
+import time
 import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -68,6 +69,7 @@ class Run:
         self.folder.mkdir(parents=True, exist_ok=True)
         self._board: Any = None
         self._logged = 0
+        self._started = time.monotonic()
         content = {"model": kind, "seed": seed, "smoke": smoke, **msgspec.to_builtins(settings)}
         if resume:
             self._check_same(content)
@@ -88,6 +90,11 @@ class Run:
     def model(self) -> Path:
         """The ONNX file of this run."""
         return self.folder / f"{self.kind}.onnx"
+
+    @property
+    def minutes(self) -> float:
+        """Since this run began; a resumed one counts from its resumption."""
+        return (time.monotonic() - self._started) / 60.0
 
     @property
     def command(self) -> str:

@@ -13,6 +13,7 @@ from firmware_py.acquire.orders import BINS, ROTATING
 from firmware_py.acquire.windows import TURNS
 from models.diagnosis.dataset import Dataset
 from models.diagnosis.scores import class_probabilities
+from models.learning.device import device
 
 FILTERS = 12
 BATCH = 64
@@ -46,11 +47,12 @@ def fit_waveforms(
 ) -> WaveformNetwork:
     """Adam on the heads' likelihood; the weights that are best on ``inner`` are kept."""
     torch.manual_seed(seed)
-    order, network = np.random.default_rng(seed), WaveformNetwork()
+    order, network = np.random.default_rng(seed), WaveformNetwork().to(device())
     optimiser = torch.optim.AdamW(network.parameters(), lr=3e-3, weight_decay=1e-3)
     loss = nn.BCEWithLogitsLoss()
-    x, heads, inner_heads = _tensor(train.features), _tensor(train.heads), _tensor(inner.heads)
-    x_inner, best, kept = _tensor(inner.features), np.inf, network.state_dict()
+    sets = (train.features, train.heads, inner.features, inner.heads)
+    x, heads, x_inner, inner_heads = (_tensor(values).to(device()) for values in sets)
+    best, kept = np.inf, network.state_dict()
     for epoch in range(epochs):
         for rows in np.array_split(order.permutation(len(x)), max(1, len(x) // BATCH)):
             optimiser.zero_grad()
@@ -62,7 +64,7 @@ def fit_waveforms(
             best, kept = score, {name: value.clone() for name, value in network.state_dict().items()}
         progress(epoch + 1)
     network.load_state_dict(kept)
-    return network
+    return network.cpu()
 
 
 def waveform_probability(network: WaveformNetwork, waves: NDArray[np.floating]) -> NDArray[np.float64]:
