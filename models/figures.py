@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from models.diagnosis.dataset import CLASSES
 from models.diagnosis.scores import CALIBRATION_BINS, Decisions, severity_grid
 from models.panel import panel as _figure
 
@@ -17,7 +18,18 @@ Floats = NDArray[np.float64]
 
 
 def classifier(folder: Path, decisions: Decisions) -> None:
-    """Reliability of the named class, and the share named rightly over the severities."""
+    """Confusion of the classes, reliability of the named one, and the share named rightly over the severities."""
+
+    def confusion(axes: Any) -> None:
+        counts = np.zeros((len(CLASSES), len(CLASSES)))
+        np.add.at(counts, (decisions.kind, decisions.named), 1)
+        share = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
+        axes.imshow(share, cmap="Blues", vmin=0.0, vmax=1.0)
+        for (row, column), value in np.ndenumerate(share):
+            axes.text(column, row, f"{value:.2f}", ha="center", va="center", fontsize=7, color="wk"[int(value < 0.6)])
+        names = [name.replace("_", " ") for name in CLASSES]
+        axes.set_xticks(range(len(names)), names, rotation=30, ha="right", fontsize=7)
+        axes.set_yticks(range(len(names)), names, fontsize=7)
 
     def reliability(axes: Any) -> None:
         confidence, right = decisions.probability.max(axis=1), decisions.named == decisions.kind
@@ -31,6 +43,7 @@ def classifier(folder: Path, decisions: Decisions) -> None:
             axes.plot(list(row), list(row.values()), "o-", label=name.replace("_", " "))
         axes.legend(fontsize=7)
 
+    _figure(folder / "confusion.png", confusion, x="named", y="true")
     _figure(folder / "reliability.png", reliability, x="probability of the named class", y="share right")
     _figure(folder / "severity.png", severity, x="preload left, %, or balance grade G", y="share named rightly")
 

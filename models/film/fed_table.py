@@ -39,7 +39,7 @@ def model(table: FedTable) -> FilmModel:
     return film
 
 
-@njit(cache=True)
+@njit(cache=True)  # type: ignore[untyped-decorator]
 def _evaluate(law: FedLaw, state: Floats) -> Floats:
     """Force, torque and side flow of every state ``(m, 11)``."""
     rows = np.empty((state.shape[0], 4))
