@@ -71,12 +71,13 @@ class Learned:
 
 
 def learn(
-    settings: ActorSettings, board: Board, seed: int, on_step: Callable[[int], None] | None = None
+    settings: ActorSettings, board: Board, seed: int, on_step: Callable[[int], None] | None = None, *,
+    shielded: bool = True,
 ) -> tuple[Settings, Curve]:  # fmt: skip
-    """One DDPG agent, trained behind the shield."""
+    """One DDPG agent, trained behind the shield or, as the paper's, without."""
     torch.set_num_threads(1)
     curve: Curve = []
-    actor = train_ddpg(_environment(settings, board), scale(), settings.ddpg, seed, on_step,
+    actor = train_ddpg(_environment(settings, board, shielded), scale(), settings.ddpg, seed, on_step,
                        lambda step, total: curve.append((step, total)))  # fmt: skip
     return Settings(actor, board.reach), curve
 
@@ -97,8 +98,9 @@ def board_name(board: Board) -> str:
     return "pair" if board.pressure else "clearance"
 
 
-def _environment(settings: ActorSettings, board: Board) -> ShieldedRotors:
-    return ShieldedRotors(Board(board.rig, settings.episode_s, board.pressure).rotors(settings.rotors))
+def _environment(settings: ActorSettings, board: Board, shielded: bool = True) -> ShieldedRotors:
+    rotors = Board(board.rig, settings.episode_s, board.pressure).rotors(settings.rotors)
+    return ShieldedRotors(rotors, shielded=shielded)
 
 
 def _agents(run: Run, settings: ActorSettings, board: Board) -> list[Settings]:

@@ -7,12 +7,15 @@ import html
 import io
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from matplotlib.figure import Figure
 
+from models import ARTIFACTS
 from models.reproduce.claims import MISPRINTS, OPEN, PAPER
+
+_BARS = ("model", "figure", "reached", "bar", "holds")
 
 _STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; max-width: 70em; margin: 2em auto; padding: 0 1em; color: #222; }
@@ -24,13 +27,14 @@ code { background: #f5f5f5; padding: .1em .3em; } figcaption { color: #555; font
 
 @dataclass(frozen=True)
 class Row:
-    """One claim: as printed, by the paper's own method, by ours, and what must be known to read them."""
+    """One claim: as printed, by the paper's own method, by ours, what must be known, and what judges ours further."""
 
     series: str
     claim: str
     paper_method: str
     our_method: str
     caveat: str
+    command: str
 
 
 @dataclass(frozen=True)
@@ -46,8 +50,10 @@ class Series:
 def write(out: Path, series: Sequence[Series], command: str, seconds: float) -> Path:
     """``report.html`` and ``report.json`` in ``out``; returns the page."""
     out.mkdir(parents=True, exist_ok=True)
+    series = [replace(one, rows=[_with_command(row, command) for row in one.rows]) for one in series]
     table = {
         "paper": PAPER, "command": command, "claims": [asdict(row) for one in series for row in one.rows],
+        "shipped": [dict(zip(_BARS, bar, strict=True)) for bar in shipped()],
         "measured": {one.title: one.measured for one in series},
         "misprints": [dict(zip(("where", "printed", "repair"), m, strict=True)) for m in MISPRINTS], "open": OPEN,
     }  # fmt: skip
@@ -57,6 +63,22 @@ def write(out: Path, series: Sequence[Series], command: str, seconds: float) -> 
     return page
 
 
+def _with_command(row: Row, command: str) -> Row:
+    return replace(row, command=f"{command}; {row.command}")
+
+
+def shipped(artifacts: Path = ARTIFACTS) -> list[tuple[str, ...]]:
+    """Every bar of the shipped models as their frozen evaluation left it: model, figure, reached, bar, holds."""
+    rows = []
+    for path in sorted(artifacts.glob("*.json")):
+        verdict = json.loads(path.read_text(encoding="utf-8")).get("frozen_evaluation")
+        for bar in verdict["bars"] if verdict else ():
+            limits = (f"{word} {bar[word]:g}" for word in ("least", "most") if bar[word] is not None)
+            reached = "not given" if bar["reached"] is None else f"{bar['reached']:.4g}"
+            rows.append((path.stem, bar["figure"], reached, ", ".join(limits), "yes" if bar["holds"] else "no"))
+    return rows
+
+
 def _page(series: Sequence[Series], command: str, seconds: float) -> str:
     rows = [list(asdict(row).values()) for one in series for row in one.rows]
     parts = [
@@ -64,11 +86,12 @@ def _page(series: Sequence[Series], command: str, seconds: float) -> str:
         f"<style>{_STYLE}</style></head><body><h1>The paper, reproduced</h1>",
         f"<p>{html.escape(PAPER)}. Rig <code>seed</code>, simulated. Made by <code>{html.escape(command)}</code> in ",
         f"{seconds:.0f} s.</p>",
-        _table(("series", "claim as printed", "the paper's own method", "ours", "caveat"), rows),
+        _table(("series", "claim as printed", "the paper's own method", "ours", "caveat", "command"), rows),
         *(_section(one) for one in series),
         "<h2>Misprints and their repairs</h2>", _table(("where", "as printed", "repair"), MISPRINTS),
         "<h2>What the paper leaves open</h2><ul>", *(f"<li>{html.escape(text)}</li>" for text in OPEN), "</ul>",
-        "</body></html>\n",
+        "<h2>The models that ship, on rig bench</h2><p><code>orbitd evaluate MODEL --qualify</code></p>",
+        _table(_BARS, shipped()), "</body></html>\n",
     ]  # fmt: skip
     return "\n".join(parts)
 
