@@ -10,7 +10,7 @@ import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import msgspec
 import numpy as np
@@ -22,6 +22,10 @@ from models import checkpoint
 
 class SettingsError(ValueError):
     """The training settings cannot be used; the text names file, key and next step."""
+
+
+Count = Annotated[int, msgspec.Meta(ge=1)]
+"""How many; none is refused."""
 
 
 class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -22,6 +22,10 @@ HELD_OUT = 4
 """Every fourth point validates; no start trains on it."""
 
 
+class DataError(ValueError):
+    """Points that no network can learn from; the text names the first and the next step."""
+
+
 @dataclass(frozen=True)
 class Targets:
     """What a network learns: inputs ``(m, n)``, targets and their weights ``(m, k)``.
@@ -34,6 +38,15 @@ class Targets:
     y: Floats
     weight: Floats
     mirror: tuple[Floats, Floats] | None = None
+
+    def check(self, name: str) -> None:
+        """Refuse what cannot be fitted."""
+        if len(self.x) <= HELD_OUT:
+            raise DataError(f"{name}: {len(self.x)} points, at least {HELD_OUT + 1} are needed: raise train_points")
+        bad = np.flatnonzero(~np.all(np.isfinite(np.hstack([self.x, self.y, self.weight])), axis=1))
+        if bad.size:
+            raise DataError(f"{name}: {bad.size} points are not finite, the first is point {bad[0]} at "
+                            f"{self.x[bad[0]].tolist()}: delete the films kept in the runs folder and solve them again")
 
     def subset(self, rows: NDArray[np.bool_]) -> Targets:
         """The targets at ``rows``."""
@@ -90,7 +103,13 @@ def fit(
 
     Every start is kept in ``folder`` as it is done, so that an interrupted search goes on where it was; ``log`` gets
     its row.
+
+    Raises
+    ------
+    DataError
+        Too few points to hold any out, or one that is not finite.
     """
+    targets.check(name)
     tried: list[tuple[float, Start]] = []
     rows: list[dict[str, object]] = []
     for l2 in search.l2:

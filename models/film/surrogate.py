@@ -20,7 +20,7 @@ from models.film.reduced_network import ReducedFilm, half_film_integrals, layers
 from models.film.rivals import Bearing, RawNetwork, raw_network, table_model
 from models.film.states import STATE, JudgedFilms, draw_states, solve_states
 from models.learning.network import Mlp
-from models.runs import Run, Settings
+from models.runs import Count, Run, Settings
 from sim_hil.rigs import RIGS, load_rig
 from sim_hil.rotor.network_law import ReducedNetworkLaw
 
@@ -32,18 +32,18 @@ class SurrogateSettings(Settings, frozen=True):
 
     length_over_diameter: float = 0.5
     eccentricity_max: float = 0.97
-    train_points: int = 1200
-    judge_points: int = 100
+    train_points: Count = 1200
+    judge_points: Count = 100
     grid: tuple[int, int] = (240, 48)
     judge_grid: tuple[int, int] = (480, 96)
     hidden: tuple[int, ...] = (8, 8)
     l2: tuple[float, ...] = (1e-9, 1e-7)
-    restarts: int = 2
-    iterations: int = 400
-    seeds: int = 5
-    dissipation_points: int = 1_000_000
-    paper_points: int = 4000
-    paper_iterations: int = 250
+    restarts: Count = 2
+    iterations: Count = 400
+    seeds: Count = 5
+    dissipation_points: Count = 1_000_000
+    paper_points: Count = 4000
+    paper_iterations: Count = 250
 
     def smoked(self) -> SurrogateSettings:
         """The same training in some seconds."""

@@ -19,7 +19,7 @@ from models.film.judge import of_file, of_module, verdict
 from models.film.reduced_network import ReducedFilm, layers_of_file
 from models.film.surrogate import SurrogateSettings
 from models.learning.network import Mlp
-from models.runs import Run, Settings
+from models.runs import Count, Run, Settings
 
 Floats = NDArray[np.float64]
 
@@ -35,15 +35,15 @@ class FedSettings(Settings, frozen=True):
 
     length_over_diameter: float = 0.5
     eccentricity_max: float = 0.97
-    train_points: int = 10_000
-    judge_points: int = 300
+    train_points: Count = 10_000
+    judge_points: Count = 300
     grid: tuple[int, int] = (240, 48)
     judge_grid: tuple[int, int] = (480, 96)
     hidden: tuple[int, ...] = (24, 24)
     l2: tuple[float, ...] = (1e-6,)
-    restarts: int = 1
-    iterations: int = 200
-    seeds: int = 5
+    restarts: Count = 1
+    iterations: Count = 200
+    seeds: Count = 5
 
     def smoked(self) -> FedSettings:
         """The same training in some seconds."""

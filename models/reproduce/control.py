@@ -32,8 +32,8 @@ def run(quick: bool, seed: int) -> Series:
     row = Row(
         "control", POWER, _told(free), f"behind the guard's shield: {_told(behind)}",
         f"Mean shaft power over {count} unseen episodes, {settings.ddpg.steps} training steps, one seed. On this rig "
-        "no limit binds when the clearance is widened, so the constant widest clearance is the baseline to beat; seconds "
-        "of violation that every clearance shares are the load's, too heavy for the film at low speed.",
+        "a wider clearance is hardly ever forbidden, so the constant widest is the baseline to beat. Where no "
+        "clearance is admissible the shield holds the safe one whatever is wished: violations that all policies share.",
         "orbitd evaluate actor --qualify (control on rig bench, where limits bind)",
     )  # fmt: skip
     measured: dict[str, object] = {"training_steps": settings.ddpg.steps, "episodes": count}

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from models.film.cache import kept
-from models.film.fit import Search, Targets, fit
+from models.film.fit import DataError, Search, Targets, fit
 from models.learning.network import Mlp
 from models.learning.squares import Squares
 
@@ -52,6 +52,16 @@ def test_an_interrupted_search_goes_on_and_ends_the_same(tmp_path):
     whole = search(tmp_path / "another", rows)
     np.testing.assert_array_equal(again.theta, whole.theta)
     assert again.starts == rows
+
+
+def test_too_few_points_and_points_that_are_not_finite_are_refused(tmp_path):
+    data, net, plan = targets(), Mlp((2, 6, 2)), Search((1e-8,), 1, 5)
+    with pytest.raises(DataError, match=r"toy: 4 points, at least 5"):
+        fit(net, data.subset(np.arange(200) < 4), plan, np.random.default_rng(1), "toy", tmp_path)
+    data.y[7, 1] = np.nan
+    with pytest.raises(DataError, match=r"toy: 1 points are not finite, the first is point 7 at .*solve them again"):
+        fit(net, data, plan, np.random.default_rng(1), "toy", tmp_path)
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_mirror_makes_the_fit_odd_and_even_exactly():

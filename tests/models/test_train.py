@@ -26,6 +26,15 @@ def test_settings_from_toml_and_unknown_keys_refused(tmp_path):
     assert load_settings(Some, None) == Some()
 
 
+def test_a_training_without_points_is_refused(tmp_path, capsys):
+    from models.train import main
+
+    (tmp_path / "none.toml").write_text("train_points = 0\n")
+    assert main(["surrogate", "--config", str(tmp_path / "none.toml"), "--out", str(tmp_path / "runs")]) == 2
+    assert "train_points" in capsys.readouterr().err
+    assert not (tmp_path / "runs").exists()
+
+
 def test_evaluating_a_missing_file_is_refused(capsys, tmp_path):
     from models.evaluate import main
 
