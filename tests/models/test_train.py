@@ -1,6 +1,8 @@
 """The commands: a smoke training of every model, reproducible, and named refusals."""
 
 import json
+import subprocess
+import sys
 
 import pytest
 
@@ -45,12 +47,19 @@ def test_evaluating_a_missing_file_is_refused(capsys, tmp_path):
 @pytest.mark.slow
 @pytest.mark.timeout(400)
 @pytest.mark.parametrize("kind", ["surrogate", "classifier", "actor"])
-def test_smoke_training_makes_a_whole_run_and_repeats_itself(kind, tmp_path, capsys):
-    from models.train import main
-
+def test_smoke_training_makes_a_whole_run_and_repeats_itself(kind, tmp_path):
+    """Two processes at once, which on two cores takes the time of one."""
+    code = "import sys; from models.train import main; sys.exit(main(sys.argv[1:]))"
+    outs = [tmp_path / "first", tmp_path / "second"]
+    started = [
+        subprocess.Popen([sys.executable, "-c", code, kind, "--smoke", "--seed", "3", "--out", str(out)],
+                         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        for out in outs
+    ]  # fmt: skip
+    said = [process.communicate()[0] for process in started]
     weights = []
-    for out in (tmp_path / "first", tmp_path / "second"):
-        assert main([kind, "--smoke", "--seed", "3", "--out", str(out)]) == 0
+    for process, text, out in zip(started, said, outs, strict=True):
+        assert process.returncode == 0, text[-3000:]
         run = out / f"{kind}-seed3-smoke"
         assert {p.name for p in run.iterdir()} >= {
             "config.json", "metrics.csv", f"{kind}.onnx", f"{kind}.json", f"{kind}.md",
