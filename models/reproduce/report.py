@@ -69,7 +69,7 @@ def _with_command(row: Row, command: str) -> Row:
 
 def shipped(artifacts: Path = ARTIFACTS) -> list[tuple[str, ...]]:
     """Every bar of the shipped models as their frozen evaluation left it: model, figure, reached, bar, holds."""
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for path in sorted(artifacts.glob("*.json")):
         verdict = json.loads(path.read_text(encoding="utf-8")).get("frozen_evaluation")
         for bar in verdict["bars"] if verdict else ():
