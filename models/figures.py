@@ -90,6 +90,7 @@ def _pareto(axes: Any, *, found: dict[str, Any]) -> None:
         axes.axhline(power, ls="--", lw=0.8, color="0.4")
         axes.annotate(name, (0.98, power), xycoords=("axes fraction", "data"), fontsize=6, ha="right")
     axes.set_xscale("symlog", linthresh=1.0)
+    axes.set_xlim(left=-0.3)
     axes.set_title("open: without the shield; dots: every DDPG agent", fontsize=7)
 
 
