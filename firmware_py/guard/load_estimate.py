@@ -130,7 +130,7 @@ class LoadEstimator:
         oil, law = self.oil, self._viscosity.law(look.temperature_C) * look.speed_rad_s
         least = self._film.load[low] / (wide_m * wide_m) * self._low_share * law
         most = self._film.load[high] / (narrow_m * narrow_m) * self._high_share * law if high < KNOTS else float("inf")
-        low_N, high_N = max(self._declared_N[0], least * oil.thinnest), self._declared_N[1]
+        low_N, high_N = max(self._declared_N[0], least * oil.thinnest_wide), self._declared_N[1]
         thick = self._oil.thickest(oil, look.temperature_C)
         film_N, high_N = min(high_N, most * oil.thinnest), min(high_N, most * thick)
         return LoadInterval(low_N, high_N, film_N, True) if low_N <= high_N else self.declared()

@@ -39,10 +39,11 @@ class Steady(msgspec.Struct, frozen=True):
 
 
 class OilInterval(msgspec.Struct, frozen=True):
-    """Viscosity over that of the law at the outlet's reading."""
+    """Viscosity over that of the law at the outlet's reading; ``thinnest_wide`` if the bearing is as wide as may be."""
 
     thinnest: float
     thickest: float
+    thinnest_wide: float
 
 
 class OilState(msgspec.Struct):
@@ -50,6 +51,7 @@ class OilState(msgspec.Struct):
 
     thinnest: float
     thickest: float
+    thinnest_wide: float
     learnt_s: float = 0.0
     since: Steady | None = None
 
@@ -70,15 +72,17 @@ class OilEstimator:
         self._windage_W_s3 = config.rotor.windage_W_s3
         self._friction_error = config.bearing.friction_error_share
         self._at_outlet, self._coldest_C = config.oil.film_at_outlet, config.oil.inlet_min_C
+        widest_m = config.bearing.radial_clearance_max_um * 1e-6
+        self._wider = (widest_m + CLEARANCE_ERROR_M) / (widest_m - CLEARANCE_ERROR_M)
         self._learns = self._at_outlet and self._friction_error < 1.0
 
     def unknown(self) -> OilState:
         """Before anything was learnt."""
-        return OilState(self._law.thinnest, self._law.thickest)
+        return OilState(self._law.thinnest, self._law.thickest, self._law.thinnest)
 
     def interval(self, state: OilState) -> OilInterval:
         """What is known."""
-        return OilInterval(state.thinnest, state.thickest)
+        return OilInterval(state.thinnest, state.thickest, state.thinnest_wide)
 
     def thickest(self, oil: OilInterval, temperature_C: float) -> float:
         """Thickest film over the law at the reading, which may be as cold as the coldest inlet."""
@@ -89,7 +93,10 @@ class OilEstimator:
     def learn(self, state: OilState, now: Steady, credible: tuple[int, int]) -> None:
         """Narrow what is known by the power at a place between two knots of the film.
 
-        A power that contradicts what is known is no news of the oil: both are forgotten.
+        The same power in a wider bearing means thicker oil, and position then means less load all the same: the
+        smallest load is that of the widest bearing, as long as the oil gains no more on the way than the load loses
+        in the widest clearance, with its square.  A power that contradicts what is known is no news of the oil: all
+        is forgotten.
         """
         if not self._learns or not self._steady(state, now):
             return
@@ -101,10 +108,13 @@ class OilEstimator:
         narrow_m, wide_m = now.clearance_m - CLEARANCE_ERROR_M, now.clearance_m + CLEARANCE_ERROR_M
         low = low_W * narrow_m / (law * self._film.friction[credible[1]] * (1.0 + self._friction_error))
         high = high_W * wide_m / (law * self._film.friction[credible[0]] * (1.0 - self._friction_error))
+        wide = low * min(wide_m / narrow_m, self._wider * self._wider)
         thinnest, thickest = max(state.thinnest, low), min(state.thickest, high)
         if thinnest > thickest:
-            thinnest, thickest = self._law.thinnest, self._law.thickest
-        state.thinnest, state.thickest = thinnest, thickest
+            state.thinnest, state.thickest = self._law.thinnest, self._law.thickest
+            state.thinnest_wide = self._law.thinnest
+        else:
+            state.thinnest, state.thickest, state.thinnest_wide = thinnest, thickest, max(state.thinnest_wide, wide)
 
     def _steady(self, state: OilState, now: Steady) -> bool:
         since = state.since
@@ -118,4 +128,5 @@ class OilEstimator:
         share = FORGOTTEN_1_S * max(0.0, time_s - state.learnt_s)
         state.learnt_s = time_s
         state.thinnest = max(self._law.thinnest, state.thinnest * (1.0 - min(share, 1.0)))
+        state.thinnest_wide = max(self._law.thinnest, state.thinnest_wide * (1.0 - min(share, 1.0)))
         state.thickest = min(self._law.thickest, state.thickest * (1.0 + share))
