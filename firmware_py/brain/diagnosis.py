@@ -21,7 +21,7 @@ from firmware_py.acquire.features import GROUPS, at_one_rate, from_orders
 from firmware_py.acquire.orders import Orders, analyse
 from firmware_py.acquire.windows import Window
 from firmware_py.brain.errors import ModelAnswerError
-from firmware_py.brain.normal import Detector, baseline_at, digest, operating_point, prior_of
+from firmware_py.brain.normal import Detector, baseline_at, digest, first_order_distance, operating_point, prior_of
 from firmware_py.brain.store import HEADS, Model
 from firmware_py.records import CHANNELS, Diagnosis, Normal, Quality
 
@@ -56,8 +56,8 @@ class Answer:
     """What the model says of the last windows.
 
     ``heads`` (4,) probabilities beyond what this machine shows when healthy, ``log_odds`` (4,) as the model gives them;
-    ``score``: novelty by the model, 1 at ``limit``; ``own`` distances of each part from the normal state, 1 at their
-    limits; ``drivers`` (groups, 4) in log-odds; ``departures`` (groups,); ``normal`` (k,) whitened residuals.
+    ``score``: novelty by the model; ``own``: distances of each part and of the first order from the normal state, 1 at
+    their limits; ``drivers`` (groups, 4) in log-odds; ``departures`` (groups,); ``normal`` (k,) whitened residuals.
     """
 
     heads: Floats
@@ -110,7 +110,7 @@ class Diagnoser:
             self._hear(window, orders)
         while self._heard and window.end_ns - self._heard[0][0] > _HISTORY_NS:
             self._heard.popleft()
-        answer = self.answer = self._ask()
+        answer = self.answer = self._ask(window, orders)
         classes = class_probabilities(answer.heads) if answer else {}
         verdict = self._verdict(window, orders, bad, classes, answer)
         self._seq += 1
@@ -130,7 +130,7 @@ class Diagnoser:
         if np.isfinite(vector).all():
             self._heard.append((window.end_ns, vector))
 
-    def _ask(self) -> Answer | None:
+    def _ask(self, window: Window, orders: Orders | None) -> Answer | None:
         """The model's answer on the mean features; None without a model, windows or a finite answer."""
         if self._model is None or not self._heard:
             return None
@@ -149,7 +149,14 @@ class Diagnoser:
             heads=1.0 / (1.0 + np.exp(quiet - log_odds)), log_odds=log_odds, score=float(said["score"][0, 0]),
             drivers=said.get("drivers", np.zeros((1, 0)))[0].reshape(-1, len(HEADS)),
             departures=said.get("departures", np.zeros((1, 0)))[0], normal=rows[0] if rows is not None else None,
-            own=dict(zip(self.prior.parts, away, strict=True)) if self.prior else {})
+            own=(dict(zip(self.prior.parts, away, strict=True)) if self.prior else {}) | self._moved(window, orders))
+
+    def _moved(self, window: Window, orders: Orders | None) -> dict[str, float]:
+        """How far the first order of a commissioned machine has moved."""
+        if self.normal is None or orders is None or not math.isfinite(window.clearance_m):
+            return {}
+        first_order_m = forward_first_order(orders) - self._slow_roll_m
+        return first_order_distance(self.normal, operating_point(window, orders), first_order_m)
 
     def _verdict(self, window: Window, orders: Orders | None, bad: list[str], classes: dict[str, float],
                  answer: Answer | None) -> str:

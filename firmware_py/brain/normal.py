@@ -16,7 +16,7 @@ import hashlib
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import msgspec
 import numpy as np
@@ -43,6 +43,11 @@ QUIET_MARGIN: Final = 1.0
 BASELINE_RIDGE: Final = 0.1
 REACH: Final = 2.0
 """Spreads beyond which the first order's baseline is not followed."""
+MOVED: Final = 4.0
+"""First order away from its baseline by so many scatters is not this machine's normal."""
+LEAST_SCATTER_UM: Final = 0.1
+BASELINE_POINTS: Final = 8
+"""Operating points below which the first order's scatter is not known well enough to judge by."""
 
 
 class NormalError(OrbitdError):
@@ -136,12 +141,13 @@ def fit(rows: Floats, log_odds: Floats, points: Floats, first_order_m: NDArray[n
     if count < POINTS_LEAST:
         raise NormalError(f"{count} operating points in {len(rows)} decisions, at least {POINTS_LEAST} are needed: run "
                           "the machine at other speeds, loads or clearances, then stop again")
-    means = np.array([rows[cell == k].mean(axis=0) for k in range(count)])
+    means = _by_cell(rows, cell)
     offset, variance = posterior(means.sum(axis=0), count, np.array(prior.between))
     return Normal(
         belongs=belongs, minutes=minutes, decisions=len(rows), points=count, ranges=ranges(points),
         offset=offset.tolist(), variance=variance.tolist(), scale=_own_scale(rows, cell, means, prior).tolist(),
-        quiet=np.maximum(0.0, log_odds.max(axis=0) + QUIET_MARGIN).tolist(), baseline=_baseline(points, first_order_m))
+        quiet=np.maximum(0.0, log_odds.max(axis=0) + QUIET_MARGIN).tolist(),
+        baseline=_baseline(*(_by_cell(values, cell) for values in (points, first_order_m * 1e6))))
 
 
 def posterior(total: Floats, count: int, between: Floats) -> tuple[Floats, Floats]:
@@ -179,6 +185,14 @@ def baseline_at(baseline: Baseline, point: Floats) -> complex | None:
     if np.abs(away).max() > REACH:
         return None
     return complex(_terms(away)[0] @ [complex(*w) for w in baseline.weights_um])
+
+
+def first_order_distance(normal: Normal, point: Floats, first_order_m: complex) -> dict[str, float]:
+    """How far the first order lies from its baseline, 1 at :data:`MOVED` scatters; nothing where that is not known."""
+    base_um = baseline_at(normal.baseline, point)
+    if base_um is None or normal.points < BASELINE_POINTS:
+        return {}
+    return {"first_order": abs(first_order_m * 1e6 - base_um) / (MOVED * normal.baseline.scatter_um)}
 
 
 def check_belongs(normal: Normal, device: Belonging) -> None:
@@ -220,15 +234,22 @@ def _own_scale(rows: Floats, cell: NDArray[np.intp], means: Floats, prior: Prior
     return np.asarray((count * ratio + FLEET_POINTS) / (count + FLEET_POINTS))
 
 
-def _baseline(points: Floats, first_order_m: NDArray[np.complex128]) -> Baseline:
-    """Ridge regression of the first order, um, on the operating point."""
-    where, um = _coordinates(points), first_order_m * 1e6
+def _baseline(points: Floats, first_order_um: NDArray[np.complex128]) -> Baseline:
+    """Ridge regression of the first order on the operating point; the scatter is of points that are left out."""
+    where = _coordinates(points)
     centre, spread = where.mean(axis=0), np.maximum(where.std(axis=0), STEPS[:3])
     terms = _terms((where - centre) / spread)
     ridge = BASELINE_RIDGE * np.diag([0.0, *np.ones(terms.shape[1] - 1)])
-    weights = np.linalg.solve(terms.T @ terms + ridge, terms.T @ um)
-    scatter = math.sqrt(float(np.mean(np.abs(um - terms @ weights) ** 2)))
+    hat = np.linalg.solve(terms.T @ terms + ridge, terms.T)
+    weights = hat @ first_order_um
+    left_out = (first_order_um - terms @ weights) / np.maximum(1.0 - np.einsum("ij,ji->i", terms, hat), 0.1)
+    scatter = max(math.sqrt(float(np.mean(np.abs(left_out) ** 2))), LEAST_SCATTER_UM)
     return Baseline(centre.tolist(), spread.tolist(), [(w.real, w.imag) for w in weights.tolist()], scatter)
+
+
+def _by_cell(values: NDArray[Any], cell: NDArray[np.intp]) -> NDArray[Any]:
+    """Means over the rows of every operating point."""
+    return np.array([values[cell == k].mean(axis=0) for k in range(int(cell.max()) + 1)])
 
 
 def _coordinates(points: Floats) -> Floats:
