@@ -43,17 +43,21 @@ SURROGATE = Prose(
 CLASSIFIER = Prose(
     "Fault classifier",
     "Probabilities of four faults (pedestal bolt A, pedestal bolt B, motor bolt, unbalance) from the mean features of "
-    "ten windows (orders over shaft angle, ringing of pedestal and motor, film by the contact channel), a novelty "
-    "score, and what drove each head; the brain derives six classes.",
+    "ten windows, each head on features of its own (bolts: ringing of pedestal and motor; unbalance: the first order "
+    "of film, orbit and accelerations, and what the film lets it be), a novelty score, what drove each head, and what "
+    "is normal for one machine; the brain derives six classes.",
     (
-        "Trained on simulated builds of one rig only; a measured machine is another matter.",
-        "It sees no baseline of the machine at hand.  One bolt without preload and two bolts at half of it change the "
-        "modes alike and are taken for one another; a bolt at 75 % and grade G6.3 are not found (see the grid).",
-        "Unbalance of G16 below about 3000 rpm hides in probe runout and is found in part only.",
-        "The novelty score does not see a rub: its distance is that of healthy machines.",
-        "Faults at slight severities (half preload) weigh less in training.  Which rung ships is decided by the worst "
-        "inner regime; that rule was made plain (no significance) after judged figures of a first run were seen.",
-        "Which features make novelty was chosen looking at the unknown faults of judge seed 0.",
+        "Trained on simulated builds of one rig only; a measured machine is another matter.  The features that hold "
+        "film, position and power against each other know the sizes and the oil of that rig.",
+        "A bolt at 75 % and grade G6.3 are not found, one at 50 % in part (see the grid): slight faults weigh a tenth "
+        "in training, because one bolt without preload and two bolts at half of it change the modes alike.",
+        "A fault is named only where normal is less probable than `normal_below`, a limit by extrapolation from "
+        "healthy inner decisions; its cost in delay stands in `limits_traded`, unbalance of G16 waits longest.",
+        "The watched hours bear no statement about a machine-month: see the upper limits beside the counts.",
+        "A rub is judged where the shaft touches; one that the shaft has left cannot be told from a healthy machine.",
+        "Where the device says whirl no class is judged.  The words of the device stand beside the classes.",
+        "Features, novelty parts, the weight of slight faults and the choice of a rung by log score were settled with "
+        "builds of judge seed 100 in view; the figures here are of other seeds.",
         "The agent in the recorded loops is the guard's shield with a wish for a wide clearance, not the trained net.",
     ),
 )

@@ -16,7 +16,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_py.acquire import ringing
+from firmware_py.acquire import film_check, ringing
+from firmware_py.acquire.film_check import CIRCUIT_V, CONTACT_LEAST_V, FILM_PER_RATIO_M, LEAST_SHARE
 from firmware_py.acquire.orders import CONTACT, ORDERS, Orders, analyse
 from firmware_py.acquire.windows import Window
 
@@ -34,13 +35,9 @@ FLOOR_POWER_W: Final = 0.1
 FLOOR_FILM: Final = 1e-4
 FLOOR_FILM_SHARE: Final = 2e-2
 FLOOR_POSITION: Final = 1e-2
-CIRCUIT_V: Final = 2.0
-CONTACT_LEAST_V: Final = 1e-3
-FILM_PER_RATIO_M: Final = 5e-6
-"""Contact channel: supply, how near to its ends it is read, film at half the supply (100 kOhm at 20 GOhm/m)."""
-LEAST_SHARE: Final = 0.02
-LOG_VISCOSITY_PER_K: Final = -0.013
-"""``log10`` of the oil's viscosity per degree."""
+
+HIGH_ORDERS: Final = range(4, ORDERS + 1)
+"""Orders of the orbit that neither probe nor film makes in a healthy machine: absolute, not over the first."""
 
 _ACC: Final = ("acc_bearing_vertical", "acc_bearing_horizontal", "acc_motor")
 _BANDED: Final = (*_ACC, "microphone")
@@ -68,9 +65,10 @@ def _names() -> tuple[str, ...]:
         "log_shaft_rms_m", "log_shaft_fwd_1x_m", "shaft_bwd_fwd_1x", "shaft_fwd_2x_1x", "shaft_bwd_2x_1x",
         "shaft_fwd_3x_1x", "shaft_bwd_3x_1x", "shaft_half_fwd_rms", "shaft_half_bwd_rms", "shaft_not_1x_rms",
         "shaft_p2p_x_clearance", "shaft_p2p_y_clearance",
+        *(f"log_shaft_{way}_{k}x_m" for way in ("fwd", "bwd") for k in HIGH_ORDERS),
         *(f"{name}_{what}" for name in _ACC for what in (
-            "log_rms", "1x_rms", "2x_1x", "3x_1x", "4x_1x", "half_rms", "not_1x_rms", "kurtosis", "crest",
-            "1x_per_shaft", "2x_phase_sin", "2x_phase_cos")),
+            "log_rms", "1x_rms", *(f"{k}x_1x" for k in range(2, ORDERS + 1)), "half_rms", "not_1x_rms", "kurtosis",
+            "crest", "1x_per_shaft", "2x_phase_sin", "2x_phase_cos")),
         "acc_bearing_horizontal_vertical_1x", "acc_motor_bearing_1x",
         "acc_bearing_horizontal_vertical_rms", "acc_motor_bearing_rms",
         *(f"{a}_{b}_1x_{part}" for a, _, b, _ in _PAIRS for part in ("sin", "cos")),
@@ -79,7 +77,8 @@ def _names() -> tuple[str, ...]:
           for low, high in pairwise(BAND_EDGES_HZ)),
         "pressure_log_std", "contact_mean_V", "contact_log_std_V", "contact_low_V",
         "contact_1x_film", "contact_2x_film", "contact_half_film", "contact_log_film", "contact_film_over_position",
-        "contact_log_unbalance", "contact_log_unbalance_by_orbit", "contact_log_load", "contact_eccentricity",
+        "contact_eccentricity",
+        *film_check.names(),
         *ringing.names(),
     )
 
@@ -92,6 +91,8 @@ def _group(name: str) -> str:
     """What a feature is about: a channel's orders or its ringing, or how the machine is run."""
     if name in _OPERATION:
         return "operation"
+    if name in film_check.names():
+        return "film"
     about = "ringing" if "ringing" in name else "orders"
     stem = name.split("_to_")[0]
     for channel in (*_BANDED, "shaft", "contact"):
@@ -145,6 +146,7 @@ def from_orders(window: Window, orders: Orders) -> NDArray[np.float32]:
         (log_bands - log_rms[:, None]).ravel(),
         _slow_channels(window),
         _contact_film(window, orders),
+        film_check.film_check(window, orders),
         ringing.ringing(window),
     ])
     return vector.astype(np.float32)
@@ -182,6 +184,7 @@ def _shaft(window: Window, orders: Orders) -> NDArray[np.float64]:
         _log(orders.half_forward, floor) - rms, _log(orders.half_backward, floor) - rms,
         _log(np.hypot(orders.not_1x[0], orders.not_1x[1]), floor) - rms,
         orders.peak_to_peak[0] / window.clearance_m, orders.peak_to_peak[1] / window.clearance_m,
+        *forward[3:], *backward[3:],
     ])
 
 
@@ -260,7 +263,7 @@ def _slow_channels(window: Window) -> NDArray[np.float64]:
 
 
 def _contact_film(window: Window, orders: Orders) -> NDArray[np.float64]:
-    """Film by the contact channel, free of the probes' runout, and the unbalance that its first order stands for.
+    """Film by the contact channel, free of the probes' runout: its orders over its mean, its mean, eccentricity.
 
     The divider gives ``h`` in proportion to ``V / (V0 - V)``, so ``dh / h = dV V0 / (V (V0 - V))``.
     """
@@ -270,26 +273,7 @@ def _contact_film(window: Window, orders: Orders) -> NDArray[np.float64]:
     ratio = volt / (CIRCUIT_V - volt)
     position_m = window.clearance_m - float(np.hypot(orders.mean[0], orders.mean[1]))
     eccentricity = min(max(1.0 - FILM_PER_RATIO_M * ratio / window.clearance_m, LEAST_SHARE), 1.0 - LEAST_SHARE)
-    log_swing = _log(swing, FLOOR_FILM)
-    load, stiffness = _short_bearing(eccentricity)
-    base = load + stiffness - np.log10(orders.speed_rad_s * window.clearance_m**2) + LOG_VISCOSITY_PER_K * (
-        window.oil_outlet_C)
     return np.array([
-        *log_swing, np.log10(ratio), np.log10(ratio) - _log(max(position_m, 0.0) / 1e-4, FLOOR_POSITION),
-        base + np.log10(1.0 - eccentricity) + log_swing[0],
-        base + _log(orders.forward[0], FLOOR_DISPLACEMENT_M) - np.log10(window.clearance_m),
-        load, eccentricity,
+        *_log(swing, FLOOR_FILM), np.log10(ratio),
+        np.log10(ratio) - _log(max(position_m, 0.0) / 1e-4, FLOOR_POSITION), eccentricity,
     ])
-
-
-def _short_bearing(eccentricity: float) -> tuple[float, float]:
-    """``log10`` of the load per viscosity and speed, and of its slope ``d ln W / d e``; Ocvirk's half film (1952).
-
-    ``W ~ e sqrt(16 e^2 + pi^2 (1 - e^2)) / (1 - e^2)^2``.  Slow against the film, a rotating force ``F`` moves the
-    film by ``dh / h = F / (W (1 - e) d ln W / d e)``: with ``F = U omega^2`` this tells unbalance without its phase.
-    """
-    square = eccentricity * eccentricity
-    root = 16.0 * square + np.pi**2 * (1.0 - square)
-    slope = 1.0 / eccentricity + (16.0 - np.pi**2) * eccentricity / root + 4.0 * eccentricity / (1.0 - square)
-    load = eccentricity * np.sqrt(root) / (1.0 - square) ** 2
-    return float(np.log10(load)), float(np.log10(slope))

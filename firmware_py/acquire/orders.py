@@ -24,8 +24,8 @@ BINS: Final = 32
 """Angle bins per turn."""
 TURN_STEP: Final = 8
 """Turns are used in multiples of this, so that the FFT has small factors."""
-ORDERS: Final = 4
-"""Whole orders that are reported: 1X .. 4X."""
+ORDERS: Final = 6
+"""Whole orders that are reported: 1X .. 6X; a rub shows in the third, fifth and sixth."""
 HALF_BAND: Final = (0.35, 0.60)
 """Orders in which oil whirl and half-order looseness show."""
 ROTATING: Final = (0, 1, 2, 3, 4, 5, 7)
@@ -48,11 +48,11 @@ class Orders:
     speed_rad_s
         Mean shaft speed over the whole turns.
     harmonics
-        Shape (7, 4), complex: order k+1 of the channels of :data:`ROTATING`; phase from the mark.
+        Shape (7, 6), complex: order k+1 of the channels of :data:`ROTATING`; phase from the mark.
     half
         Shape (7,): amplitude of a sine with the energy of the half-order band.
     forward, backward
-        Shape (4,): amplitudes of the orbit's orders 1 .. 4 with and against the rotation.
+        Shape (6,): amplitudes of the orbit's orders 1 .. 6 with and against the rotation.
     half_forward, half_backward
         Of the orbit's half-order band.
     peak_to_peak

@@ -82,7 +82,8 @@ class Diagnoser:
 
     def __init__(self, model: Model | None, slow_roll_m: complex = 0j) -> None:
         self._model = model
-        self._threshold = _threshold(model)
+        self._threshold = _setting(model, "novelty_threshold", math.inf)
+        self._normal_below = _setting(model, "normal_below", 1.0)
         self._slow_roll_m = slow_roll_m
         self.prior = prior_of(model)
         self.normal: Normal | None = None
@@ -171,7 +172,8 @@ class Diagnoser:
         best = max(classes, key=lambda name: classes[name])
         if self._is_unknown(answer, best, classes[best]):
             return "unknown"
-        return "doubt" if len(self._heard) < WINDOWS or classes[best] < DOUBT_BELOW else best
+        sure = classes[best] >= DOUBT_BELOW and (best == "normal" or classes["normal"] <= self._normal_below)
+        return best if sure and len(self._heard) == WINDOWS else "doubt"
 
     def _is_unknown(self, answer: Answer, best: str, probability: float) -> bool:
         """Unlike all that was taught; on a commissioned machine, unlike its own normal and no fault that was taught."""
@@ -274,7 +276,8 @@ def amplitudes(orders: Orders) -> dict[str, float]:
     }
 
 
-def _threshold(model: Model | None) -> float:
-    """Novelty score above which a window is unlike the training data."""
-    value = model.card.settings.get("novelty_threshold") if model else None
-    return float(value) if isinstance(value, int | float) else math.inf
+def _setting(model: Model | None, name: str, default: float) -> float:
+    """A limit from the model's metadata: novelty above which a window is unlike the training data, and probability of
+    normal up to which a fault is named (chosen in training for the rate of false alarms)."""
+    value = model.card.settings.get(name) if model else None
+    return float(value) if isinstance(value, int | float) else default

@@ -13,23 +13,25 @@ from firmware_py.acquire.features import FEATURE_NAMES
 from firmware_py.acquire.windows import WINDOW_LAYOUT
 from models import card, export, figures
 from models.diagnosis import recordings, scores
-from models.diagnosis.dataset import Dataset, split_groups
+from models.diagnosis.alarms import Rule
+from models.diagnosis.dataset import WINDOWS_PER_DECISION, Dataset, split_groups
 from models.diagnosis.graph import Diagnosis
 from models.diagnosis.judge import (
+    RATES_HZ,
     JudgeSettings,
+    at_other_rate,
     decisions_of,
     judge,
     judged_views,
-    milliseconds,
-    novelty_threshold,
     of_file,
     of_module,
+    rule_of,
 )
 from models.diagnosis.ladder import HeadNetwork
 from models.diagnosis.novelty import fit_novelty, fleet
 from models.diagnosis.recordings import Plan
 from models.diagnosis.rungs import LadderSettings, choose, climb
-from models.diagnosis.windowed import Views, per_decision, views_of
+from models.diagnosis.windowed import Look, Views, per_decision, views_of
 from models.runs import Run, Settings
 
 
@@ -38,20 +40,23 @@ class ClassifierSettings(Settings, frozen=True):
 
     rig: str = "bench"
     rate_hz: int = 5000
-    builds: int = 333
-    seconds: float = 2.6
+    builds: int = 1180
+    seconds: float = 3.1
+    raw_builds: int = 200
     judge: JudgeSettings = JudgeSettings()
     inner_share: float = 0.2
     ladder: LadderSettings = LadderSettings()
-    novelty_quantile: float = 0.995
+    novelty_quantile: float = 0.999
+    false_alarm_rate: float = 3e-5
     workers: int = 2
 
     def smoked(self) -> ClassifierSettings:
         """The same training in some seconds."""
         return ClassifierSettings(
             workers=1, builds=8,
-            judge=JudgeSettings(builds=2, unknown_builds=2, watched_builds=2, workers=1),
-            ladder=LadderSettings(hidden=(8,), l2=(1e-3,), iterations=60, paper_hidden=4, paper_iterations=5, epochs=2),
+            judge=JudgeSettings(builds=2, unknown_builds=2, watched_builds=2, onset_builds=2, workers=1),
+            ladder=LadderSettings(hidden=8, own_hidden=2, members=2, l2=(1e-3,), iterations=60, paper_hidden=4,
+                                  paper_iterations=5, epochs=2),
         )  # fmt: skip
 
 
@@ -67,28 +72,29 @@ def train(run: Run, settings: ClassifierSettings) -> dict[str, object]:
     started = time.monotonic()
     rng, out = np.random.default_rng(run.seed), run.folder.parent
     plan = Plan(settings.rig, run.seed, settings.rate_hz, settings.seconds, recordings.training_cases)
-    views = views_of(out, plan, settings.builds, settings.workers)
+    look = Look(WINDOWS_PER_DECISION, settings.raw_builds)
+    views = views_of(out, plan, settings.builds, settings.workers, look)
     views.orders.check()
-    decided = per_decision(views)
-    decided.orders.check()
-    outer, inner = _split(decided, settings.inner_share, rng)
-    rungs = climb(outer, inner, settings.ladder, settings.rate_hz, run.seed, rng)
+    outer, inner = _split(views, settings.inner_share, rng)
+    rungs = climb(outer, inner, settings.ladder, settings.rate_hz, run.seed)
     chosen, rows = choose(rungs, inner)
     for row in rows:
         run.log(row)
     module = _finish(chosen, outer.orders, inner.orders, settings)
+    trained_s = round(time.monotonic() - started, 1)
+    rule = Rule(NOVELTY_THRESHOLD, _normal_below(module, inner.orders, settings.false_alarm_rate))
     judged, verdicts = judged_views(settings.judge, run.seed, out), of_module(module)
     decided = per_decision(judged)
     report: dict[str, object] = {
         "chosen": chosen.name,
         "inner_ladder": rows,
         "ladder_on_unseen_builds": {rung.name: scores.summary(rung.decisions(decided)) for rung in rungs},
-        "unseen_builds": judge(verdicts, NOVELTY_THRESHOLD, settings.judge, run.seed, out),
-        "training": {"builds": settings.builds, "windows": len(views.orders),
-                     "seconds": round(time.monotonic() - started, 1)},
+        "normal_below": rule.normal_below,
+        "unseen_builds": judge(verdicts, rule, settings.judge, run.seed, out),
+        "training": {"builds": settings.builds, "decisions": len(views.orders), "seconds_until_judged": trained_s},
         "reproduce": run.command,
     }  # fmt: skip
-    _export(module, run, views.orders, settings, report)
+    _export(module, rule, run, views.orders, settings, report)
     figures.classifier(run.folder, decisions_of(verdicts, judged.orders))
     return report
 
@@ -105,23 +111,29 @@ def _split(views: Views, share: float, rng: np.random.Generator) -> tuple[Views,
 
 
 def _finish(network: HeadNetwork, outer: Dataset, inner: Dataset, settings: ClassifierSettings) -> Diagnosis:
-    """The graph: calibration and novelty by the inner builds."""
-    temperature = scores.temperature(network.logits(inner.features), inner.heads)
+    """The graph, with novelty by the inner builds."""
     residual, parts = fit_novelty(outer, inner, settings.novelty_quantile)
     layers, scaler = network.net.layers(network.theta), network.scaler
     known = fleet(parts, residual(inner.features[inner.kind == 0]), settings.novelty_quantile)
-    return Diagnosis(scaler.mean, scaler.deviation, layers, temperature, residual, parts, known)
+    return Diagnosis(scaler.mean, scaler.deviation, layers, network.temperature, residual, parts, known)
+
+
+def _normal_below(module: Diagnosis, inner: Dataset, rate: float) -> float:
+    """The limit under which healthy inner decisions fall at ``rate``."""
+    heads, _ = of_module(module)(inner.features[inner.kind == 0])
+    return scores.alarm_limit(scores.class_probabilities(scores.log_odds(heads))[:, 0], rate)
 
 
 def _export(
-    module: Diagnosis, run: Run, data: Dataset, settings: ClassifierSettings, report: dict[str, object]
+    module: Diagnosis, rule: Rule, run: Run, data: Dataset, settings: ClassifierSettings, report: dict[str, object]
 ) -> None:
     metadata = export.Metadata(
-        kind="classifier", version="0.2.0", inputs=FEATURE_NAMES, units=(),
+        kind="classifier", version="0.3.0", inputs=FEATURE_NAMES, units=(),
         outputs=("heads", "score", "drivers", "normal", "departures"),
-        rate_hz=(5000, 10000), window=WINDOW_LAYOUT, rigs=(settings.rig,), domain={},
+        rate_hz=RATES_HZ, window=WINDOW_LAYOUT, rigs=(settings.rig,), domain={},
         data_hash=export.data_hash(data.features, data.kind, data.group), metrics=report,
-        settings={"novelty_threshold": NOVELTY_THRESHOLD, "temperature": module.temperature, "normal": module.fleet},
+        settings={"novelty_threshold": rule.novelty, "normal_below": rule.normal_below,
+                  "temperature": module.temperature, "normal": module.fleet},
     )  # fmt: skip
     sample = data.features[:: max(1, len(data) // 5000)].astype(np.float32)
     example = torch.from_numpy(sample[:2])
@@ -136,9 +148,7 @@ def evaluate(path: Path, seed: int, size: int | None, out: Path, rate_hz: int = 
     """Judge the model in ``path`` on builds, duties and noise that follow from ``seed``; ``size`` builds."""
     settings = JudgeSettings(rate_hz=rate_hz)
     if size is not None:
-        settings = msgspec.structs.replace(settings, builds=size, unknown_builds=max(2, size // 4))
-    verdicts, threshold = of_file(path), novelty_threshold(path)
-    return {
-        "unseen_builds": judge(verdicts, threshold, settings, seed, out),
-        "milliseconds_per_call": round(milliseconds(verdicts), 4),
-    }
+        settings = msgspec.structs.replace(settings, builds=size, unknown_builds=max(2, size // 2))
+    verdicts = of_file(path)
+    return {"unseen_builds": judge(verdicts, rule_of(path), settings, seed, out),
+            "unseen_builds_at_the_other_rate": at_other_rate(verdicts, settings, seed, out)}

@@ -6,6 +6,7 @@ An interrupted recording goes on where it stopped; a file appears under its name
 from __future__ import annotations
 
 import hashlib
+import inspect
 import multiprocessing
 import zipfile
 from collections.abc import Callable, Iterator, Sequence
@@ -18,7 +19,9 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from firmware_py.guard import load_estimate, shield
 from models import PHYSICS_VERSION
+from models.diagnosis import clearance_loops, recordings
 from models.diagnosis.dataset import DatasetError
 from models.diagnosis.recordings import Plan, Raw, record_build
 
@@ -28,7 +31,8 @@ R = TypeVar("R")
 
 def folder_of(out: Path, plan: Plan) -> Path:
     """Where the recordings of ``plan`` lie."""
-    key = repr((PHYSICS_VERSION, plan.rig, plan.seed, plan.rate_hz, plan.seconds))
+    code = [inspect.getsource(module) for module in (recordings, clearance_loops, shield, load_estimate)]
+    key = repr((PHYSICS_VERSION, code, plan.rig, plan.seed, plan.rate_hz, plan.seconds))
     return out / f"recordings-{plan.draw.__name__}-{hashlib.sha256(key.encode()).hexdigest()[:12]}"
 
 

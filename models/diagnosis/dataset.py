@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from firmware_py.acquire.features import FEATURE_NAMES
 
 Floats = NDArray[np.float64]
-Rows = NDArray[np.bool_] | NDArray[np.intp]
+Rows = NDArray[np.bool_] | NDArray[np.intp] | slice
 
 WINDOWS_PER_DECISION = 10
 """Windows whose mean features make one decision."""
@@ -31,7 +31,7 @@ HEADS_OF_CLASS = np.array(
 """``six_classes_from_heads`` of classes.json as a matrix (class, head)."""
 
 
-SLIGHT_WEIGHT = 0.4
+SLIGHT_WEIGHT = 0.1
 
 
 def severe(kind: NDArray[np.intp], severity: Floats) -> NDArray[np.bool_]:
@@ -110,20 +110,23 @@ class Dataset:
                 )
 
 
-def pooled(data: Dataset, windows: int, step: int | None = None) -> Dataset:
-    """Mean features of every ``windows`` windows of a recording, every ``step`` windows (default: no overlap).
+def spans(data: Dataset, windows: int, step: int | None = None) -> list[tuple[int, int]]:
+    """First row of each decision and the row after its last: ``windows`` windows every ``step`` (default: no overlap).
 
-    A recording that is shorter than ``windows`` but has half of them gives one row.
+    A recording that is shorter than ``windows`` but has half of them gives one decision.
     """
-    means, first = [], []
     borders = np.flatnonzero(np.r_[True, np.diff(data.recording) != 0, True])
-    for start, end in pairwise(borders.tolist()):
-        for at in range(start, max(start + 1, end - windows + 1), step or windows):
-            if min(end, at + windows) - at >= windows / 2:
-                means.append(data.features[at : min(end, at + windows)].mean(axis=0, dtype=np.float64))
-                first.append(at)
-    features = np.array(means).reshape(-1, data.features.shape[1])
-    rows = data.subset(np.array(first, dtype=np.intp))
+    all_spans = ((at, min(end, at + windows)) for start, end in pairwise(borders.tolist())
+                 for at in range(start, max(start + 1, end - windows + 1), step or windows))  # fmt: skip
+    return [(first, end) for first, end in all_spans if end - first >= windows / 2]
+
+
+def pooled(data: Dataset, windows: int, step: int | None = None) -> Dataset:
+    """Mean features of the :func:`spans` of a recording."""
+    decisions = spans(data, windows, step)
+    means = [data.features[first:end].mean(axis=0, dtype=np.float64) for first, end in decisions]
+    features = np.array(means, data.features.dtype).reshape(-1, data.features.shape[1])
+    rows = data.subset(np.array([first for first, _ in decisions], dtype=np.intp))
     return replace(rows, features=features)
 
 

@@ -6,17 +6,17 @@ convolutional network on waveforms over shaft angle; regression and network with
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_py.acquire import ringing
+from firmware_py.acquire import film_check, ringing
 from firmware_py.acquire.features import FEATURE_NAMES
 from models.diagnosis.dataset import CLASSES, Dataset
-from models.diagnosis.scores import class_probabilities, nll
+from models.diagnosis.scores import class_probabilities, nll, temperature
 from models.learning.network import Mlp, sigmoid
 from models.learning.scaled_conjugate_gradient import scaled_conjugate_gradient
 
@@ -43,6 +43,19 @@ ORDER_FEATURES: Final = ~np.isin(FEATURE_NAMES, ringing.names())
 """All but the ringing of the feet."""
 ALL_FEATURES: Final = np.ones(len(FEATURE_NAMES), dtype=np.bool_)
 
+_OPERATING: Final = ("log_speed_rad_s", "log_clearance_100um", "contact_eccentricity")
+MOTOR_FEATURES: Final = np.isin(FEATURE_NAMES, (*ringing.names(), *_OPERATING))
+"""Where the motor's bolt is looked for: how motor and pedestal ring."""
+PEDESTAL_FEATURES: Final = MOTOR_FEATURES & ~np.array(["acc_motor" in name for name in FEATURE_NAMES])
+"""Where the pedestal's bolts are looked for: how the pedestal rings."""
+UNBALANCE_FEATURES: Final = np.isin(FEATURE_NAMES, (
+    *_OPERATING, *film_check.names()[3:], "log_film_share", "log_shaft_fwd_1x_m", "contact_1x_film",
+    *(f"{name}_{what}" for name in ringing.CHANNELS for what in ("log_rms", "1x_rms")),
+))  # fmt: skip
+"""Where unbalance is looked for: the first order of film, orbit and accelerations, and what the film lets it be."""
+OWN_FEATURES: Final = np.column_stack([PEDESTAL_FEATURES, PEDESTAL_FEATURES, MOTOR_FEATURES, UNBALANCE_FEATURES])
+"""Features of each head, ``(F, 4)``."""
+
 
 @dataclass(frozen=True)
 class Scaler:
@@ -66,23 +79,29 @@ class Scaler:
 
 @dataclass(frozen=True)
 class HeadNetwork:
-    """A trained network that gives four log-odds from features."""
+    """A trained network that gives four log-odds from features, divided by its ``temperature``."""
 
     name: str
     scaler: Scaler
     net: Mlp
     theta: Floats
     l2: float
+    temperature: float = 1.0
 
     def logits(self, features: NDArray[np.floating]) -> Floats:
         """Log-odds ``(n, 4)``."""
-        return self.net.outputs(self.theta, self.scaler(features))
+        return self.net.outputs(self.theta, self.scaler(features)) / self.temperature
+
+    def calibrated(self, inner: Dataset) -> HeadNetwork:
+        """The same with the temperature that suits ``inner`` rows."""
+        found = temperature(self.logits(inner.features), inner.heads, inner.weight[:, None])
+        return replace(self, temperature=self.temperature * found)
 
 
 def fit_heads(
     name: str,
     columns: Columns,
-    hidden: tuple[int, ...],
+    hidden: int,
     train: Dataset,
     inner: Dataset,
     l2: float,
@@ -95,28 +114,51 @@ def fit_heads(
     Parameters
     ----------
     columns
-        Features that are used.
+        Features that are used, ``(F,)``, or those of each head, ``(F, 4)``: then the heads share no neuron.
     hidden
-        Neurons of the hidden layers; none is logistic regression.
+        Neurons of the hidden layer (of each head, where they share none); 0 is logistic regression.
     train, inner
         Rows; the weights that are best on ``inner`` are kept.
     """
-    scaler = Scaler.of(train, columns)
+    own = columns.ndim == 2
+    scaler = Scaler.of(train, np.asarray(columns.any(axis=1)) if own else columns)
     x, heads, x_inner, inner_heads = scaler(train.features), train.heads, scaler(inner.features), inner.heads
     weight, inner_weight = train.weight[:, None], inner.weight[:, None]
-    net = Mlp((x.shape[1], *hidden, heads.shape[1]))
+    neurons = hidden * heads.shape[1] if own else hidden
+    net = Mlp((x.shape[1], *((neurons,) if hidden else ()), heads.shape[1]))
+    there = _own_weights(columns, hidden) if own else np.ones(net.count)
     decay = l2 * net.is_weight()
 
     def cost(theta: Floats) -> tuple[float, Floats]:
         logits = net.outputs(theta, x)
         slope = weight * (sigmoid(logits) - heads) / heads.size
-        return nll(logits, heads, weight) + 0.5 * float(decay @ theta**2), net.gradient(theta, x, slope) + decay * theta
+        gradient = there * net.gradient(theta, x, slope) + decay * theta
+        return nll(logits, heads, weight) + 0.5 * float(decay @ theta**2), gradient
 
     result = scaled_conjugate_gradient(
-        cost, net.initial(rng), iterations=iterations, patience=40, progress=progress,
+        cost, there * net.initial(rng), iterations=iterations, patience=40, progress=progress,
         monitor=lambda t: nll(net.outputs(t, x_inner), inner_heads, inner_weight),
     )  # fmt: skip
     return HeadNetwork(name, scaler, net, result.theta, l2)
+
+
+def _own_weights(columns: Columns, hidden: int) -> Floats:
+    """1 for each weight of an :class:`Mlp` whose heads share no neuron and see ``columns`` ``(F, heads)``, else 0."""
+    heads = columns.shape[1]
+    layers: list[Floats] = [np.repeat(columns.astype(np.float64), max(hidden, 1), axis=1)]
+    if hidden:
+        layers.append(np.asarray(np.kron(np.eye(heads), np.ones((hidden, 1))), np.float64))
+    return np.concatenate([np.vstack([np.ones((1, m.shape[1])), m]).ravel() for m in layers])
+
+
+def side_by_side(name: str, networks: Sequence[HeadNetwork]) -> HeadNetwork:
+    """One network of one hidden layer that gives the mean log-odds of ``networks``, which share a scaler."""
+    first, count = networks[0], len(networks)
+    hidden, last = zip(*(n.net.layers(n.theta) for n in networks), strict=True)
+    bias, weights = np.mean([m[:1] for m in last], axis=0), np.vstack([m[1:] for m in last]) / count
+    net = Mlp((first.net.sizes[0], count * first.net.sizes[1], first.net.sizes[-1]))
+    theta = np.concatenate([np.hstack(hidden).ravel(), np.vstack([bias, weights]).ravel()])
+    return HeadNetwork(name, first.scaler, net, theta, first.l2)
 
 
 def thresholds(train: Dataset, judged: Dataset) -> Floats:

@@ -17,8 +17,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_py.acquire import ringing
-from firmware_py.acquire.features import FEATURE_NAMES, GROUP_OF_FEATURE, GROUPS
+from firmware_py.acquire import film_check, ringing
+from firmware_py.acquire.features import FEATURE_NAMES, HIGH_ORDERS
 from models.diagnosis.dataset import Dataset, DatasetError
 
 Floats = NDArray[np.float64]
@@ -37,11 +37,20 @@ RIDGE: Final = 1.0
 SCALE_RIDGE: Final = 3.0
 PAIRS: Final = np.array([(i, j) for i in range(len(OPERATING)) for j in range(i + 1)]).T
 
-FLOATING: Final = np.isin(GROUP_OF_FEATURE, [GROUPS.index(name) for name in ("operation", "contact_orders")])
-"""How the shaft floats in its film: what oil, wear and side loads change."""
+FILM: Final = np.isin(FEATURE_NAMES, film_check.names()[:4])
+"""Film, position, power and load against each other: what oil, wear, side loads and a rub change.
+
+They are scaled by their own errors already and stay as they are: a regression on where the shaft floats would take
+out that a starved shaft floats where no load of the rig puts it.
+"""
+ORDERS: Final = np.isin(FEATURE_NAMES, [
+    *(f"log_shaft_{way}_{k}x_m" for way in ("fwd", "bwd") for k in HIGH_ORDERS), "contact_2x_film",
+    "microphone_2x_rms", *(f"{name}_2x_1x" for name in ringing.CHANNELS),
+])  # fmt: skip
+"""Orders of a misaligned coupling and of a shaft that touches."""
 RINGING: Final = np.isin(FEATURE_NAMES, ringing.names())
 """How pedestal and motor ring: what a foot changes that is no class."""
-PARTS: Final = {"floating": FLOATING, "ringing": RINGING}
+PARTS: Final = {"film": FILM, "orders": ORDERS, "ringing": RINGING}
 
 
 @dataclass(frozen=True)
@@ -74,6 +83,10 @@ class Residual:
         log_scale = np.linalg.solve(normal, linear.T @ np.log(np.abs(left) + 0.01 * unit))
         scaled = left * np.exp(-linear @ log_scale)
         log_scale[0] += np.log(np.maximum(1.4826 * np.median(np.abs(scaled), axis=0), 1e-9))
+        plain = x[:, FILM] - x[:, FILM].mean(axis=0)
+        mean[:, FILM], log_scale[:, FILM] = 0.0, 0.0
+        mean[0, FILM] = x[:, FILM].mean(axis=0)
+        log_scale[0, FILM] = np.log(np.maximum(1.4826 * np.median(np.abs(plain), axis=0), 1e-9))
         return cls(centre, spread, mean, log_scale)
 
     def __call__(self, features: NDArray[np.floating]) -> Floats:

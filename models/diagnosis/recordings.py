@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -13,8 +13,11 @@ from numpy.typing import NDArray
 from models.diagnosis.clearance_loops import LOOPS, Loop, loop_of
 from sim_hil.build import Build
 from sim_hil.duty import Duty
-from sim_hil.machine import Machine
+from sim_hil.faults.machine import RUB_GAP_M
+from sim_hil.machine import Batch, Machine
 from sim_hil.rigs import RigData, load_rig
+from sim_hil.rotor.assembly import RUB_CLEARANCE_M
+from sim_hil.rotor.parameters import TRUTH_COLUMNS
 from sim_hil.runs import recording_of, run
 
 Floats = NDArray[np.float64]
@@ -36,11 +39,14 @@ BOLT_PRELOADS: Final = (75.0, 50.0, 25.0, 0.0)
 UNKNOWNS: Final = ("misalignment", "rub", "starvation", "wear", "pedestal_bolt_c")
 """Faults that are never taught; the last is a bolt that is no class."""
 
+UNKNOWN_LABELS: Final = (*UNKNOWNS, "rub that the shaft has left")
+"""What an unknown recording is called: a seal that the shaft no longer touches after it has moved is apart."""
+
 UNKNOWN_KIND: Final = -1
 JUDGED_SECONDS: Final = 4.0
 """Long enough for one decision of ten windows at any speed."""
 
-WATCH_SECONDS: Final = 7.0
+WATCH_SECONDS: Final = 10.0
 """Length of a healthy run on which false alarms are counted."""
 
 DUTIES: Final = ("hold", "ramp", "run-up", "load step")
@@ -48,12 +54,19 @@ SETTLE_S: Final = 0.4
 DRIFTING: Final = ("disp_x", "disp_y", "acc_bearing_vertical", "acc_motor", "supply_pressure")
 DRIFT_MOST: Final = 0.3
 """Zero drift of a healthy machine's sensor: this share of 20 % of the range a minute."""
+DRIFT_SHARE: Final = 0.3
+DRIFTED_S: Final = 10.0
+"""Share of the training recordings with a drifting sensor, and how long it may have drifted before."""
+TOUCH_BLOCK_S: Final = 0.1
+MEMORY_S: Final = 0.1
+"""A rub: how finely contact is looked for, and the time in which the rig's seal learns where the shaft runs."""
 _MICROSECONDS: Final = 1e6
+_ECCENTRICITY: Final = [TRUTH_COLUMNS.index(f"eccentricity_{axis}_m") for axis in "xy"]
 
 
 @dataclass(frozen=True)
 class Case:
-    """One recording to make: class, severity (of an unknown: index into :data:`UNKNOWNS`), the rig's faults."""
+    """One recording to make: class, severity (of an unknown: index into :data:`UNKNOWN_LABELS`), the rig's faults."""
 
     kind: int
     severity: float
@@ -92,9 +105,13 @@ class Raw:
 
 
 def training_cases(rng: np.random.Generator) -> list[Case]:
-    """Two healthy recordings and three faults a build, half preload and worse, grade G16 and worse."""
+    """Two healthy recordings and three faults a build, half preload and worse, grade G16 and worse.
+
+    Some with a drifting sensor, which says nothing about the machine.
+    """
     kinds = rng.permutation(np.arange(1, 6))[:3]
-    return [_healthy(), _healthy(), *(_taught(int(k), rng, slice(1, None)) for k in kinds)]
+    cases = [_healthy(), _healthy(), *(_taught(int(k), rng, slice(1, None)) for k in kinds)]
+    return [_drifting(case, rng) if rng.random() < DRIFT_SHARE else case for case in cases]
 
 
 def judged_cases(rng: np.random.Generator) -> list[Case]:
@@ -110,8 +127,7 @@ def unknown_cases(rng: np.random.Generator) -> list[Case]:
 
 def watch_cases(rng: np.random.Generator) -> list[Case]:
     """One healthy run with the zero of one sensor drifting."""
-    drift = {f"sensor_drift:{rng.choice(DRIFTING)}": float(rng.uniform(0.0, DRIFT_MOST))}
-    return [Case(0, 100.0, drift)]
+    return [_drifting(_healthy(), rng)]
 
 
 def record_build(plan: Plan, build_number: int) -> list[Raw]:
@@ -119,10 +135,14 @@ def record_build(plan: Plan, build_number: int) -> list[Raw]:
     rng = np.random.default_rng([plan.seed, build_number])
     rig = load_rig(plan.rig)
     build = Build.draw(rig, rng)
-    return [_record(rig, build, case, plan, rng) for case in plan.draw(rng)]
+    readings = [plan.seed, build_number, 1]
+    return [_record(rig, build, case, plan, rng, readings) for case in plan.draw(rng)]
 
 
-def _record(rig: RigData, build: Build, case: Case, plan: Plan, rng: np.random.Generator) -> Raw:
+def _record(
+    rig: RigData, build: Build, case: Case, plan: Plan, rng: np.random.Generator, reading_seed: list[int]
+) -> Raw:
+    """One recording; the errors of the readings are those of the build."""
     duty_kind, duty = _duty(rig, plan.seconds, rng)
     loop_kind = int(rng.integers(len(LOOPS)))
     pressure = float(rng.uniform(rig.supply.min_Pa, rig.supply.max_Pa))
@@ -132,28 +152,50 @@ def _record(rig: RigData, build: Build, case: Case, plan: Plan, rng: np.random.G
         rig, build, seed, rate_hz=plan.rate_hz, inlet_C=float(rng.uniform(20.0, 60.0)),
         clearance_m=loop.start_m, pressure_Pa=pressure,
     )  # fmt: skip
-    _settle(machine, duty, loop, pressure, case)
+    ran_m = _settle(machine, duty, loop, pressure, case)
     batch = loop.run(machine, duty, plan.seconds, pressure)
-    taken = recording_of(machine, batch, np.random.default_rng([seed, 1]))
+    severity = case.severity
+    if "rub" in case.faults and not _touches(batch, ran_m, machine.period_s):
+        severity = float(UNKNOWN_LABELS.index("rub that the shaft has left"))
+    taken = recording_of(machine, batch, np.random.default_rng(reading_seed))
     readings = np.column_stack([taken.status[:, 0] * _MICROSECONDS, taken.status[:, 3], taken.status[:, 1:3]])
     return Raw(
         taken.counts, round(float(taken.time_s[0]) * _MICROSECONDS),
         np.round(taken.mark_s * _MICROSECONDS).astype(np.int64), readings,
-        plan.rate_hz, case.kind, case.severity, loop_kind, duty_kind,
+        plan.rate_hz, case.kind, severity, loop_kind, duty_kind,
     )  # fmt: skip
 
 
-def _settle(machine: Machine, duty: Duty, loop: Loop, pressure: float, case: Case) -> None:
-    """Run healthy, then as long with the faults: a rub, say, needs to know where the shaft ran before."""
+def _settle(machine: Machine, duty: Duty, loop: Loop, pressure: float, case: Case) -> Floats:
+    """Run healthy, then as long with the faults; where the rig takes the shaft to have run healthy (2,), m."""
     start = Duty.hold(duty.speed_rpm[0], duty.load_N[0])
-    run(machine, start, SETTLE_S, clearance=loop.start_m, pressure=pressure)
+    healthy = run(machine, start, SETTLE_S, clearance=loop.start_m, pressure=pressure)
     for name, severity in case.faults.items():
         machine.inject(name, severity)
     run(machine, start, SETTLE_S, clearance=loop.start_m, pressure=pressure)
+    remembered = 1.0 - math.exp(-SETTLE_S / MEMORY_S)
+    return np.asarray(remembered * healthy.truth[len(healthy.truth) // 2 :, _ECCENTRICITY].mean(axis=0))
+
+
+def _touches(batch: Batch, ran_m: Floats, period_s: float) -> bool:
+    """Whether the shaft touches the seal of a full rub in most of the blocks of a run."""
+    away = batch.truth[:, _ECCENTRICITY] - ran_m
+    reach = np.hypot(away[:, 0], away[:, 1] + RUB_CLEARANCE_M - RUB_GAP_M[1])
+    block = round(TOUCH_BLOCK_S / period_s)
+    deepest = reach[: len(reach) // block * block].reshape(-1, block).max(axis=1)
+    return bool(np.mean(deepest > RUB_CLEARANCE_M) > 0.5)
 
 
 def _healthy() -> Case:
     return Case(0, 100.0, {})
+
+
+def _drifting(case: Case, rng: np.random.Generator) -> Case:
+    """``case`` with the zero of one sensor drifting, since up to :data:`DRIFTED_S` before it."""
+    name, a_minute = str(rng.choice(DRIFTING)), float(rng.uniform(0.0, DRIFT_MOST))
+    before = float(rng.uniform(0.0, DRIFTED_S)) / 60.0
+    drift = {f"sensor_drift:{name}": a_minute, f"sensor_offset:{name}": a_minute * before}
+    return replace(case, faults=case.faults | drift)
 
 
 def _taught(kind: int, rng: np.random.Generator, of_grid: slice) -> Case:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -15,6 +16,8 @@ from models.diagnosis.recordings import DUTIES
 Floats = NDArray[np.float64]
 
 CALIBRATION_BINS = 10
+LEAST_PROBABILITY = 1e-4
+"""One decision costs no more than this in the log score."""
 SPEED_BORDERS = np.log10(np.array([3000.0, 6000.0]) * np.pi / 30.0)
 REGIMES = (LOOPS, DUTIES, ("below 3000 rpm", "3000 to 6000 rpm", "above 6000 rpm"))
 """Names of the columns of :attr:`Decisions.regime`."""
@@ -41,7 +44,7 @@ class Decisions:
         """True where any fault is more probable than none."""
         return self.probability[:, 0] < 0.5
 
-    def subset(self, rows: NDArray[np.bool_]) -> Decisions:
+    def subset(self, rows: NDArray[np.bool_] | NDArray[np.intp]) -> Decisions:
         """The decisions at ``rows``."""
         return Decisions(*(getattr(self, f.name)[rows] for f in fields(self)))
 
@@ -78,16 +81,34 @@ def regimes(data: Dataset) -> NDArray[np.intp]:
     return np.column_stack([data.loop, data.duty, speed])
 
 
-def worst_group(decisions: Decisions) -> tuple[str, NDArray[np.bool_]]:
-    """Name and rows of the regime with the lowest balanced accuracy."""
+def worst_group(
+    decisions: Decisions, score: Callable[[Decisions], float] | None = None
+) -> tuple[str, NDArray[np.bool_]]:
+    """Name and rows of the regime with the lowest ``score`` (default: six-class balanced accuracy)."""
     found: list[tuple[float, str, NDArray[np.bool_]]] = []
     for column, names in enumerate(REGIMES):
         for index, name in enumerate(names):
             rows = decisions.regime[:, column] == index
             if len(np.unique(decisions.kind[rows])) == len(np.unique(decisions.kind)):
-                found.append((balanced_accuracy(decisions.kind[rows], decisions.named[rows]), name, rows))
+                found.append(((score or six_classes)(decisions.subset(rows)), name, rows))
     _, name, rows = min(found, key=lambda item: item[0], default=(0.0, "all", decisions.kind >= 0))
     return name, rows
+
+
+def six_classes(decisions: Decisions) -> float:
+    """Balanced accuracy of the named class."""
+    return balanced_accuracy(decisions.kind, decisions.named)
+
+
+def log_score(decisions: Decisions) -> float:
+    """Mean log probability of the truth, every class with the same weight (Good 1952); 0 is the best."""
+    right = np.log(decisions.probability[np.arange(len(decisions.kind)), decisions.kind] + LEAST_PROBABILITY)
+    return float(np.mean([right[decisions.kind == kind].mean() for kind in np.unique(decisions.kind)]))
+
+
+def two_classes(decisions: Decisions) -> float:
+    """Balanced accuracy of normal against any fault."""
+    return balanced_accuracy((decisions.kind > 0).astype(np.intp), decisions.abnormal.astype(np.intp))
 
 
 def required(decisions: Decisions) -> Decisions:
@@ -113,30 +134,26 @@ def summary(decisions: Decisions) -> dict[str, object]:
     """Six-class and two-class balanced accuracy with 95 % intervals over builds, and calibration."""
     if len(decisions.kind) == 0:
         return {"decisions": 0}
-    low, high = bootstrap(decisions)
-    worst, rows = worst_group(decisions)
-    two = balanced_accuracy((decisions.kind > 0).astype(np.intp), decisions.abnormal.astype(np.intp))
-    return {
-        "decisions": len(decisions.kind),
-        "builds": len(np.unique(decisions.group)),
-        "six_classes": {
-            "balanced_accuracy": round(balanced_accuracy(decisions.kind, decisions.named), 4),
-            "interval_95": [round(low, 4), round(high, 4)],
-            "worst_group": {worst: round(balanced_accuracy(decisions.kind[rows], decisions.named[rows]), 4)},
-        },
-        "two_classes": {"balanced_accuracy": round(two, 4)},
-        "ece": round(calibration_error(decisions), 4),
-    }
+    report: dict[str, object] = {"decisions": len(decisions.kind), "builds": len(np.unique(decisions.group))}
+    for name, score in (("six_classes", six_classes), ("two_classes", two_classes)):
+        worst, rows = worst_group(decisions, score)
+        report[name] = {
+            "balanced_accuracy": round(score(decisions), 4),
+            "interval_95": [round(limit, 4) for limit in bootstrap(decisions, score)],
+            "worst_group": {"name": worst, "decisions": int(rows.sum()),
+                            "balanced_accuracy": round(score(decisions.subset(rows)), 4)},
+        }  # fmt: skip
+    return report | {"ece": round(calibration_error(decisions), 4)}
 
 
-def bootstrap(decisions: Decisions, draws: int = 500, seed: int = 0) -> tuple[float, float]:
-    """95 % interval of the six-class balanced accuracy, builds drawn with replacement."""
+def bootstrap(
+    decisions: Decisions, score: Callable[[Decisions], float], draws: int = 500, seed: int = 0
+) -> tuple[float, float]:
+    """95 % interval of ``score``, builds drawn with replacement."""
     rng = np.random.default_rng(seed)
     rows_of = [np.flatnonzero(decisions.group == g) for g in np.unique(decisions.group)]
-    named, scores = decisions.named, []
-    for _ in range(draws):
-        rows = np.concatenate([rows_of[k] for k in rng.integers(0, len(rows_of), len(rows_of))])
-        scores.append(balanced_accuracy(decisions.kind[rows], named[rows]))
+    scores = [score(decisions.subset(np.concatenate([rows_of[k] for k in rng.integers(0, len(rows_of), len(rows_of))])))
+              for _ in range(draws)]  # fmt: skip
     return float(np.quantile(scores, 0.025)), float(np.quantile(scores, 0.975))
 
 
@@ -168,26 +185,29 @@ def severity_grid(decisions: Decisions) -> dict[str, dict[str, float]]:
     return grid
 
 
-def false_alarms(decisions: Decisions) -> dict[str, object]:
-    """Healthy decisions that named a fault, decision by decision and by build."""
-    healthy = decisions.kind == 0
-    alarms, n = int(np.sum(healthy & (decisions.named != 0))), int(np.sum(healthy))
-    builds = decisions.group[healthy & (decisions.named != 0)]
-    return {
-        "healthy_decisions": n,
-        "healthy_builds": len(np.unique(decisions.group[healthy])),
-        "false_alarms": alarms,
-        "builds_with_a_false_alarm": len(np.unique(builds)),
-        "share": round(alarms / max(n, 1), 5),
-    }
-
-
 def nll(logits: Floats, heads: Floats, weight: Floats | float = 1.0) -> float:
     """Mean (weighted) negative log-likelihood of the heads, equation (8) without its regulariser."""
     return float(np.mean(weight * (np.logaddexp(0.0, logits) - heads * logits)))
 
 
-def temperature(logits: Floats, heads: Floats) -> float:
-    """Divisor of the log-odds that minimises :func:`nll` (Guo et al. 2017), on a grid of 1 %."""
+def alarm_limit(normal: Floats, rate: float, tail: float = 0.05) -> float:
+    """Probability of normal so small that healthy decisions fall below it at ``rate``.
+
+    The log-odds of a fault above the quantile ``1 - tail`` are taken as exponential (peaks over threshold, Pickands
+    1975, shape 0), which reaches beyond what was counted.
+
+    Parameters
+    ----------
+    normal
+        Probability of normal on healthy decisions ``(n,)``.
+    """
+    odds = np.log1p(-normal + 1e-12) - np.log(normal + 1e-12)
+    high = float(np.quantile(odds, 1.0 - tail))
+    mean_excess = float(np.mean(odds[odds > high] - high))
+    return float(1.0 / (1.0 + np.exp(high + mean_excess * np.log(tail / rate))))
+
+
+def temperature(logits: Floats, heads: Floats, weight: Floats | float = 1.0) -> float:
+    """Divisor of the log-odds that minimises (weighted) :func:`nll` (Guo et al. 2017), on a grid of 1 %."""
     grid = np.exp(np.arange(-1.5, 2.5, 0.01))
-    return float(grid[np.argmin([nll(logits / t, heads) for t in grid])])
+    return float(grid[np.argmin([nll(logits / t, heads, weight) for t in grid])])

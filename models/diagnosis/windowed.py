@@ -1,4 +1,4 @@
-"""Three views of the same recordings: features of every window, a raw window, a waveform over shaft angle."""
+"""Three views of the same recordings: features of windows, a raw window, a waveform over shaft angle."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import inspect
 import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass, fields
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -14,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_py.acquire import features as feature_code
+from firmware_py.acquire import film_check as film_code
 from firmware_py.acquire import orders as order_code
 from firmware_py.acquire import ringing as ringing_code
 from firmware_py.acquire import windows as window_code
@@ -32,22 +34,30 @@ RAW_POINTS: Final = 800
 
 @dataclass(frozen=True)
 class Views:
-    """``orders``: features of every window; ``raw``, ``waves``: one row a recording."""
+    """``orders``: features of windows, or their means over decisions; ``raw``, ``waves``: one row a recording."""
 
     orders: Dataset
     raw: Dataset
     waves: Dataset
 
 
-def views_of(out: Path, plan: Plan, builds: int, workers: int) -> Views:
+@dataclass(frozen=True)
+class Look:
+    """How recordings are looked at: every window, or means of ``windows``; raw rows of the first ``raw_builds``."""
+
+    windows: int = 1
+    raw_builds: int = 0
+
+
+def views_of(out: Path, plan: Plan, builds: int, workers: int, look: Look) -> Views:
     """Views of the recordings of ``plan`` under ``out``, recorded and analysed when they are not there yet."""
-    with progress_bar(f"recordings of {builds} builds", builds) as bar:
-        files = make_recordings(out, plan, builds, workers, bar)
-    path = folder_of(out, plan) / f"views-{builds}-{_code_hash()}.npz"
+    path = folder_of(out, plan) / f"views-{builds}-{look.windows}-{look.raw_builds}-{_code_hash()}.npz"
     if path.exists():
         return _read(path)
+    with progress_bar(f"recordings of {builds} builds", builds) as bar:
+        files = make_recordings(out, plan, builds, workers, bar)
     with progress_bar(f"features of {builds} builds", builds) as bar:
-        views = _analysed(files, workers, bar)
+        views = _analysed(files, look, workers, bar)
     part = path.with_suffix(".part.npz")
     np.savez(part, **{f"{view.name}_{column.name}": getattr(getattr(views, view.name), column.name)
                       for view in fields(Views) for column in fields(Dataset)})  # fmt: skip
@@ -66,17 +76,20 @@ def usable_windows(raw: Raw) -> list[Window]:
     return [window for window in windows if not window.quality & Quality.NO_MARK]
 
 
-def _analysed(files: list[Path], workers: int, progress: Callable[[int], None]) -> Views:
+def _analysed(files: list[Path], look: Look, workers: int, progress: Callable[[int], None]) -> Views:
     parts = []
-    for done, part in enumerate(map_in_order(_views_of_build, files, workers), 1):
+    for done, part in enumerate(map_in_order(partial(_views_of_build, look), files, workers), 1):
         parts.append(part)
         progress(done)
-    return Views(*(join([getattr(part, f.name) for part in parts]) for f in fields(Views)))
+    return joined_views(parts)
 
 
-def _views_of_build(file: Path) -> Views:
+def _views_of_build(look: Look, file: Path) -> Views:
     build = int(file.stem.partition("-")[2])
-    return joined_views([_views(raw, build, 100 * build + i) for i, raw in enumerate(load(file))])
+    views = joined_views([_views(raw, build, 100 * build + i) for i, raw in enumerate(load(file))])
+    orders = pooled(views.orders, look.windows) if look.windows > 1 else views.orders
+    raw_rows = slice(None) if build < look.raw_builds else slice(0)
+    return Views(orders, views.raw.subset(raw_rows), views.waves.subset(raw_rows))
 
 
 def joined_views(parts: list[Views]) -> Views:
@@ -108,7 +121,7 @@ def _labelled(rows: NDArray[np.float32], raw: Raw, build: int, number: int) -> D
 def _code_hash() -> str:
     """Changes with the code that cuts and analyses windows."""
     digest = hashlib.sha256()
-    for module in (window_code, order_code, ringing_code, feature_code):
+    for module in (window_code, order_code, ringing_code, film_code, feature_code):
         digest.update(inspect.getsource(module).encode())
     return digest.hexdigest()[:12]
 

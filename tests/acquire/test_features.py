@@ -30,7 +30,7 @@ def named(window: Window) -> dict[str, float]:
 def test_amplitudes_of_a_known_orbit(speed_hz: float, rate: int) -> None:
     o = orders(rate, start_hz=speed_hz, forward_m=(10e-6, 2e-6, 1e-6, 0.5e-6), backward_m=(3e-6, 0.5e-6), half_m=4e-6)
     assert o.speed_rad_s == pytest.approx(2 * np.pi * speed_hz, rel=1e-4)
-    assert o.forward == pytest.approx([10e-6, 2e-6, 1e-6, 0.5e-6], rel=0.02, abs=3e-8)
+    assert o.forward[:4] == pytest.approx([10e-6, 2e-6, 1e-6, 0.5e-6], rel=0.02, abs=3e-8)
     assert o.backward[:2] == pytest.approx([3e-6, 0.5e-6], rel=0.02, abs=3e-8)
     assert o.half_forward == pytest.approx(4e-6, rel=0.03)
     assert o.half_backward < 1e-7

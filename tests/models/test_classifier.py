@@ -1,14 +1,17 @@
 """The classifier's recordings, its graph, its words, and what is counted on watched machines."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from firmware_py.acquire.features import FEATURE_NAMES, GROUP_OF_FEATURE, GROUPS
+from firmware_py.acquire.features import FEATURE_NAMES, GROUP_OF_FEATURE, GROUPS, features
 from models.diagnosis import recordings
+from models.diagnosis.alarms import Rule, detection, false_alarms, hear, onsets
 from models.diagnosis.data_cache import load, make_recordings
-from models.diagnosis.dataset import Dataset, DatasetError
+from models.diagnosis.dataset import Dataset, DatasetError, join, pooled
 from models.diagnosis.recordings import Plan, record_build, training_cases
-from models.diagnosis.windowed import usable_windows, views_of
+from models.diagnosis.windowed import Look, usable_windows, views_of
 
 PLAN = Plan("bench", 5, 5000, 1.1, training_cases)
 
@@ -33,12 +36,16 @@ def test_recordings_follow_from_plan_and_build_and_are_kept(tmp_path):
 
 
 def test_views_hold_every_recording_and_are_read_back(tmp_path):
-    made, read = views_of(tmp_path, PLAN, 1, 1), views_of(tmp_path, PLAN, 1, 1)
+    look = Look(raw_builds=1)
+    made, read = views_of(tmp_path, PLAN, 1, 1, look), views_of(tmp_path, PLAN, 1, 1, look)
     np.testing.assert_array_equal(made.orders.features, read.orders.features)
     assert made.orders.features.shape[1] == len(FEATURE_NAMES)
     assert len(made.raw) == len(made.waves) == 5
     assert made.raw.features.shape[1] == 800 * 8
     assert np.isfinite(made.waves.features).all()
+    decided = views_of(tmp_path, PLAN, 1, 1, Look(windows=2))
+    assert len(decided.raw) == len(decided.waves) == 0
+    np.testing.assert_array_equal(decided.orders.features, pooled(made.orders, 2).features)
 
 
 def test_a_torn_recording_is_refused(tmp_path):
@@ -83,8 +90,6 @@ def test_features_do_not_depend_on_the_rate():
         status = np.column_stack([taken.status[:, 0] * 1e6, taken.status[:, 3], taken.status[:, 1:3]])
         raw = recordings.Raw(taken.counts, round(taken.time_s[0] * 1e6), np.round(taken.mark_s * 1e6).astype(np.int64),
                              status, rate, 0, 100.0, 0, 0)  # fmt: skip
-        from firmware_py.acquire.features import features
-
         found.append(features(usable_windows(raw)[-1]))
     change = dict(zip(FEATURE_NAMES, np.abs(found[1] - found[0]), strict=True))
     for name in ("log_speed_rad_s", "log_shaft_fwd_1x_m", "acc_bearing_vertical_1x_per_shaft", "contact_1x_film"):
@@ -205,29 +210,85 @@ def verdicts(sure):
     return answer
 
 
-def test_false_alarms_need_a_named_fault_and_persistence_to_be_confirmed():
-    from models.diagnosis.judge import false_alarms
+RULE = Rule(novelty=1.0, normal_below=0.1)
 
+
+def test_false_alarms_need_a_named_fault_and_persistence_to_be_confirmed():
     quiet = rows(50, recording=np.repeat([0, 1], 25), group=np.repeat([0, 1], 25))
-    quiet.features[:, :2] = -1.0
-    counted = false_alarms(verdicts(6.0), quiet, 1.0)
-    assert (counted["false_alarms"], counted["confirmed_alarms"]) == (0, 0)
-    assert counted["upper_95"] == 3.0 / 2
+    quiet.features[:] = -1.0
+
+    def counted(sure=6.0, rule=RULE):
+        return false_alarms(hear(verdicts(sure), quiet), rule)
+
+    assert (counted()["false_alarms"], counted()["confirmed_alarms"]) == (0, 0)
+    assert counted()["builds_upper_95"] == pytest.approx(1 - 0.05 ** (1 / 2), abs=1e-4)
     quiet.features[25:, 0] = 1.0
-    counted = false_alarms(verdicts(6.0), quiet, 1.0)
-    assert counted["builds_with_a_false_alarm"] == counted["confirmed_alarms"] == 1
-    assert counted["share_of_decisions"] == 0.5
-    assert false_alarms(verdicts(0.3), quiet, 1.0)["doubt"] == 1.0
+    assert counted()["builds_with_a_false_alarm"] == counted()["confirmed_alarms"] == 1
+    assert counted()["share_of_decisions"] == 0.5
+    assert counted(0.3)["called_doubt"] == 1.0
+    assert counted(1.5)["called_doubt"] == 0.5  # surely enough the best class, not surely enough abnormal
+    assert counted(1.5, Rule(1.0, 0.5))["false_alarms"] == 16
     quiet.features[:, 1] = 9.0
-    assert false_alarms(verdicts(6.0), quiet, 1.0)["called_unknown"] == 1.0
+    assert counted()["called_unknown"] == 1.0
 
 
 def test_detection_delay_counts_from_the_first_faulty_window():
-    from models.diagnosis.judge import detection
+    healthy, fault = rows(13), rows(30, kind=4, severity=np.full(30, 16.0), recording=np.ones(30, int))
+    healthy.features[:], fault.features[:] = -1.0, -1.0
+    fault.features[:, 0] = 1.5
+    heard = onsets(verdicts(6.0), join([healthy, fault]))
+    found = detection(heard, RULE)["unbalance"]
+    assert found["named_median_s"] == 0.25 * 5
+    assert found["confirmed_median_s"] == 0.25 * 5 + 3.0
+    assert detection(heard, Rule(1.0, 1e-9))["unbalance"]["confirmed_median_s"] is None
 
-    healthy, fault = rows(13), rows(13, kind=4, severity=np.full(13, 16.0), recording=np.ones(13, int))
-    healthy.features[:, 0], fault.features[:, 0] = -1.0, 1.5
-    from models.diagnosis.dataset import join
 
-    found = detection(verdicts(6.0), join([healthy, fault]), 1.0)
-    assert found["unbalance"]["median_s"] == 0.25 * 5
+@pytest.mark.parametrize("case", [recordings.Case(0, 100.0, {}), recordings.Case(4, 40.0, {"unbalance": 40.0}),
+                                  recordings.Case(-1, 3, {"wear": 1.0})])  # fmt: skip
+def test_the_judged_words_are_the_device_s(case):
+    """One recording through the device's own diagnoser, and as the judge hears it."""
+    from firmware_py.brain.diagnosis import Diagnoser
+    from firmware_py.brain.session import Session
+    from firmware_py.brain.store import Model, read_card
+    from models import ARTIFACTS
+    from models.diagnosis.dataset import CLASSES
+    from models.diagnosis.judge import of_file, rule_of
+
+    raw = record_build(Plan("bench", 3, 5000, 4.0, lambda rng: [case]), 0)[0]
+    windows = [replace(w, end_ns=w.end_tick_us * 1000) for w in usable_windows(raw)]
+    path = ARTIFACTS / "classifier.onnx"
+    session = Session(path.name, path.read_bytes())
+    diagnoser = Diagnoser(Model(read_card(path.name, session.metadata), session, "0" * 64))
+    device = [diagnoser.step(window)[0].verdict for window in windows][9:]
+    data = rows(len(windows))
+    data = replace(data, features=np.array([features(w) for w in windows]))
+    words = hear(of_file(path), data).words(rule_of(path))
+    assert [(*CLASSES, "unknown", "doubt", "whirl")[word] for word in words] == device
+
+
+def test_heads_of_their_own_features_see_no_others():
+    from models.diagnosis.ladder import fit_heads, side_by_side
+
+    data = rows(120, kind=np.arange(120) % 6, group=np.arange(120), recording=np.arange(120))
+    own = np.zeros((len(FEATURE_NAMES), 4), bool)
+    own[:3, 0] = own[3:6, 1] = own[6:9, 2] = own[9:12, 3] = True
+    for hidden in (0, 3):
+        two = [fit_heads("own", own, hidden, data, data, 1e-3, 15, np.random.default_rng(k)) for k in (0, 1)]
+        changed = data.features.copy()
+        changed[:, 3:6] += 1.0
+        moved = np.abs(two[0].logits(changed) - two[0].logits(data.features)).max(axis=0)
+        assert moved[1] > 1e-3
+        assert np.delete(moved, 1).max() == 0.0
+    mean = side_by_side("mean", two).logits(data.features)
+    np.testing.assert_allclose(mean, np.mean([n.logits(data.features) for n in two], axis=0), rtol=1e-9, atol=1e-12)
+
+
+def test_whirl_of_features_is_that_of_the_orders():
+    from firmware_py.acquire.orders import analyse
+    from firmware_py.brain.diagnosis import is_whirl
+    from models.diagnosis.alarms import whirls
+
+    plan = Plan("bench", 11, 5000, 1.6, lambda rng: [recordings.Case(0, 100.0, {})] * 4)
+    windows = [w for build in range(4) for raw in record_build(plan, build) for w in usable_windows(raw)]
+    told = [is_whirl(analyse(w), w.clearance_m) for w in windows]
+    assert list(whirls(np.array([features(w) for w in windows]))) == told

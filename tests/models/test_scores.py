@@ -87,3 +87,19 @@ def test_slight_faults_weigh_less_in_training():
     whole = scores.nll(logits, data.heads, data.weight[:, None])
     each = [scores.nll(logits[i : i + 1], data.heads[i : i + 1]) for i in range(4)]
     assert whole == pytest.approx(np.mean(np.array(each) * data.weight))
+
+
+def test_alarm_limit_reaches_the_rate_it_was_asked_for():
+    """Log-odds with an exponential tail: the limit keeps the rate, far beyond what the rows could show."""
+    rng = np.random.default_rng(3)
+    normal = 1 / (1 + np.exp(rng.exponential(1.0, 3000) - 8.0))
+    limit = scores.alarm_limit(normal, 1e-4)
+    exact = 1 / (1 + np.exp(np.log(1e4) - 8.0))
+    assert np.log(limit / (1 - limit)) == pytest.approx(np.log(exact / (1 - exact)), abs=1.0)
+    assert scores.alarm_limit(normal, 1e-6) < limit < normal.min()
+
+
+def test_log_score_punishes_a_sure_mistake_more_than_a_doubtful_one():
+    kind = [0, 1]
+    sure, doubtful = decisions(kind, [0, 0], confidence=0.99), decisions(kind, [0, 0], confidence=0.5)
+    assert scores.log_score(sure) < scores.log_score(doubtful) < scores.log_score(decisions(kind, kind)) < 0.0

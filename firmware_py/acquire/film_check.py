@@ -1,0 +1,111 @@
+"""Film, shaft position and power held against each other: what no reading shows alone.
+
+The contact channel tells the true gap.  The short bearing (Ocvirk 1952, held to its finite length) then says in which
+direction the shaft floats, what load that is, what the oil's shear costs, and how far a rotating force moves the shaft,
+which tells unbalance.  Wear moves the shaft from there, a side load turns it, starved oil seems to carry more than the
+rig's load and costs less, a rub costs more.  Each feature is scaled so that sensor and build errors spread it alike at
+every speed and clearance.  Sizes, mass and oil are those of rig `bench`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_py.acquire.orders import CONTACT, Orders
+from firmware_py.acquire.windows import Window
+
+RADIUS_M: Final = 0.02
+LENGTH_M: Final = 0.02
+MASS_KG: Final = 1.74
+VISCOSITY_PA_S: Final = 0.01
+REFERENCE_C: Final = 40.0
+VISCOSITY_PER_K: Final = 0.03
+"""Journal, effective mass at the bearing, and the oil's law ``mu = mu_40 exp(-b (T - 40))``."""
+
+CIRCUIT_V: Final = 2.0
+CONTACT_LEAST_V: Final = 1e-3
+FILM_PER_RATIO_M: Final = 5e-6
+"""Contact channel: supply, how near to its ends it is read, film at half the supply (100 kOhm at 20 GOhm/m)."""
+
+SHEAR_SHARE: Final = 1.07
+"""Power over that of Petroff's shear at the eccentricity: the load's part and windage, over the rig's whole range."""
+POSITION_SCALE_M: Final = 5e-6
+POWER_SCALE_W: Final = 3.0
+POWER_SHARE: Final = 0.07
+"""Spread of position and power (reading; oil and clearance of a build) that the features are scaled by."""
+LEAST_SHARE: Final = 0.02
+"""Eccentricity ratios nearer to 0 or 1 count as that."""
+LEAST_MOVE_M: Final = 1e-9
+
+Floats = NDArray[np.float64]
+
+
+def names() -> tuple[str, ...]:
+    """Names of what :func:`film_check` returns, in its order."""
+    return (
+        "film_gap_over_position", "film_side_position", "film_power_excess", "film_log_load_N",
+        "film_log_unbalance_kg_m", "film_log_unbalance_by_orbit_kg_m",
+    )  # fmt: skip
+
+
+def film_m(volt: Floats) -> Floats:
+    """Gap by the contact channel: the divider gives ``h`` in proportion to ``V / (V0 - V)``."""
+    held = np.clip(volt, CONTACT_LEAST_V, CIRCUIT_V - CONTACT_LEAST_V)
+    return FILM_PER_RATIO_M * held / (CIRCUIT_V - held)
+
+
+def film_check(window: Window, orders: Orders) -> Floats:
+    """Gap beyond that of the position, position beside the attitude, power beyond the film's; logs, shape (6,).
+
+    The first two stand in :data:`POSITION_SCALE_M`, the third in errors of the power; then ``log10`` of the load and of
+    the unbalance by the contact channel, free of the probes' runout, and by the orbit.
+    """
+    clearance, (x, y), speed = window.clearance_m, window.samples[:, :2].T, orders.speed_rad_s
+    gap = np.minimum(film_m(window.samples[:, 7]), 2.0 * clearance)
+    ratio = min(max(1.0 - float(gap.mean()) / clearance, LEAST_SHARE), 1.0 - LEAST_SHARE)
+    rest = 1.0 - ratio * ratio
+    attitude = math.atan2(0.25 * math.pi * math.sqrt(rest), ratio)
+    beside = float(x.mean()) * math.cos(attitude) + float(y.mean()) * math.sin(attitude)
+    beyond = float(np.mean(gap + np.hypot(x, y))) - clearance
+    shear_Pa = VISCOSITY_PA_S * math.exp(-VISCOSITY_PER_K * (window.oil_outlet_C - REFERENCE_C)) * speed
+    petroff = 2 * math.pi * shear_Pa * speed * RADIUS_M**3 * LENGTH_M / clearance
+    expected = SHEAR_SHARE * petroff / math.sqrt(rest)
+    excess = (window.shaft_power_W - expected) / math.hypot(POWER_SCALE_W, POWER_SHARE * expected)
+    carried = _carried_N(shear_Pa, clearance, ratio)
+    load = carried * ratio / rest**2 * math.sqrt(16.0 * (1.0 - rest) + math.pi**2 * rest)
+    across, around = _moves_per_N(carried, clearance, ratio, speed)
+    volt = float(np.clip(orders.mean[CONTACT], CONTACT_LEAST_V, CIRCUIT_V - CONTACT_LEAST_V))
+    swing = abs(orders.harmonics[CONTACT, 0]) * FILM_PER_RATIO_M * CIRCUIT_V / (CIRCUIT_V - volt) ** 2
+    orbit = 0.5 * abs(across + 1j * around)
+    unbalance = np.array([(swing + LEAST_MOVE_M) / abs(across), (orders.forward[0] + LEAST_MOVE_M) / orbit]) / speed**2
+    return np.array([beyond / POSITION_SCALE_M, beside / POSITION_SCALE_M, excess, math.log10(load),
+                     *np.log10(unbalance)])
+
+
+def _carried_N(shear_Pa: float, clearance_m: float, ratio: float) -> float:
+    """``mu omega R L^3 / 4 c^2`` times the finite length's share of the load, fitted from below to Reynolds films."""
+    square = ratio * ratio
+    shape = 0.25 * (LENGTH_M / RADIUS_M) ** 2
+    finite = 1.0 / (1.0 + shape * (0.38 + square) / (1.0 - square))
+    return finite * shear_Pa * RADIUS_M * LENGTH_M**3 / (4.0 * clearance_m**2)
+
+
+def _moves_per_N(carried_N: float, clearance_m: float, ratio: float, speed_rad_s: float) -> tuple[complex, complex]:
+    """How far a forward rotating force moves the shaft along its eccentricity and around: complex, m/N.
+
+    Stiffness and damping of the short bearing in the directions of the eccentricity, on the effective mass
+    (``(K + i omega C - m omega^2) z = F (1, -i)``; Childs 1993, chapter 3).
+    """
+    e, q = ratio, 1.0 - ratio * ratio
+    unit, inertia = carried_N / clearance_m, MASS_KG * speed_rad_s**2
+    cross_damping = 8.0 * e / q**2
+    rr = unit * (8.0 * e / q**2 + 16.0 * e**3 / q**3 + 2j * math.pi * (1.0 + 2.0 * e * e) / q**2.5) - inertia
+    rt = unit * (math.pi / q**1.5 - 1j * cross_damping)
+    tr = unit * (-math.pi / q**1.5 - 3.0 * math.pi * e * e / q**2.5 - 1j * cross_damping)
+    tt = unit * (4.0 * e / q**2 + 2j * math.pi / q**1.5) - inertia
+    whole = rr * tt - rt * tr
+    return (tt + 1j * rt) / whole, (-1j * rr - tr) / whole
