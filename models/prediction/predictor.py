@@ -83,7 +83,9 @@ def train(run: Run, settings: PredictorSettings) -> dict[str, object]:
     run.write_json("predictor.json", msgspec.to_builtins(fitted))
     run.log({f"{state}_{regime}_{name}_high": high for state, regimes in fitted.factors.items()
              for regime, names in regimes.items() for name, (_, high) in names.items()})
-    found = judge(fitted, settings.rig, run.seed, settings.judged_episodes, settings.workers)
+    numbers = range(settings.judged_episodes)
+    fresh = run.kept("judged", partial(hear, settings.rig, JUDGE_SEED + run.seed, numbers, settings.workers))
+    found = judge(fitted, settings.rig, run.seed, fresh)
     found = {**found, "training": {"episodes": settings.episodes, "seconds": round(time.monotonic() - started, 1)},
              "reproduce": run.command}
     run.write_json("predictor-report.json", found)
@@ -91,10 +93,10 @@ def train(run: Run, settings: PredictorSettings) -> dict[str, object]:
     return found
 
 
-def judge(fitted: Fitted, rig_name: str, seed: int, episodes: int, workers: int) -> dict[str, object]:
-    """Every figure of the predictor on episodes that follow from ``seed`` and that no training saw."""
-    heard = hear(rig_name, JUDGE_SEED + seed, range(episodes), workers)
+def judge(fitted: Fitted, rig_name: str, seed: int, heard: dict[str, Said]) -> dict[str, object]:
+    """Every figure of the predictor on episodes ``heard`` by state, which follow from ``seed`` and no training saw."""
     rng = np.random.default_rng([JUDGE_SEED, seed])
+    episodes = len(np.unique(heard[STATES[0]].episode))
     found: dict[str, object] = {"episodes": episodes, "forecasts_each": 2, "nominal_coverage": 0.9}
     for state, said in heard.items():
         widths = {regime: np.array(rows) for regime, rows in fitted.rival_widths[state].items()}
@@ -104,7 +106,8 @@ def judge(fitted: Fitted, rig_name: str, seed: int, episodes: int, workers: int)
 
 def evaluate(path: Path, seed: int, size: int | None, out: Path) -> dict[str, object]:
     """``orbitd evaluate predictor``: the file at ``path`` on ``size`` (300) episodes, every core; keeps nothing."""
-    return judge(of_file(path), PredictorSettings().rig, seed, size or 300, workers=len(os.sched_getaffinity(0)))
+    rig_name, workers = PredictorSettings().rig, len(os.sched_getaffinity(0))
+    return judge(of_file(path), rig_name, seed, hear(rig_name, JUDGE_SEED + seed, range(size or 300), workers))
 
 
 def of_file(path: Path) -> Fitted:
