@@ -47,8 +47,8 @@ class PredictorSettings(Settings, frozen=True):
     """What ``orbitd train predictor`` does; every key may stand in the ``--config`` file."""
 
     rig: str = "bench"
-    episodes: int = 2800
-    judged_episodes: int = 40
+    episodes: int = 2784
+    judged_episodes: int = 120
     workers: int = 2
 
     def smoked(self) -> PredictorSettings:
