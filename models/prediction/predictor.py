@@ -47,8 +47,8 @@ class PredictorSettings(Settings, frozen=True):
     """What ``orbitd train predictor`` does; every key may stand in the ``--config`` file."""
 
     rig: str = "bench"
-    episodes: int = 2784
-    judged_episodes: int = 120
+    episodes: int = 1392
+    judged_episodes: int = 80
     workers: int = 2
 
     def smoked(self) -> PredictorSettings:
