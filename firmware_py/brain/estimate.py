@@ -202,7 +202,7 @@ class Synchroniser:
         return shown.static_film_m, float(np.sqrt(shown.film_slopes @ covariance @ shown.film_slopes))
 
     def _update(self, measured: Measured, weight: float, iterations: int) -> None:
-        """Iterated update: each pass linearises at the newest mean."""
+        """Iterated update: each pass linearises at the newest mean; a shaft that whirls teaches nothing."""
         observed = np.array([measured.mean_x_m / UM, measured.mean_y_m / UM, measured.shaft_power_W,
                              measured.contact_V])
         used = np.isfinite(observed) & np.array([True, True, True, self._instruments.has_contact])
@@ -210,6 +210,8 @@ class Synchroniser:
         for _ in range(iterations):
             shown = self._instruments.predict(mean[:PARAMETERS], measured, self.unbalance_kg_m, self._start_m)
             values, slopes, self._start_m = shown.values, shown.slopes, shown.position_m
+            if shown.whirls(measured):
+                return
             noise = self._instruments.noise(values, slopes, measured) + self._moving(values, slopes, measured)
             noise = weight * noise[np.ix_(used, used)]
             h = np.zeros((int(used.sum()), STATES))

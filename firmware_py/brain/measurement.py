@@ -43,6 +43,9 @@ POSITION_MODEL_UM: Final = 0.1
 """Mean of an orbit against the static position, and the surrogate's own error."""
 ORBIT_CURVATURE: Final = 0.3
 """Error of the modelled shift by an orbit, as a share of its amplitude squared over the clearance."""
+RUNOUT_MOST_M: Final = 1e-5
+WHIRL_SHARE: Final = 0.15
+"""Of the clearance: amplitude beyond the modelled one that is called whirl."""
 RUNOUT_M: Final = 4e-6
 """Amplitude that is taken for runout, not motion."""
 POWER_MODEL: Final = (0.2, 0.007)
@@ -110,6 +113,8 @@ class Shown:
         Shape (4, 2): equilibria to start from next time.
     static_film_m, film_slopes
         Film at the mean position, and its slopes (3,) by ``ln`` load, ``ln`` viscosity, clearance (um).
+    reach_m
+        How far the modelled orbit goes from its mean.
     """
 
     values: Floats
@@ -117,6 +122,12 @@ class Shown:
     position_m: Floats
     static_film_m: float
     film_slopes: Floats
+    reach_m: float
+
+    def whirls(self, measured: Measured) -> bool:
+        """Whether the shaft moves far more than the modelled orbit and any runout: means then tell nothing at rest."""
+        beyond_m = 0.5 * measured.peak_to_peak_m - RUNOUT_MOST_M - self.reach_m
+        return beyond_m > WHIRL_SHARE * measured.clearance_m
 
 
 class Instruments:
@@ -167,7 +178,8 @@ class Instruments:
         slopes[3, CONTACT] = (more - volt[0]) / _LOG_STEP
         still_m = clearance - np.hypot(*mean.T)
         thinner = (still_m[1:] - still_m[0]) / _LOG_STEP * [1.0, 1.0, UM / clearance[0]]
-        return Shown(columns[0], slopes, position, float(still_m[0]), thinner)
+        way_m = on_the_way[0] - mean[0]
+        return Shown(columns[0], slopes, position, float(still_m[0]), thinner, float(np.hypot(*way_m.T).max()))
 
     def _orbit(self, points: Points, position: Floats, found: NDArray[np.bool_], torque: Floats,
                unbalance_kg_m: float) -> Orbit:

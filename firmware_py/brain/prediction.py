@@ -259,7 +259,7 @@ class Predictor:
         orbit = motion.reshape(shape)[:, 0]
         windage = self._windage_W_s3 * points.speed_rad_s**3
         values = [(friction + windage).reshape(shape), (motion + 2.0 * half_m).reshape(shape),
-                  (film - half_m).reshape(shape), steady.damping_ratio.reshape(shape)]
+                  np.maximum(film - half_m, 0.0).reshape(shape), steady.damping_ratio.reshape(shape)]
         model = [POWER_ERROR * values[0][:, 0], np.hypot(uncertain * orbit, SWING_ERROR_M),
                  np.hypot(0.5 * uncertain * orbit, FILM_ERROR_M), np.full(len(every), MARGIN_ERROR)]
         deviation = np.column_stack([deviation_of(v, m) for v, m in zip(values, model, strict=True)])

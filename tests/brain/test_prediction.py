@@ -168,6 +168,19 @@ def test_a_worn_bore_is_followed_by_its_film() -> None:
     assert estimate.clearance_m - clearance_m == pytest.approx(worn_m, abs=0.5e-6)
 
 
+def test_a_whirling_shaft_teaches_nothing() -> None:
+    """The mean of an orbit that fills the gap is no static position: the estimate stays, its deviation grows."""
+    synchroniser = Synchroniser(FILM, CONFIG)
+    for i in range(1, 21):
+        before = synchroniser.step(measure(*CASES[0], t_ns=i * 200_000_000))
+    for i in range(21, 31):
+        m = dataclasses.replace(measure(*CASES[0], t_ns=i * 200_000_000), mean_x_m=2e-5, mean_y_m=2e-5, contact_V=1.0,
+                                shaft_power_W=300.0, peak_to_peak_m=90e-6)
+        after = synchroniser.step(m)
+    assert after.load_N == pytest.approx(before.load_N, rel=1e-6)
+    assert after.log_covariance[0, 0] > 2.0 * before.log_covariance[0, 0]
+
+
 def test_more_load_and_speed_are_forecast_as_declared() -> None:
     predictor = Predictor(model(short_film()), CONFIG)
     m = measure(6000.0, 100.0, 50.0, 60e-6)
