@@ -91,5 +91,38 @@ def test_the_estimator_of_the_load_gains_by_what_was_learnt() -> None:
     power_W = float(film.film.friction_torque_N_m) * FAST + config.rotor.windage_W_s3 * FAST**3
     loads = LoadEstimator(config)
     x, y = film.position_m.tolist()
-    seen = [loads.estimate(Look(0.05 * k, x, y, 5e-6, 60e-6, FAST, 45.0, power_W)) for k in range(40)]
-    assert seen[0].low_N < 0.96 * seen[-1].low_N < 60.0 < seen[-1].high_N < seen[0].high_N
+    found = [loads.estimate(Look(0.05 * k, x, y, 5e-6, 60e-6, FAST, 45.0, power_W)) for k in range(40)]
+    assert found[0].low_N < 0.96 * found[-1].low_N < 60.0 < found[-1].high_N < found[0].high_N
+
+
+@pytest.mark.parametrize("share", [0.88, 1.1])
+@pytest.mark.parametrize("built_m", [-2e-6, 0.0, 2e-6])
+@pytest.mark.parametrize("learnt_m", [42e-6, 75e-6])
+@pytest.mark.parametrize("error_W", [-5.0, 5.0])
+def test_the_load_stays_credible_in_every_clearance_after_learning_in_another(
+    share: float, built_m: float, learnt_m: float, error_W: float
+) -> None:
+    """Oil and clearance at their worst together, where thicker oil and a wider bearing look alike."""
+    loads = LoadEstimator(bench())
+    steady = seen(learnt_m, built_m, share, 60.0, FAST, error_W)
+    for tick in range(21):
+        loads.estimate(msgspec.structs.replace(steady, time_s=0.05 * tick))
+    assert loads.oil != LoadEstimator(bench()).oil
+    for clearance_m in (45e-6, 70e-6, 110e-6, 160e-6):
+        for load_N, speed in ((35.0, FAST), (60.0, 0.6 * FAST)):
+            now = seen(clearance_m, built_m, share, load_N, speed, error_W)
+            found = loads.estimate(msgspec.structs.replace(now, time_s=9.0 + 1e6 * clearance_m))
+            assert found.measured
+            assert found.low_N <= load_N <= found.high_N
+
+
+def seen(clearance_m: float, built_m: float, share: float, load_N: float, speed: float, error_W: float) -> Look:
+    """What a machine shows whose bearing, oil and power reading are off by so much."""
+    config = bench()
+    film = equilibrium(
+        load_N=load_N, radius_m=0.02, length_m=0.02, clearance_m=clearance_m + built_m, speed_rad_s=speed,
+        viscosity_Pa_s=share * config.oil.viscosity_Pa_s(45.0),
+    )  # fmt: skip
+    power_W = float(film.film.friction_torque_N_m) * speed + config.rotor.windage_W_s3 * speed**3 + error_W
+    x, y = film.position_m.tolist()
+    return Look(0.0, x, y, 5e-6, clearance_m, speed, 45.0, power_W)

@@ -136,6 +136,15 @@ def test_doubt_about_the_load_never_widens_the_interval() -> None:
         assert sure is not None or unsure is None
 
 
+def test_a_rotor_further_out_of_balance_never_has_a_wider_interval() -> None:
+    shields = [Shield(changed("rotor", unbalance_normal_kg_m=kg_m)) for kg_m in (0.0, 5e-6, 1.7e-5, 3e-5)]
+    for rpm, load_N in ((9000.0, 30.0), (11000.0, 40.0), (12000.0, 35.0)):
+        ends = [shield.interval(rpm * RPM, load_N, load_N, 41.0) for shield in shields]
+        highs = [end[1] if end else 0.0 for end in ends]
+        assert highs == sorted(highs, reverse=True)
+        assert highs[-1] < highs[0]
+
+
 @pytest.mark.parametrize("p2p_um", np.arange(18.0, 27.0, 0.5))
 def test_vibration_may_fill_its_share_of_the_clearance_and_no_more(p2p_um: float) -> None:
     found = Shield(bench()).interval(6000 * RPM, 90.0, 110.0, 41.0, p2p_um * 1e-6, SAFE_M)

@@ -17,6 +17,7 @@ from models.control.shielded import (
     ShieldedRotor,
     ShieldedRotors,
     column,
+    config_of,
     fast_ramps,
     shipped_config,
 )
@@ -80,6 +81,13 @@ def test_only_ramps_beyond_the_declared_ones_are_announced() -> None:
     ramps = fast_ramps(config, Duty.published())
     assert len(ramps) == 5
     assert ramps[0] == Ramp(12.0, 14.0, pytest.approx(6000 * RAD_S_PER_RPM), 100.0)
+
+
+def test_behind_a_groove_the_shield_does_not_trust_the_film_that_the_configuration_knows() -> None:
+    bearing = config_of("bench", fed=True).bearing
+    assert (bearing.load_error_share, bearing.attitude_error_deg, bearing.friction_error_share) == (0.21, 15.0, 1.0)
+    assert bearing.radial_clearance_max_um == shipped_config("bench").bearing.radial_clearance_max_um
+    assert config_of("bench", fed=False) == shipped_config("bench")
 
 
 def test_an_announced_ramp_narrows_before_it_starts_and_is_over_after_its_end() -> None:
