@@ -122,7 +122,8 @@ def write(run: Run, report: Mapping[str, object], prose: Prose) -> None:
     lines = [
         f"# {prose.title}", "", prose.purpose, "", "Status: **provisional**.", "",
         "## Reproduce", "", f"    {run.command}", "",
-        f"Trained, judged and exported in {run.minutes:.1f} min on {len(os.sched_getaffinity(0))} cores.", "",
+        f"The run that wrote this took {run.minutes:.1f} min on {len(os.sched_getaffinity(0))} cores; what an earlier "
+        "one had kept in its folder was not made again.", "",
         "## Measured", "", "```json", json.dumps(report, indent=2, sort_keys=True), "```", "",
         "## Limits", "", *(f"- {limit}" for limit in prose.limits), "",
         "## Settings", "", "```json", settings, "```", "",
