@@ -62,19 +62,21 @@ def draw_fed_states(count: int, length_over_diameter: float, rng: np.random.Gene
 
 
 def judge(film: FilmModel, judged: JudgedFed) -> list[Bar]:
-    """Errors on unseen fed films, percent."""
-    force, torque, flow = film(judged.state)[:3]
+    """Errors on unseen fed films, percent; of the side flow where the model gives one (force, torque, flow, inside)."""
+    force, torque, *rest = film(judged.state)
     error, size = np.hypot(*(force - judged.force).T), np.hypot(*judged.force.T)
     c, mu, radius, length = judged.state[:, 5:9].T
     scale = mu * radius * length**3 / c**2 * np.abs(judged.state[:, 4])
-    wrong_flow = np.abs(flow[:, 0] / judged.side_flow - 1.0)
-    return [
+    bars = [
         Bar("force_relative_rms_percent", 100.0 * rms(error / size), 1.0),
         Bar("force_relative_p95_percent", 100.0 * float(np.quantile(error / size, 0.95)), 3.0),
         Bar("force_scaled_rms_over_rms_percent", 100.0 * rms(error / scale) / rms(size / scale), 1.0),
         Bar("torque_relative_rms_percent", 100.0 * rms(torque[:, 0] / judged.torque - 1.0), 1.0),
-        Bar("side_flow_relative_p95_percent", 100.0 * float(np.quantile(wrong_flow, 0.95)), 3.0),
     ]
+    if len(rest) == 2:
+        wrong = np.abs(rest[0][:, 0] / judged.side_flow - 1.0)
+        bars.append(Bar("side_flow_relative_p95_percent", 100.0 * float(np.quantile(wrong, 0.95)), 3.0))
+    return bars
 
 
 def tables(film: FilmModel, judged: JudgedFed, length_over_diameter: float) -> dict[str, object]:

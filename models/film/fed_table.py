@@ -34,7 +34,7 @@ def model(table: FedTable) -> FilmModel:
 
     def film(state: Floats) -> list[Floats]:
         rows = _evaluate(law, np.ascontiguousarray(state))
-        return [rows[:, :2], rows[:, 2:3], rows[:, 3:4]]
+        return [rows[:, :2], rows[:, 2:3], rows[:, 3:4], np.ones((len(rows), 1))]
 
     return film
 

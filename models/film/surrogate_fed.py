@@ -35,14 +35,14 @@ class FedSettings(Settings, frozen=True):
 
     length_over_diameter: float = 0.5
     eccentricity_max: float = 0.97
-    train_points: Count = 4000
+    train_points: Count = 10_000
     judge_points: Count = 100
     grid: tuple[int, int] = (240, 48)
     judge_grid: tuple[int, int] = (480, 96)
-    hidden: tuple[int, ...] = (20, 20)
+    hidden: tuple[int, ...] = (24, 24)
     l2: tuple[float, ...] = (1e-6,)
     restarts: Count = 1
-    iterations: Count = 240
+    iterations: Count = 200
     seeds: Count = 5
 
     def smoked(self) -> FedSettings:
