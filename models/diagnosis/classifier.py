@@ -12,7 +12,7 @@ import torch
 from firmware_py.acquire.features import FEATURE_NAMES
 from firmware_py.acquire.windows import WINDOW_LAYOUT
 from models import card, export, figures
-from models.diagnosis import recordings, scores
+from models.diagnosis import commissioning, recordings, scores
 from models.diagnosis.alarms import Rule
 from models.diagnosis.dataset import WINDOWS_PER_DECISION, Dataset, split_groups
 from models.diagnosis.graph import Diagnosis
@@ -148,7 +148,9 @@ def evaluate(path: Path, seed: int, size: int | None, out: Path, rate_hz: int = 
     """Judge the model in ``path`` on builds, duties and noise that follow from ``seed``; ``size`` builds."""
     settings = JudgeSettings(rate_hz=rate_hz)
     if size is not None:
-        settings = msgspec.structs.replace(settings, builds=size, unknown_builds=max(2, size // 2))
+        settings = msgspec.structs.replace(settings, builds=size, unknown_builds=max(4, size // 2))
     verdicts = of_file(path)
+    known = commissioning.judge(path, settings.rig, rate_hz, settings.unknown_builds // 4, settings.workers, seed, out)
     return {"unseen_builds": judge(verdicts, rule_of(path), settings, seed, out),
-            "unseen_builds_at_the_other_rate": at_other_rate(verdicts, settings, seed, out)}
+            "unseen_builds_at_the_other_rate": at_other_rate(verdicts, settings, seed, out),
+            "after_commissioning": known}
