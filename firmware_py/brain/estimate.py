@@ -188,8 +188,9 @@ class Synchroniser:
             self._mean = f @ self._mean
             self._covariance = f @ self._covariance @ f.T + (0.0 if first else elapsed_s) * self._drift
             weight = max(1.0, MODEL_MEMORY_S / elapsed_s)
-            self._update(measured, weight, _FIRST_ITERATIONS if first else _ITERATIONS)
-            self._t_ns, self._last = measured.t_ns, measured
+            taught = self._update(measured, weight, _FIRST_ITERATIONS if first else _ITERATIONS)
+            self._t_ns = measured.t_ns if taught or not first else None
+            self._last = measured
         return self._estimate(measured)
 
     def static_film(self, measured: Measured) -> tuple[float, float]:
@@ -201,8 +202,8 @@ class Synchroniser:
         covariance = self._covariance[: CLEARANCE + 1, : CLEARANCE + 1]
         return shown.static_film_m, float(np.sqrt(shown.film_slopes @ covariance @ shown.film_slopes))
 
-    def _update(self, measured: Measured, weight: float, iterations: int) -> None:
-        """Iterated update: each pass linearises at the newest mean; a shaft that whirls teaches nothing."""
+    def _update(self, measured: Measured, weight: float, iterations: int) -> bool:
+        """Iterated update: each pass linearises at the newest mean; a shaft that whirls (or starts) teaches nothing."""
         observed = np.array([measured.mean_x_m / UM, measured.mean_y_m / UM, measured.shaft_power_W,
                              measured.contact_V])
         used = np.isfinite(observed) & np.array([True, True, True, self._instruments.has_contact])
@@ -211,7 +212,7 @@ class Synchroniser:
             shown = self._instruments.predict(mean[:PARAMETERS], measured, self.unbalance_kg_m, self._start_m)
             values, slopes, self._start_m = shown.values, shown.slopes, shown.position_m
             if shown.whirls(measured):
-                return
+                return False
             noise = self._instruments.noise(values, slopes, measured) + self._moving(values, slopes, measured)
             noise = weight * noise[np.ix_(used, used)]
             h = np.zeros((int(used.sum()), STATES))
@@ -227,6 +228,7 @@ class Synchroniser:
         self._mean = mean
         keep = np.eye(STATES) - gain @ h
         self._covariance = keep @ self._covariance @ keep.T + gain @ noise @ gain.T
+        return True
 
     def _moving(self, values: Floats, slopes: Floats, measured: Measured) -> Floats:
         """Covariance (4, 4) of readings that are not of one moment: means lag behind speed and clearance."""

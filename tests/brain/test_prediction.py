@@ -181,6 +181,13 @@ def test_a_whirling_shaft_teaches_nothing() -> None:
     assert after.log_covariance[0, 0] > 2.0 * before.log_covariance[0, 0]
 
 
+def test_a_start_that_still_swings_does_not_spoil_the_first_estimate() -> None:
+    synchroniser, case = Synchroniser(FILM, CONFIG), CASES[2]
+    synchroniser.step(dataclasses.replace(measure(*case, t_ns=1), peak_to_peak_m=90e-6))
+    late = synchroniser.step(measure(*case, t_ns=200_000_001))
+    assert late.load_N == pytest.approx(synchronised(measure(*case)).load_N, rel=0.02)
+
+
 def test_more_load_and_speed_are_forecast_as_declared() -> None:
     predictor = Predictor(model(short_film()), CONFIG)
     m = measure(6000.0, 100.0, 50.0, 60e-6)
