@@ -20,7 +20,7 @@ from models.control.episodes import Board, Policy
 from models.control.judge import Bench, beats
 from models.control.learners import ActorSettings, Learned, board_name, learn_all
 from models.control.policies import OUTPUTS, RANGES, Columns, OfFile, OfModule, random_observations
-from models.control.scoreboard import directly, judge, on_machine, rivals
+from models.control.scoreboard import directly, judge, on_machine, predictive, rivals
 from models.runs import Run
 from sim_hil.control_task import OBSERVATIONS
 
@@ -58,7 +58,7 @@ def learned_and_judged(run: Run, settings: ActorSettings, board: Board) -> tuple
     learned = learn_all(run, settings, board)
     trained_s = run.kept(f"{name}-seconds", lambda: round(time.monotonic() - started, 1))
     agents: list[Policy] = [OfModule(agent) for agent in learned.agents]
-    policies = {**learned.policies(), **rivals(board)}
+    policies = {**learned.policies(), **rivals(board), **predictive(board)}
     near = {name: policy for name, policy in policies.items() if name in ELSEWHERE}
     bench = run.kept(f"{name}-bench", partial(_bench, board, settings, run.seed, run.folder.parent))
     report = run.kept(f"{name}-judged", partial(judge, bench, policies, agents, settings.workers))
@@ -74,7 +74,8 @@ def learned_and_judged(run: Run, settings: ActorSettings, board: Board) -> tuple
 def evaluate(path: Path, seed: int, size: int | None, out: Path) -> dict[str, object]:
     """The policy in ``path``, and those in the files beside it, with their rivals on the episodes of ``seed``.
 
-    A file that sets the pressure as well is judged on that scoreboard.
+    A file that sets the pressure as well is judged on that scoreboard.  The model-predictive choice, which takes
+    longer than everything else together, stands in the report of the training.
     """
     settings = ActorSettings()
     settings = settings if size is None else msgspec.structs.replace(settings, judged_episodes=size)
