@@ -31,9 +31,9 @@ def run(quick: bool, seed: int) -> Series:
     free, behind = (_scores(settings, Board("seed", seconds), seed, seeds, shielded) for shielded in (False, True))
     row = Row(
         "control", POWER, _told(free), f"behind the guard's shield: {_told(behind)}",
-        f"Mean shaft power over {count} unseen episodes, {settings.ddpg.steps} training steps, one seed. On this rig "
-        "a wider clearance is hardly ever forbidden, so the constant widest is the baseline to beat. Where no "
-        "clearance is admissible the shield holds the safe one whatever is wished: violations that all policies share.",
+        f"Mean shaft power over {count} unseen episodes, {settings.ddpg.steps} training steps, one seed. Power falls "
+        "with clearance on this rig, so the constant widest is the baseline to beat, at equal seconds in violation. "
+        "Where no clearance is admissible the shield holds the safe one whatever is wished: violations that all share.",
         "orbitd evaluate actor --qualify (control on rig bench, where limits bind)",
     )  # fmt: skip
     measured: dict[str, object] = {"training_steps": settings.ddpg.steps, "episodes": count}
