@@ -173,7 +173,9 @@ def _fault_line(fault: dict[str, Any]) -> str:
     if fault["named"] is None:
         return told + "was not named"
     verdict = "named" if fault["correct"] else "WRONGLY named"
-    return told + f"{verdict} {fault['named']} after {fault['delay_s']:.1f} s, {100 * fault['probability']:.0f} %"
+    beside = "".join(f", also {name}" for name in fault["also_named"])
+    return told + (f"{verdict} {fault['named']} after {fault['delay_s']:.1f} s, "
+                   f"{100 * fault['probability']:.0f} %{beside}")  # fmt: skip
 
 
 def _kill_line(kill: dict[str, Any]) -> str:

@@ -14,6 +14,9 @@ from sim_hil.demo.story import FAULT_VERDICTS, Beat
 NOT_NAMES = frozenset({"normal", "none", "doubt", "whirl"})
 """Verdicts that name no fault of the machine."""
 
+UNKNOWN = "unknown"
+"""Not normal, and no class either: counts as the name only where none was given, and is told beside one."""
+
 CONFIRMING = 3
 """Equal decisions in a row that count as a name."""
 
@@ -41,7 +44,7 @@ def score_faults(observer: Observer) -> list[FaultScore]:
     """Every injected fault with the last name that was confirmed while it stood.
 
     A name is a verdict repeated :data:`CONFIRMING` times in a row; ``delay_s`` counts to the first moment
-    from which it was confirmed.  Other names confirmed meanwhile are listed.
+    from which it was confirmed.  Other names confirmed meanwhile are listed, ``unknown`` among them.
     """
     scores = []
     for t_s, beat in observer.beats:
@@ -75,7 +78,8 @@ def _fault_score(beat: Beat, t_s: float, names: list[tuple[float, Diagnosis]]) -
     expected = FAULT_VERDICTS[beat.fault]
     if not names:
         return FaultScore(beat.fault, expected, beat.severity, t_s, None, None, None, ())
-    final = names[-1][1].verdict
+    classes = [verdict for _, d in names if (verdict := d.verdict) != UNKNOWN]
+    final = classes[-1] if classes else UNKNOWN
     since_s, first = next((t, d) for t, d in names if d.verdict == final)
     others = tuple(sorted({d.verdict for _, d in names} - {final}))
     return FaultScore(beat.fault, expected, beat.severity, t_s, final, first.probability, since_s - t_s, others)

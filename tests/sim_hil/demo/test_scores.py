@@ -59,6 +59,13 @@ def test_a_wrong_name_is_listed_beside_the_last_one() -> None:
     assert (score.named, score.correct, score.also_named) == ("unbalance", True, ("motor_bolt_loose",))
 
 
+def test_unknown_is_told_beside_a_name_and_replaces_none() -> None:
+    (score,) = score_faults(observed(*["unbalance"] * 3, *["unknown"] * 3))
+    assert (score.named, score.correct, score.also_named) == ("unbalance", True, ("unknown",))
+    (score,) = score_faults(observed(*["unknown"] * 4))
+    assert (score.named, score.correct, score.also_named) == ("unknown", False, ())
+
+
 def test_a_missed_fault() -> None:
     (score,) = score_faults(observed(*["normal"] * 8))
     assert (score.named, score.correct) == (None, False)
