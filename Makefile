@@ -13,7 +13,7 @@ help:            ## this list
 demo: $(VENV)/.sim   ## the whole device against the rotor rig in software; options: make demo DEMO="--seconds 60 --seed 7"
 	@$(BIN)/orbitd demo $(DEMO)
 
-test: $(VENV)/.dev   ## the default tests (about 6 minutes)
+test: $(VENV)/.dev   ## the default tests (about 5 minutes)
 	@$(BIN)/python -m pytest --ignore=tests/models
 
 lint: $(VENV)/.dev   ## ruff
@@ -25,7 +25,7 @@ types: $(VENV)/.dev $(VENV)/.train   ## mypy --strict
 layers: $(VENV)/.dev ## import order
 	@$(BIN)/lint-imports
 
-test-train: $(VENV)/.dev $(VENV)/.train   ## trainers, exports and a smoke training of every model (about 2 minutes)
+test-train: $(VENV)/.dev $(VENV)/.train   ## trainers, exports and a smoke training of every model (about 3 minutes)
 	@$(BIN)/python -m pytest tests/models -m "slow or not slow"
 
 test-slow: $(VENV)/.dev   ## the heavier suites (about 10 minutes)
