@@ -55,6 +55,12 @@ def test_clear_heads_name_their_class(name: str) -> None:
     assert words(diagnoser, [at(0.25 * i) for i in range(12)])[-1] == name
 
 
+@pytest.mark.parametrize(("normal_below", "word"), [(0.05, "unbalance"), (0.01, "doubt")])
+def test_a_fault_is_named_only_where_normal_is_improbable_enough(normal_below: float, word: str) -> None:
+    likely = classifier((-9.0, -9.0, -9.0, 4.0), normal_below=normal_below)  # probability of normal: 0.018
+    assert words(Diagnoser(model(likely)), [at(0.25 * i) for i in range(12)])[-1] == word
+
+
 def test_heads_are_named_as_in_the_class_definitions() -> None:
     assert HEADS == ("pedestal bolt A", "pedestal bolt B", "motor bolt", "unbalance")
     diagnosis, _ = Diagnoser(model(classifier((3.0, -3.0, -3.0, -3.0)))).step(GOOD)
