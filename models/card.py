@@ -51,10 +51,12 @@ CLASSIFIER = Prose(
         "film, position and power against each other know the sizes and the oil of that rig.",
         "A bolt at 75 % and grade G6.3 are not found, one at 50 % in part (see the grid): slight faults weigh a tenth "
         "in training, because one bolt without preload and two bolts at half of it change the modes alike.",
-        "A fault is named only where normal is less probable than `normal_below`, a limit by extrapolation from "
-        "healthy inner decisions; its cost in delay stands in `limits_traded`, unbalance of G16 waits longest.",
+        "A fault is named only from its odds against normal in `named_above` on, a limit for each by extrapolation "
+        "from healthy decisions of networks that had not seen their build; their tail is taken as bounded or "
+        "exponential.  What stricter limits cost in delay stands in `limits_traded`, most for the motor's bolt.",
         "The watched hours bear no statement about a machine-month: see the upper limits beside the counts.",
-        "A rub is judged where the shaft touches; one that the shaft has left cannot be told from a healthy machine.",
+        "A rub is judged where the shaft touches; one that the shaft has left cannot be told from a healthy machine.  "
+        "A light one shows in the power alone, where the errors of oil, clearance and power reading hide it.",
         "Where the device says whirl no class is judged.  The words of the device stand beside the classes.",
         "Features, novelty parts, the weight of slight faults and the choice of a rung by log score were settled with "
         "builds of judge seed 100 in view; the figures here are of other seeds.",

@@ -83,7 +83,7 @@ class Diagnoser:
     def __init__(self, model: Model | None, slow_roll_m: complex = 0j) -> None:
         self._model = model
         self._threshold = _setting(model, "novelty_threshold", math.inf)
-        self._normal_below = _setting(model, "normal_below", 1.0)
+        self._named_above = _odds_by_fault(model)
         self._slow_roll_m = slow_roll_m
         self.prior = prior_of(model)
         self.normal: Normal | None = None
@@ -172,7 +172,7 @@ class Diagnoser:
         best = max(classes, key=lambda name: classes[name])
         if self._is_unknown(answer, best, classes[best]):
             return "unknown"
-        sure = classes[best] >= DOUBT_BELOW and (best == "normal" or classes["normal"] <= self._normal_below)
+        sure = classes[best] >= max(DOUBT_BELOW, self._named_above.get(best, 0.0) * classes["normal"])
         return best if sure and len(self._heard) == WINDOWS else "doubt"
 
     def _is_unknown(self, answer: Answer, best: str, probability: float) -> bool:
@@ -277,7 +277,12 @@ def amplitudes(orders: Orders) -> dict[str, float]:
 
 
 def _setting(model: Model | None, name: str, default: float) -> float:
-    """A limit from the model's metadata: novelty above which a window is unlike the training data, and probability of
-    normal up to which a fault is named (chosen in training for the rate of false alarms)."""
+    """A limit from the model's metadata."""
     value = model.card.settings.get(name) if model else None
     return float(value) if isinstance(value, int | float) else default
+
+
+def _odds_by_fault(model: Model | None) -> dict[str, float]:
+    """Odds against normal from which each fault is named, chosen in training for the rate of false alarms."""
+    given = model.card.settings.get("named_above") if model else None
+    return {str(k): float(v) for k, v in given.items()} if isinstance(given, dict) else {}

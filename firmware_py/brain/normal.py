@@ -83,7 +83,7 @@ def prior_of(model: Model | None) -> Prior | None:
 
 @dataclass(frozen=True)
 class Detector:
-    """Distance of whitened residuals from a normal state, over its limit.
+    """Distance of whitened residuals from a normal state, between a typical one and its limit.
 
     Parameters
     ----------
@@ -97,12 +97,15 @@ class Detector:
     normal: Normal | None = None
 
     def by_part(self, rows: Floats) -> Floats:
-        """Distances ``(n, parts)``, 1 at the limit."""
+        """Distances ``(n, parts)``, 0 at a typical healthy one, 1 at the limit: parts are alike before they compete."""
+        limits, typical = np.array(self.prior.limits), np.array(self.prior.typical)
         if self.normal is None:
-            return self._distances(rows) / self.prior.limits
-        normal = self.normal
-        away = _distances(rows, np.array(normal.offset), np.array(normal.variance), self.prior.columns)
-        return away / (np.array(self.prior.limits) * normal.scale)
+            away = self._distances(rows)
+        else:
+            normal = self.normal
+            away = _distances(rows, np.array(normal.offset), np.array(normal.variance), self.prior.columns)
+            away = away / normal.scale
+        return np.asarray((away - typical) / (limits - typical))
 
     def novelty(self, rows: Floats) -> Floats:
         """The largest distance ``(n,)``."""

@@ -32,19 +32,20 @@ WHIRL: Final = UNKNOWN + 2
 
 CONFIRM_HOPS: Final = round(CONFIRM_NS * 1e-9 / HOP_SECONDS)
 MONTH_HOURS: Final = 720.0
-TRADED: Final = (0.3, 0.1, 0.03, 0.01, 3e-3, 1e-3, 3e-4, 1e-4)
-"""Limits of the probability of normal between which false alarms are traded for delay."""
+TRADED: Final = (1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0, 1e3)
+"""Factors on the limits, by which false alarms are traded for delay."""
 
 
 @dataclass(frozen=True)
 class Rule:
     """When a word is said.
 
-    ``novelty``: above it the word is unknown; ``normal_below``: probability of normal up to which a fault is named.
+    ``novelty``: above it the word is unknown; ``named_above`` ``(5,)``: odds of each fault against normal from which it
+    is named.
     """
 
     novelty: float
-    normal_below: float
+    named_above: Floats
 
 
 @dataclass(frozen=True)
@@ -62,8 +63,8 @@ class Heard:
 
     def words(self, rule: Rule) -> NDArray[np.intp]:
         """The device's word on each decision: a class, :data:`UNKNOWN`, :data:`DOUBT` or :data:`WHIRL`."""
-        named, normal = self.probability.argmax(axis=1), self.probability[:, 0]
-        doubt = (self.probability.max(axis=1) < DOUBT_BELOW) | ((named > 0) & (normal > rule.normal_below))
+        named, best = self.probability.argmax(axis=1), self.probability.max(axis=1)
+        doubt = (best < DOUBT_BELOW) | (best < np.r_[0.0, rule.named_above][named] * self.probability[:, 0])
         word = np.where(self.novelty > rule.novelty, UNKNOWN, np.where(doubt, DOUBT, named))
         return np.asarray(np.where(self.whirl, WHIRL, word), dtype=np.intp)
 
@@ -177,13 +178,13 @@ def _first_s(true: NDArray[np.bool_]) -> float:
 
 
 def traded(watched: Heard, faulty: list[Heard], rule: Rule) -> dict[str, dict[str, object]]:
-    """What a stricter limit costs: false alarms beside detection, at every limit of :data:`TRADED`."""
+    """What stricter limits cost: false alarms beside detection, at every factor of :data:`TRADED`."""
     report: dict[str, dict[str, object]] = {}
-    for limit in TRADED:
-        at = replace(rule, normal_below=limit)
+    for factor in TRADED:
+        at = replace(rule, named_above=factor * rule.named_above)
         false = false_alarms(watched, at)
         found = detection(faulty, at)
-        report[f"{limit:g}"] = {name: false[name] for name in (
+        report[f"limits times {factor:g}"] = {name: false[name] for name in (
             "share_of_decisions", "builds_with_a_false_alarm", "confirmed_alarms")} | {
             what: {fault: row[what] for fault, row in found.items()}
             for what in ("confirmed_median_s", "never_confirmed")}  # fmt: skip

@@ -8,13 +8,14 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import torch
+from numpy.typing import NDArray
 
 from firmware_py.acquire.features import FEATURE_NAMES
 from firmware_py.acquire.windows import WINDOW_LAYOUT
 from models import card, export, figures
 from models.diagnosis import commissioning, recordings, scores
 from models.diagnosis.alarms import Rule
-from models.diagnosis.dataset import WINDOWS_PER_DECISION, Dataset, split_groups
+from models.diagnosis.dataset import CLASSES, WINDOWS_PER_DECISION, Dataset, split_groups
 from models.diagnosis.graph import Diagnosis
 from models.diagnosis.judge import (
     RATES_HZ,
@@ -27,7 +28,7 @@ from models.diagnosis.judge import (
     of_module,
     rule_of,
 )
-from models.diagnosis.ladder import HeadNetwork
+from models.diagnosis.ladder import HeadNetwork, cross_fitted
 from models.diagnosis.novelty import fit_novelty, fleet
 from models.diagnosis.recordings import Plan
 from models.diagnosis.rungs import LadderSettings, choose, climb
@@ -52,6 +53,7 @@ class ClassifierSettings(Settings, frozen=True):
     ladder: LadderSettings = LadderSettings()
     novelty_quantile: float = 0.999
     false_alarm_rate: float = 5.5e-5
+    folds: int = 5
     workers: int = 2
 
     def smoked(self) -> ClassifierSettings:
@@ -86,14 +88,14 @@ def train(run: Run, settings: ClassifierSettings) -> dict[str, object]:
         run.log(row)
     module = _finish(chosen, outer.orders, inner.orders, settings)
     trained_s = round(time.monotonic() - started, 1)
-    rule = Rule(NOVELTY_THRESHOLD, _normal_below(module, inner.orders, settings.false_alarm_rate))
+    rule = Rule(NOVELTY_THRESHOLD, _named_above(chosen, views.orders, settings, run.seed))
     judged, verdicts = judged_views(settings.judge, run.seed, out), of_module(module)
     decided = per_decision(judged)
     report: dict[str, object] = {
         "chosen": chosen.name,
         "inner_ladder": rows,
         "ladder_on_unseen_builds": {rung.name: scores.summary(rung.decisions(decided)) for rung in rungs},
-        "normal_below": rule.normal_below,
+        "named_above": _by_fault(rule),
         "unseen_builds": judge(verdicts, rule, settings.judge, run.seed, out),
         "training": {"builds": settings.builds, "decisions": len(views.orders), "seconds_until_judged": trained_s},
         "reproduce": run.command,
@@ -122,10 +124,19 @@ def _finish(network: HeadNetwork, outer: Dataset, inner: Dataset, settings: Clas
     return Diagnosis(scaler.mean, scaler.deviation, layers, network.temperature, residual, parts, known)
 
 
-def _normal_below(module: Diagnosis, inner: Dataset, rate: float) -> float:
-    """The limit under which healthy inner decisions fall at ``rate``."""
-    heads, _ = of_module(module)(inner.features[inner.kind == 0])
-    return scores.alarm_limit(scores.class_probabilities(scores.log_odds(heads))[:, 0], rate)
+def _named_above(
+    chosen: HeadNetwork, data: Dataset, settings: ClassifierSettings, seed: int
+) -> NDArray[np.float64]:
+    """Odds of the faults against normal that healthy decisions exceed at the rate that is allowed.
+
+    Cross-fitted: the rare ones among the healthy decide, and the inner builds alone hold too few.
+    """
+    odds = cross_fitted(chosen, data, settings.folds, settings.ladder.iterations, seed)
+    return scores.alarm_limits(scores.class_probabilities(odds[data.kind == 0]), settings.false_alarm_rate)
+
+
+def _by_fault(rule: Rule) -> dict[str, float]:
+    return {name: float(f"{odds:.4g}") for name, odds in zip(CLASSES[1:], rule.named_above, strict=True)}
 
 
 def _export(
@@ -136,8 +147,8 @@ def _export(
         outputs=("heads", "score", "drivers", "normal", "departures"),
         rate_hz=RATES_HZ, window=WINDOW_LAYOUT, rigs=(settings.rig,), domain={},
         data_hash=export.data_hash(data.features, data.kind, data.group), metrics=report,
-        settings={"novelty_threshold": rule.novelty, "normal_below": rule.normal_below,
-                  "temperature": module.temperature, "normal": module.fleet},
+        settings={"novelty_threshold": rule.novelty, "named_above": _by_fault(rule),
+                  "temperature": module.temperature.tolist(), "normal": module.fleet},
     )  # fmt: skip
     sample = data.features[:: max(1, len(data) // 5000)].astype(np.float32)
     example = torch.from_numpy(sample[:2])

@@ -17,6 +17,7 @@ from firmware_py.records import Belonging, Normal
 from models import export
 from models.diagnosis import recordings
 from models.diagnosis.dataset import WINDOWS_PER_DECISION, Dataset, pooled, severe
+from models.diagnosis.judge import rule_of
 from models.diagnosis.recordings import JUDGED_SECONDS, Case, Plan
 from models.diagnosis.scores import class_probabilities, log_odds
 from models.diagnosis.windowed import Look, views_of
@@ -62,6 +63,7 @@ def judge(path: Path, rig: str, rate_hz: int, builds: int, workers: int, seed: i
     heads, score, white = (a.astype(np.float64) for a in session.run(
         ["heads", "score", "normal"], {"features": rows.features.astype(np.float32)}))  # fmt: skip
     odds, strange = log_odds(heads), score[:, 0] > settings["novelty_threshold"]
+    named_above = rule_of(path).named_above
     report: dict[str, object] = {}
     for points in POINTS:
         away, quiet = np.empty(len(rows)), np.zeros_like(odds)
@@ -73,7 +75,8 @@ def judge(path: Path, rig: str, rate_hz: int, builds: int, workers: int, seed: i
         judged = rows.recording % _MOST_RECORDINGS >= LEARNED
         probability = class_probabilities(odds - quiet)
         report[f"{points} operating points"] = _figures(
-            rows.subset(judged), away[judged], probability[judged], strange[judged], commissioned=points > 0)
+            rows.subset(judged), away[judged], probability[judged], strange[judged], named_above,
+            commissioned=points > 0)  # fmt: skip
     return report
 
 
@@ -92,7 +95,7 @@ def points_of(features: NDArray[np.floating]) -> Floats:
     return np.column_stack([10.0**speed, clearance * 1e-4, np.hypot(x, y), 50.0 * oil])
 
 
-def _figures(rows: Dataset, away: Floats, probability: Floats, strange: NDArray[np.bool_], *,
+def _figures(rows: Dataset, away: Floats, probability: Floats, strange: NDArray[np.bool_], named_above: Floats, *,
              commissioned: bool) -> dict[str, object]:  # fmt: skip
     """AUROC of the distance from normal, and the words as the device says them."""
     from sklearn.metrics import roc_auc_score
@@ -100,11 +103,12 @@ def _figures(rows: Dataset, away: Floats, probability: Floats, strange: NDArray[
     named, sure = probability.argmax(axis=1), probability.max(axis=1) >= DOUBT_BELOW
     taught = (named > 0) & sure & ~strange
     unknown = (away > 1.0) & ~taught if commissioned else strange
+    told = taught & (probability.max(axis=1) >= np.r_[0.0, named_above][named] * probability[:, 0])
     healthy, must = rows.kind == 0, (rows.kind > 0) & severe(rows.kind, rows.severity)
     report: dict[str, object] = {
         "healthy_called_unknown": round(float(np.mean(unknown[healthy])), 4),
-        "healthy_named_a_fault": round(float(np.mean(taught[healthy] & ~unknown[healthy])), 4),
-        "taught_named_right": round(float(np.mean((named == rows.kind)[must] & taught[must])), 4),
+        "healthy_named_a_fault": round(float(np.mean(told[healthy])), 4),
+        "taught_named_right": round(float(np.mean((named == rows.kind)[must] & told[must])), 4),
         "taught_called_unknown": round(float(np.mean(unknown[must])), 4),
     }
     for k, name in enumerate(recordings.UNKNOWN_LABELS):

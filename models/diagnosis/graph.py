@@ -47,7 +47,7 @@ class White(nn.Module):
 
     def __init__(self, part: Part) -> None:
         super().__init__()
-        self.limit = part.limit
+        self.limit, self.typical = part.limit, part.typical
         self.whitening: Tensor
         self.healthy: Tensor
         self.centres: Tensor
@@ -60,10 +60,10 @@ class White(nn.Module):
         return residual @ self.whitening - self.healthy
 
     def distance(self, white: Tensor) -> Tensor:
-        """Distance of ``forward``'s answer to the nearest taught centre, ``(m, 1)``."""
+        """Novelty of ``forward``'s answer by its distance to the nearest taught centre, ``(m, 1)``."""
         away = white[:, None, :] - self.centres
         nearest = torch.sqrt((away * away).mean(dim=2)).amin(dim=1, keepdim=True)
-        return nearest / self.limit
+        return (nearest - self.typical) / (self.limit - self.typical)
 
 
 class Diagnosis(nn.Module):
@@ -82,7 +82,7 @@ class Diagnosis(nn.Module):
     layers
         Weights of the network on scaled features.
     temperature
-        Divisor of the log-odds.
+        Divisors of the heads' log-odds, ``(4,)``.
     residual, parts
         What :func:`models.diagnosis.novelty.fit_novelty` found; the largest distance is the novelty score.
     fleet
@@ -90,12 +90,13 @@ class Diagnosis(nn.Module):
     """
 
     def __init__(
-        self, mean: Floats, deviation: Floats, layers: list[Floats], temperature: float,
+        self, mean: Floats, deviation: Floats, layers: list[Floats], temperature: Floats,
         residual: Residual, parts: Sequence[Part], fleet: Mapping[str, object],
     ) -> None:  # fmt: skip
         super().__init__()
         self.net = Perceptron(layers)
-        self.temperature = temperature
+        self.temperature: Tensor
+        self.register_buffer("temperature", torch.from_numpy(temperature))
         self.fleet = fleet
         self.mean: Tensor
         self.deviation: Tensor

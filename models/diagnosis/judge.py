@@ -68,7 +68,8 @@ def of_file(path: Path) -> Verdicts:
 def rule_of(path: Path) -> Rule:
     """The limits in an exported file's metadata."""
     settings = json.loads(export.session(path).get_modelmeta().custom_metadata_map["settings"])
-    return Rule(float(settings["novelty_threshold"]), float(settings["normal_below"]))
+    odds = settings.get("named_above", {})
+    return Rule(float(settings["novelty_threshold"]), np.array([odds.get(name, 0.0) for name in CLASSES[1:]]))
 
 
 def judge(verdicts: Verdicts, rule: Rule, settings: JudgeSettings, seed: int, out: Path) -> dict[str, object]:

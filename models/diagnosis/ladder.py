@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from firmware_py.acquire import film_check, ringing
 from firmware_py.acquire.features import FEATURE_NAMES
 from models.diagnosis.dataset import CLASSES, Dataset
-from models.diagnosis.scores import class_probabilities, nll, temperature
+from models.diagnosis.scores import class_probabilities, nll, temperatures
 from models.learning.network import Mlp, sigmoid
 from models.learning.scaled_conjugate_gradient import scaled_conjugate_gradient
 
@@ -51,8 +51,10 @@ PEDESTAL_FEATURES: Final = MOTOR_FEATURES & ~np.array(["acc_motor" in name for n
 UNBALANCE_FEATURES: Final = np.isin(FEATURE_NAMES, (
     *_OPERATING, *film_check.names()[3:], "log_film_share", "log_shaft_fwd_1x_m", "contact_1x_film",
     *(f"{name}_{what}" for name in ringing.CHANNELS for what in ("log_rms", "1x_rms")),
+    "contact_mean_V", "contact_low_V", "contact_log_std_V", "contact_2x_film", "contact_half_film",
 ))  # fmt: skip
-"""Where unbalance is looked for: the first order of film, orbit and accelerations, and what the film lets it be."""
+"""Where unbalance is looked for: the first order of film, orbit and accelerations, what the film lets it be, and
+whether the film is thick enough for the contact channel to tell."""
 OWN_FEATURES: Final = np.column_stack([PEDESTAL_FEATURES, PEDESTAL_FEATURES, MOTOR_FEATURES, UNBALANCE_FEATURES])
 """Features of each head, ``(F, 4)``."""
 
@@ -79,22 +81,24 @@ class Scaler:
 
 @dataclass(frozen=True)
 class HeadNetwork:
-    """A trained network that gives four log-odds from features, divided by its ``temperature``."""
+    """A trained network that gives four log-odds from features, each divided by its head's ``temperature`` ``(4,)``."""
 
     name: str
     scaler: Scaler
     net: Mlp
     theta: Floats
     l2: float
-    temperature: float = 1.0
+    columns: Columns
+    hidden: int
+    temperature: Floats
 
     def logits(self, features: NDArray[np.floating]) -> Floats:
         """Log-odds ``(n, 4)``."""
         return self.net.outputs(self.theta, self.scaler(features)) / self.temperature
 
     def calibrated(self, inner: Dataset) -> HeadNetwork:
-        """The same with the temperature that suits ``inner`` rows."""
-        found = temperature(self.logits(inner.features), inner.heads, inner.weight[:, None])
+        """The same with the temperatures that suit ``inner`` rows."""
+        found = temperatures(self.logits(inner.features), inner.heads, inner.weight)
         return replace(self, temperature=self.temperature * found)
 
 
@@ -139,7 +143,24 @@ def fit_heads(
         cost, there * net.initial(rng), iterations=iterations, patience=40, progress=progress,
         monitor=lambda t: nll(net.outputs(t, x_inner), inner_heads, inner_weight),
     )  # fmt: skip
-    return HeadNetwork(name, scaler, net, result.theta, l2)
+    return HeadNetwork(name, scaler, net, result.theta, l2, columns, hidden, np.ones(heads.shape[1]))
+
+
+def cross_fitted(like: HeadNetwork, data: Dataset, folds: int, iterations: int, seed: int) -> Floats:
+    """Log-odds ``(n, 4)`` of every row by a network made as ``like`` that saw nothing of the row's build.
+
+    Each of ``folds`` parts of the builds is left out in turn; the next one stops the training and calibrates.
+    """
+    builds = np.unique(data.group)
+    fold = np.random.default_rng(seed).permutation(len(builds))[np.searchsorted(builds, data.group)] % folds
+    found = np.empty((len(data), data.heads.shape[1]))
+    for left in range(folds):
+        inner = fold == (left + 1) % folds
+        train, inner_rows = data.subset((fold != left) & ~inner), data.subset(inner)
+        network = fit_heads(like.name, like.columns, like.hidden, train, inner_rows, like.l2, iterations,
+                            np.random.default_rng(seed)).calibrated(inner_rows)  # fmt: skip
+        found[fold == left] = network.logits(data.features[fold == left])
+    return found
 
 
 def _own_weights(columns: Columns, hidden: int) -> Floats:
@@ -158,7 +179,8 @@ def side_by_side(name: str, networks: Sequence[HeadNetwork]) -> HeadNetwork:
     bias, weights = np.mean([m[:1] for m in last], axis=0), np.vstack([m[1:] for m in last]) / count
     net = Mlp((first.net.sizes[0], count * first.net.sizes[1], first.net.sizes[-1]))
     theta = np.concatenate([np.hstack(hidden).ravel(), np.vstack([bias, weights]).ravel()])
-    return HeadNetwork(name, first.scaler, net, theta, first.l2)
+    return HeadNetwork(name, first.scaler, net, theta, first.l2, first.columns, first.hidden,
+                       np.ones(net.sizes[-1]))  # fmt: skip
 
 
 def thresholds(train: Dataset, judged: Dataset) -> Floats:

@@ -11,7 +11,7 @@ a machine's own offset then has a closed posterior, one number a direction
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -48,9 +48,19 @@ ORDERS: Final = np.isin(FEATURE_NAMES, [
     "microphone_2x_rms", *(f"{name}_2x_1x" for name in ringing.CHANNELS),
 ])  # fmt: skip
 """Orders of a misaligned coupling and of a shaft that touches."""
+POWER: Final = np.isin(FEATURE_NAMES, ["film_power_excess"])
+"""The light rub's only trace: friction.  Beside other features of the film it would be diluted."""
 RINGING: Final = np.isin(FEATURE_NAMES, ringing.names())
-"""How pedestal and motor ring: what a foot changes that is no class."""
-PARTS: Final = {"film": FILM, "orders": ORDERS, "ringing": RINGING}
+"""How pedestal and motor ring."""
+BOLTS: Final = 3
+"""Directions of the ringing in which the taught bolts, two of the pedestal and the motor's, move it most.
+
+A bolt that is no class moves the same modes another way (one on the other side turns the phase between lift and roll):
+there it lies far from all that was taught, while in the whole ringing it drowns.
+"""
+PARTS: Final = {"film": (FILM, None), "power": (POWER, None), "orders": (ORDERS, None), "ringing": (RINGING, None),
+                "bolts": (RINGING, BOLTS)}  # fmt: skip
+"""Features of each part, and in how many discriminant directions they are looked at (None: all)."""
 
 
 @dataclass(frozen=True)
@@ -112,27 +122,39 @@ def _but_the_constant(size: int) -> Floats:
 
 @dataclass(frozen=True)
 class Part:
-    """Distance to the nearest of the taught centres, over what all but a few inner rows keep.
+    """Distance to the nearest of the taught centres: of healthy machines and of each fault at each severity.
 
-    ``whitening`` ``(F, k)``: ``residual @ whitening`` has unit covariance within a build about the centres ``(K, k)``
-    and the variances ``between`` ``(k,)`` between builds; features that are not looked at have zero rows.
+    ``whitening`` ``(F, k)``: ``residual @ whitening`` has unit covariance within a build about the centres ``(K, k)``,
+    the first of them healthy, and the variances ``between`` ``(k,)`` between builds; features that are not looked at
+    have zero rows.  ``limit`` is what all but a few inner rows keep, ``typical`` the median of healthy ones.
     """
 
     whitening: Floats
     centres: Floats
     between: Floats
-    limit: float
+    limit: float = 1.0
+    typical: float = 0.0
 
     @classmethod
-    def fit(cls, columns: NDArray[np.bool_], residual: Floats, data: Dataset, inner: Floats, quantile: float) -> Part:
-        """Covariances within and between builds (shrunk, Ledoit and Wolf 2004); the limit on the inner rows."""
+    def fit(cls, columns: NDArray[np.bool_], directions: int | None, residual: Floats, data: Dataset) -> Part:
+        """Covariances within and between builds (shrunk, Ledoit and Wolf 2004); limits are still to be set.
+
+        Parameters
+        ----------
+        columns
+            Features of the part, ``(F,)``.
+        directions
+            How many discriminant directions of the centres are kept (Fisher 1936, Rao 1948); None: no such choice.
+        """
         from sklearn.covariance import ledoit_wolf
 
         used = np.flatnonzero(columns & (residual.std(axis=0) > 1e-6))
-        kinds, kind_of = np.unique(data.kind, return_inverse=True)
+        labels = np.column_stack([data.kind, np.where(data.kind > 0, data.severity, 0.0)])
+        _, label_of = np.unique(labels, axis=0, return_inverse=True)
         builds, build_of = np.unique(data.group, return_inverse=True)
-        means = np.array([residual[kind_of == k][:, used].mean(axis=0) for k in range(len(kinds))])
-        about = residual[:, used] - means[kind_of]
+        count_of = np.bincount(label_of.reshape(-1))
+        means = np.array([residual[label_of == k][:, used].mean(axis=0) for k in range(len(count_of))])
+        about = residual[:, used] - means[label_of]
         healthy = about[data.kind == 0]
         build_of, count = build_of[data.kind == 0], np.bincount(build_of[data.kind == 0], minlength=len(builds))
         if not (count > 1).any():
@@ -144,18 +166,25 @@ class Part:
         within, _ = ledoit_wolf(about, assume_centered=True)
         values, vectors = np.linalg.eigh(within)
         white = vectors / np.sqrt(values)
+        if directions is not None:
+            apart = (means - np.average(means, axis=0, weights=count_of)) @ white
+            white = white @ np.linalg.svd(np.sqrt(count_of)[:, None] * apart)[2][:directions].T
         spread, turn = np.linalg.eigh(white.T @ np.atleast_2d(np.cov(own.T, bias=True)) @ white)
-        whitening = np.zeros((residual.shape[1], len(used)))
+        whitening = np.zeros((residual.shape[1], white.shape[1]))
         whitening[used] = white @ turn
         between = np.maximum(spread - 1.0 / np.mean(count[count > 1]), 0.0)
-        raw = cls(whitening, means @ white @ turn, between, 1.0)
-        return cls(whitening, raw.centres, between, float(np.quantile(raw.distance(inner), quantile)))
+        return cls(whitening, means @ white @ turn, between)
+
+    def limited(self, residual: Floats, healthy: NDArray[np.bool_], quantile: float) -> Part:
+        """The same with the limit that ``quantile`` of inner residuals keep."""
+        away = self.distance(residual)
+        return replace(self, limit=float(np.quantile(away, quantile)), typical=float(np.median(away[healthy])))
 
     def distance(self, residual: Floats) -> Floats:
-        """Distances ``(n,)`` of residuals, 1 at the limit."""
+        """Novelty ``(n,)`` of residuals: 0 at a typical healthy one, 1 at the limit."""
         white = residual @ self.whitening
         found = [np.sqrt(np.mean((white - centre) ** 2, axis=1)) for centre in self.centres]
-        return np.asarray(np.min(found, axis=0) / self.limit)
+        return np.asarray((np.min(found, axis=0) - self.typical) / (self.limit - self.typical))
 
 
 def fit_novelty(train: Dataset, inner: Dataset, quantile: float) -> tuple[Residual, tuple[Part, ...]]:
@@ -168,7 +197,8 @@ def fit_novelty(train: Dataset, inner: Dataset, quantile: float) -> tuple[Residu
     """
     residual = Residual.fit(train.features[train.kind == 0])
     rows, inner_rows = residual(train.features), residual(inner.features)
-    return residual, tuple(Part.fit(columns, rows, train, inner_rows, quantile) for columns in PARTS.values())
+    return residual, tuple(Part.fit(*part, rows, train).limited(inner_rows, inner.kind == 0, quantile)
+                           for part in PARTS.values())  # fmt: skip
 
 
 def fleet(parts: Sequence[Part], healthy: Floats, quantile: float) -> dict[str, object]:

@@ -80,8 +80,8 @@ def short_film(nodes: int = 60, **changed: str) -> bytes:
 
 
 def classifier(bias: tuple[float, ...] = (-4.0, -4.0, -4.0, -4.0), *, unbalance_above: float = 99.0,
-               novelty_threshold: float = 1.0, score: float = 0.0, normal_below: float = 1.0, fleet: bool = False,
-               **changed: str) -> bytes:
+               novelty_threshold: float = 1.0, score: float = 0.0, named_above: dict[str, float] | None = None,
+               fleet: bool = False, **changed: str) -> bytes:
     """Heads ``sigmoid(bias)``; the unbalance head rises where ``log_shaft_fwd_1x_m`` exceeds ``unbalance_above``.
 
     With ``fleet``: ``normal`` is the decades of the motor's and the microphone's level from a fleet's, by hundredths.
@@ -94,7 +94,7 @@ def classifier(bias: tuple[float, ...] = (-4.0, -4.0, -4.0, -4.0), *, unbalance_
     g.rename(g.op("Sigmoid", heads), "heads")
     g.rename(g.op("Add", g.op("Mul", above, 0.0), score), "score")
     outputs = {"heads": 4, "score": 1}
-    settings: dict[str, object] = {"novelty_threshold": novelty_threshold, "normal_below": normal_below}
+    settings: dict[str, object] = {"novelty_threshold": novelty_threshold, "named_above": named_above or {}}
     if fleet:
         levels = [g.column(g.op("Cast", "features", to=TensorProto.DOUBLE), FEATURE_NAMES.index(name))
                   for name in ("acc_motor_log_rms", "microphone_log_rms")]

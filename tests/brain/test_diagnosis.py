@@ -55,9 +55,10 @@ def test_clear_heads_name_their_class(name: str) -> None:
     assert words(diagnoser, [at(0.25 * i) for i in range(12)])[-1] == name
 
 
-@pytest.mark.parametrize(("normal_below", "word"), [(0.05, "unbalance"), (0.01, "doubt")])
-def test_a_fault_is_named_only_where_normal_is_improbable_enough(normal_below: float, word: str) -> None:
-    likely = classifier((-9.0, -9.0, -9.0, 4.0), normal_below=normal_below)  # probability of normal: 0.018
+@pytest.mark.parametrize(("named_above", "word"), [
+    ({"unbalance": 50.0}, "unbalance"), ({"unbalance": 60.0}, "doubt"), ({"motor_bolt_loose": 60.0}, "unbalance")])
+def test_a_fault_is_named_only_from_its_own_odds_against_normal(named_above: dict[str, float], word: str) -> None:
+    likely = classifier((-9.0, -9.0, -9.0, 4.0), named_above=named_above)  # odds of unbalance: 54.6
     assert words(Diagnoser(model(likely)), [at(0.25 * i) for i in range(12)])[-1] == word
 
 

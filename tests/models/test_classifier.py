@@ -112,7 +112,7 @@ def graph(seed=0):
     net, train, inner = Mlp((n, 12, 4)), builds(240, 1, kind=np.arange(240) // 10 % 6), builds(40, 2)
     residual, parts = fit_novelty(train, inner, 0.9)
     return Diagnosis(
-        rng.normal(size=n), rng.uniform(0.1, 2.0, n), net.layers(net.initial(rng)), 1.3, residual, parts,
+        rng.normal(size=n), rng.uniform(0.1, 2.0, n), net.layers(net.initial(rng)), np.full(4, 1.3), residual, parts,
         fleet(parts, residual(inner.features), 0.9),
     )  # fmt: skip
 
@@ -154,6 +154,26 @@ def test_novelty_in_the_graph_is_that_of_the_parts():
     motor = residual(x)[:, GROUPS.index("acc_motor_orders") == GROUP_OF_FEATURE]
     np.testing.assert_allclose(departures[:, GROUPS.index("acc_motor_orders")], np.sqrt((motor**2).mean(axis=1)), 1e-5)
     assert (novelty(parts, residual(other.features + 6.0)) > novelty(parts, residual(other.features))).all()
+
+
+def test_a_fault_across_the_taught_ones_is_new_where_they_move_it_not_in_all_features():
+    """What drowns in two hundred directions is seen in the few in which the taught faults lie apart."""
+    from models.diagnosis.novelty import Part
+
+    rng, kind, group = np.random.default_rng(0), np.arange(1200) // 10 % 4, np.arange(1200) % 120
+    moved = np.zeros((4, 200))
+    moved[1, 0] = moved[2, 1] = moved[3, 2] = 6.0
+    data = rows(1200, kind=kind, group=group, recording=np.arange(1200))
+
+    def new(directions):
+        residual = rng.normal(size=(1200, 200)) + moved[kind]
+        healthy, inner = rng.normal(size=(300, 200)), rng.normal(size=(1200, 200)) + moved[kind]
+        part = Part.fit(np.ones(200, bool), directions, residual, data).limited(inner, kind == 0, 0.999)
+        assert np.median(part.distance(healthy)) == pytest.approx(0.0, abs=0.1)
+        return np.mean(part.distance(healthy - moved[1]) > 1.0)
+
+    assert new(None) < 0.5
+    assert new(3) > 0.9
 
 
 def test_builds_need_two_healthy_recordings():
@@ -210,7 +230,7 @@ def verdicts(sure):
     return answer
 
 
-RULE = Rule(novelty=1.0, normal_below=0.1)
+RULE = Rule(novelty=1.0, named_above=np.full(5, 9.0))
 
 
 def test_false_alarms_need_a_named_fault_and_persistence_to_be_confirmed():
@@ -227,7 +247,7 @@ def test_false_alarms_need_a_named_fault_and_persistence_to_be_confirmed():
     assert counted()["share_of_decisions"] == 0.5
     assert counted(0.3)["called_doubt"] == 1.0
     assert counted(1.5)["called_doubt"] == 0.5  # surely enough the best class, not surely enough abnormal
-    assert counted(1.5, Rule(1.0, 0.5))["false_alarms"] == 16
+    assert counted(1.5, Rule(1.0, np.ones(5)))["false_alarms"] == 16
     quiet.features[:, 1] = 9.0
     assert counted()["called_unknown"] == 1.0
 
@@ -240,7 +260,7 @@ def test_detection_delay_counts_from_the_first_faulty_window():
     found = detection(heard, RULE)["unbalance"]
     assert found["named_median_s"] == 0.25 * 5
     assert found["confirmed_median_s"] == 0.25 * 5 + 3.0
-    assert detection(heard, Rule(1.0, 1e-9))["unbalance"]["confirmed_median_s"] is None
+    assert detection(heard, Rule(1.0, np.full(5, 1e9)))["unbalance"]["confirmed_median_s"] is None
 
 
 @pytest.mark.parametrize("case", [recordings.Case(0, 100.0, {}), recordings.Case(4, 40.0, {"unbalance": 40.0}),
@@ -281,6 +301,18 @@ def test_heads_of_their_own_features_see_no_others():
         assert np.delete(moved, 1).max() == 0.0
     mean = side_by_side("mean", two).logits(data.features)
     np.testing.assert_allclose(mean, np.mean([n.logits(data.features) for n in two], axis=0), rtol=1e-9, atol=1e-12)
+
+
+def test_cross_fitted_log_odds_know_nothing_of_their_own_build():
+    from models.diagnosis.ladder import ALL_FEATURES, cross_fitted, fit_heads
+
+    data = rows(120, kind=np.arange(120) % 6, group=np.arange(120) // 6, recording=np.arange(120))
+    like = fit_heads("all", ALL_FEATURES, 0, data, data, 1e-3, 3, np.random.default_rng(0))
+    first = cross_fitted(like, data, 4, 5, 0)
+    other = replace(data, kind=np.where(data.group == 0, 4, data.kind))
+    changed = np.abs(cross_fitted(like, other, 4, 5, 0) - first).max(axis=1) > 1e-12
+    assert not changed[data.group == 0].any()
+    assert changed.any()
 
 
 def test_whirl_of_features_is_that_of_the_orders():

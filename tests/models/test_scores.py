@@ -48,7 +48,7 @@ def test_temperature_finds_the_overconfidence():
     rng = np.random.default_rng(0)
     true = rng.normal(0.0, 1.5, (4000, 4))
     heads = (rng.random((4000, 4)) < 1 / (1 + np.exp(-true))).astype(float)
-    assert scores.temperature(3.0 * true, heads) == pytest.approx(3.0, rel=0.1)
+    assert scores.temperatures(np.array([3.0, 1.0, 0.5, 3.0]) * true, heads) == pytest.approx([3, 1, 0.5, 3], rel=0.1)
 
 
 def test_beats_needs_more_than_luck():
@@ -89,14 +89,17 @@ def test_slight_faults_weigh_less_in_training():
     assert whole == pytest.approx(np.mean(np.array(each) * data.weight))
 
 
-def test_alarm_limit_reaches_the_rate_it_was_asked_for():
-    """Log-odds with an exponential tail: the limit keeps the rate, far beyond what the rows could show."""
+def test_alarm_limits_reach_the_rate_they_were_asked_for():
+    """Log-odds with exponential tails, but one that is bounded: far beyond what the rows could show."""
     rng = np.random.default_rng(3)
-    normal = 1 / (1 + np.exp(rng.exponential(1.0, 3000) - 8.0))
-    limit = scores.alarm_limit(normal, 1e-4)
-    exact = 1 / (1 + np.exp(np.log(1e4) - 8.0))
-    assert np.log(limit / (1 - limit)) == pytest.approx(np.log(exact / (1 - exact)), abs=1.0)
-    assert scores.alarm_limit(normal, 1e-6) < limit < normal.min()
+    odds = rng.exponential([1.0, 1.0, 0.5, 1.0, 2.0], (4000, 5)) - 12.0
+    odds[:, 3] = rng.uniform(-12.0, -6.0, 4000)
+    probability = np.exp(np.column_stack([np.zeros(4000), odds]))
+    probability /= probability.sum(axis=1, keepdims=True)
+    limits = np.log(scores.alarm_limits(probability, 5e-4))  # 1e-4 a fault
+    assert limits[:3] == pytest.approx(np.array([1.0, 1.0, 0.5]) * np.log(1e4) - 12.0, abs=1.5)
+    assert limits[3] == pytest.approx(-6.0, abs=0.3), "no healthy machine lies beyond the bound"
+    assert (np.log(scores.alarm_limits(probability, 5e-6)) > limits).all()
 
 
 def test_log_score_punishes_a_sure_mistake_more_than_a_doubtful_one():
