@@ -22,6 +22,7 @@ from firmware_py.brain.intervals import GROWING_SIGMAS, SIGMA_90
 from firmware_py.brain.measurement import (
     CARRIES,
     CLEARANCE,
+    CLEARANCE_NOISE_UM,
     CONTACT,
     FILLED,
     GAIN_1,
@@ -29,6 +30,7 @@ from firmware_py.brain.measurement import (
     LOAD,
     PARAMETERS,
     POWER,
+    ROWS,
     UM,
     VISCOSITY,
     ZERO_X,
@@ -53,13 +55,15 @@ RATE_DRIFT: Final = (0.03, 0.05)
 RATE_MEMORY_S: Final = 30.0
 BORE_SINKS: Final = 2.0
 """Wear that widens the clearance by 1 lowers the bore's middle by this (first order over mean of a small flat)."""
-MEANS_LAG_S: Final = 0.1
-"""Mean position and contact voltage are this much older than the speed."""
+LAG_ERROR_S: Final = 0.02
+"""How far the readings are from one moment after they were taken back to it."""
 MODEL_MEMORY_S: Final = 1.0
 """Readings within this time share their model error."""
 REFUSED_SIGMAS: Final = 4.0
 """A reading further off than this counts for less."""
 
+_HEARD_TO_START: Final = 2
+"""Whether the shaft had come to rest shows only by the second reading, which therefore begins anew."""
 _FIRST_ITERATIONS: Final = 8
 _ITERATIONS: Final = 1
 _STEP_MAX: Final = 0.7
@@ -162,6 +166,7 @@ class Synchroniser:
         deviation[CONTACT] = config.contact.film_error_share if config.contact else 0.0
         deviation[VISCOSITY_RATE:] = 1e-4, 1e-3
         self._covariance = np.diag(deviation**2)
+        self._prior = self._mean, self._covariance
         drift = np.zeros(STATES)
         drift[[LOAD, VISCOSITY]] = LOAD_DRIFT, VISCOSITY_DRIFT
         drift[VISCOSITY_RATE:] = RATE_DRIFT
@@ -169,8 +174,9 @@ class Synchroniser:
         worn = np.zeros(STATES)
         worn[[CLEARANCE, ZERO_Y]] = CLEARANCE_DRIFT_UM * np.array([1.0, -BORE_SINKS])
         self._drift += np.outer(worn, worn)
-        self._t_ns: int | None = None
+        self._heard = 0
         self._last: Measured | None = None
+        self._then: Measured | None = None
         self._start_m: Floats | None = None
         self.unbalance_kg_m = 0.0
 
@@ -181,31 +187,37 @@ class Synchroniser:
 
     def step(self, measured: Measured) -> Estimate:
         """Take what was measured; the same time again changes nothing."""
-        first = self._t_ns is None
-        elapsed_s = MODEL_MEMORY_S if self._t_ns is None else (measured.t_ns - self._t_ns) * 1e-9
+        first = self._heard < _HEARD_TO_START
+        elapsed_s = MODEL_MEMORY_S if self._last is None else (measured.t_ns - self._last.t_ns) * 1e-9
         if elapsed_s > 0.0:
-            f = _transition(0.0 if first else elapsed_s)
-            self._mean = f @ self._mean
-            self._covariance = f @ self._covariance @ f.T + (0.0 if first else elapsed_s) * self._drift
-            weight = max(1.0, MODEL_MEMORY_S / elapsed_s)
-            taught = self._update(measured, weight, _FIRST_ITERATIONS if first else _ITERATIONS)
-            self._t_ns = measured.t_ns if taught or not first else None
+            if first:
+                self._mean, self._covariance = self._prior
+            else:
+                f = _transition(elapsed_s)
+                self._mean = f @ self._mean
+                self._covariance = f @ self._covariance @ f.T + elapsed_s * self._drift
+            weight = 1.0 if first else max(1.0, MODEL_MEMORY_S / elapsed_s)
+            self._then = measured if self._last is None else measured.at_means(self._last)
+            late = self._late(measured)
+            self._heard += self._update(self._then, late, weight, _FIRST_ITERATIONS if first else _ITERATIONS)
             self._last = measured
         return self._estimate(measured)
 
-    def static_film(self, measured: Measured) -> tuple[float, float]:
+    def static_film(self) -> tuple[float, float]:
         """Film (m) at the mean shaft position and its deviation: the root of the Cramer-Rao bound of these readings.
 
-        The bound is the posterior one (Tichavsky et al. 1998) at the estimate: of the filter's own noise model.
+        The position is the probes', less their zeros and gains as found so far: the mean of a whirling shaft, or of a
+        large orbit, is no equilibrium of the model.  The bound is the posterior one (Tichavsky et al. 1998) at the
+        estimate: of the filter's own noise model.  Only after a :meth:`step`.
         """
-        shown = self._instruments.predict(self._mean[:PARAMETERS], measured, self.unbalance_kg_m, self._start_m)
-        covariance = self._covariance[: CLEARANCE + 1, : CLEARANCE + 1]
-        return shown.static_film_m, float(np.sqrt(shown.film_slopes @ covariance @ shown.film_slopes))
+        assert self._then is not None
+        film_m, slopes = self._instruments.static_film(self._mean[:PARAMETERS], self._then)
+        variance = slopes @ self._covariance[:PARAMETERS, :PARAMETERS] @ slopes + (CLEARANCE_NOISE_UM * UM) ** 2
+        return film_m, float(np.sqrt(variance))
 
-    def _update(self, measured: Measured, weight: float, iterations: int) -> bool:
+    def _update(self, measured: Measured, late: Floats, weight: float, iterations: int) -> bool:
         """Iterated update: each pass linearises at the newest mean; a shaft that whirls (or starts) teaches nothing."""
-        observed = np.array([measured.mean_x_m / UM, measured.mean_y_m / UM, measured.shaft_power_W,
-                             measured.contact_V])
+        observed = measured.observed
         used = np.isfinite(observed) & np.array([True, True, True, self._instruments.has_contact])
         prior, mean = self._mean, self._mean
         for _ in range(iterations):
@@ -213,7 +225,7 @@ class Synchroniser:
             values, slopes, self._start_m = shown.values, shown.slopes, shown.position_m
             if shown.whirls(measured):
                 return False
-            noise = self._instruments.noise(values, slopes, measured) + self._moving(values, slopes, measured)
+            noise = self._instruments.noise(values, slopes, measured) + np.diag(late**2)
             noise = weight * noise[np.ix_(used, used)]
             h = np.zeros((int(used.sum()), STATES))
             h[:, :PARAMETERS] = slopes[used]
@@ -230,16 +242,12 @@ class Synchroniser:
         self._covariance = keep @ self._covariance @ keep.T + gain @ noise @ gain.T
         return True
 
-    def _moving(self, values: Floats, slopes: Floats, measured: Measured) -> Floats:
-        """Covariance (4, 4) of readings that are not of one moment: means lag behind speed and clearance."""
-        if self._last is None or measured.t_ns <= self._last.t_ns:
-            return np.zeros((len(values), len(values)))
-        share = MEANS_LAG_S / ((measured.t_ns - self._last.t_ns) * 1e-9)
-        faster = share * math.log(measured.speed_rad_s / self._last.speed_rad_s)
-        wider_um = share * (measured.clearance_m - self._last.clearance_m) / UM
-        by_speed = faster * (slopes[:, VISCOSITY] + np.array([0.0, 0.0, values[2], 0.0]))
-        by_clearance = wider_um * slopes[:, CLEARANCE]
-        return np.outer(by_speed, by_speed) + np.outer(by_clearance, by_clearance)
+    def _late(self, measured: Measured) -> Floats:
+        """Deviation (4,) of readings that are not quite of one moment: as far as they change meanwhile."""
+        if self._last is None:
+            return np.zeros(len(ROWS))
+        elapsed_s = (measured.t_ns - self._last.t_ns) * 1e-9
+        return np.nan_to_num(LAG_ERROR_S / elapsed_s * (measured.observed - self._last.observed))
 
     def _estimate(self, measured: Measured) -> Estimate:
         law = self._oil.viscosity_Pa_s(measured.oil_outlet_C)

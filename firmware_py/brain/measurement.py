@@ -18,7 +18,7 @@ resistance alone.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -38,6 +38,10 @@ PARAMETERS: Final = 10
 ROWS: Final = ("position_x", "position_y", "shaft_power", "contact")
 UM: Final = 1e-6
 
+MEANS_LAG_S: Final = 0.1
+"""Mean position and contact voltage are this much older than the speed."""
+READING_AGE_S: Final = 0.05
+"""Clearance and power are this much older than the speed."""
 CLEARANCE_NOISE_UM: Final = 0.2
 POSITION_MODEL_UM: Final = 0.1
 """Mean of an orbit against the static position, and the surrogate's own error."""
@@ -79,6 +83,19 @@ class Measured:
     half_m: float = 0.0
     t_ns: int = 0
 
+    @property
+    def observed(self) -> Floats:
+        """What the filter takes, shape (4,): um, W, V in the order of :data:`ROWS`."""
+        return np.array([self.mean_x_m / UM, self.mean_y_m / UM, self.shaft_power_W, self.contact_V])
+
+    def at_means(self, last: Measured) -> Measured:
+        """The readings taken back to the middle of the means, along their change since ``last``."""
+        elapsed_s = (self.t_ns - last.t_ns) * 1e-9
+        share, slow = (min(1.0, lag_s / elapsed_s) for lag_s in (MEANS_LAG_S, MEANS_LAG_S - READING_AGE_S))
+        return replace(self, speed_rad_s=self.speed_rad_s - share * (self.speed_rad_s - last.speed_rad_s),
+                       clearance_m=self.clearance_m - slow * (self.clearance_m - last.clearance_m),
+                       shaft_power_W=self.shaft_power_W - slow * (self.shaft_power_W - last.shaft_power_W))
+
 
 @dataclass(frozen=True, slots=True)
 class Errors:
@@ -111,8 +128,6 @@ class Shown:
         Shapes (4,) and (4, 10): :data:`ROWS` and their slopes by the parameters.
     position_m
         Shape (4, 2): equilibria to start from next time.
-    static_film_m, film_slopes
-        Film at the mean position, and its slopes (3,) by ``ln`` load, ``ln`` viscosity, clearance (um).
     reach_m
         How far the modelled orbit goes from its mean.
     """
@@ -120,8 +135,6 @@ class Shown:
     values: Floats
     slopes: Floats
     position_m: Floats
-    static_film_m: float
-    film_slopes: Floats
     reach_m: float
 
     def whirls(self, measured: Measured) -> bool:
@@ -156,8 +169,7 @@ class Instruments:
         position, found, torque = self._film.equilibrium(points, start_m)
         orbit = self._orbit(points, position, found, torque, unbalance_kg_m)
         mean = position + orbit.shift_m
-        gain = np.eye(2) + np.tensordot(theta[GAIN_1 : GAIN_2 + 1], self._gains, 1)
-        shown_um = mean @ gain.T / UM + theta[ZERO_X : ZERO_Y + 1]
+        shown_um = mean @ self._gain(theta).T / UM + theta[ZERO_X : ZERO_Y + 1]
         speed = measured.speed_rad_s
         starved = self._film.shear_torque(points, position) * speed
         friction = torque * speed + starved * starved_share(theta[FILLED]) + orbit.power_W
@@ -176,10 +188,24 @@ class Instruments:
                                           - starved_share(theta[FILLED])) / _LOG_STEP
         more = self._volt(film_m[0] * math.exp(theta[CONTACT] + _LOG_STEP)).mean()
         slopes[3, CONTACT] = (more - volt[0]) / _LOG_STEP
-        still_m = clearance - np.hypot(*mean.T)
-        thinner = (still_m[1:] - still_m[0]) / _LOG_STEP * [1.0, 1.0, UM / clearance[0]]
         way_m = on_the_way[0] - mean[0]
-        return Shown(columns[0], slopes, position, float(still_m[0]), thinner, float(np.hypot(*way_m.T).max()))
+        return Shown(columns[0], slopes, position, float(np.hypot(*way_m.T).max()))
+
+    def static_film(self, theta: Floats, measured: Measured) -> tuple[float, Floats]:
+        """Film (m) at the mean position that the probes report, and its slopes (10,) by the parameters ``theta``."""
+        gain = self._gain(theta)
+        mean_m = np.linalg.solve(gain, [measured.mean_x_m, measured.mean_y_m] - theta[ZERO_X : ZERO_Y + 1] * UM)
+        eccentricity_m = float(np.hypot(*mean_m))
+        outward = np.linalg.solve(gain.T, mean_m / max(eccentricity_m, 1e-9))
+        slopes = np.zeros(PARAMETERS)
+        slopes[CLEARANCE] = UM
+        slopes[ZERO_X : ZERO_Y + 1] = outward * UM
+        slopes[GAIN_1 : GAIN_2 + 1] = self._gains @ mean_m @ outward
+        return measured.clearance_m + theta[CLEARANCE] * UM - eccentricity_m, slopes
+
+    def _gain(self, theta: Floats) -> Floats:
+        """What the probes make of a position, shape (2, 2)."""
+        return np.asarray(np.eye(2) + np.tensordot(theta[GAIN_1 : GAIN_2 + 1], self._gains, 1))
 
     def _orbit(self, points: Points, position: Floats, found: NDArray[np.bool_], torque: Floats,
                unbalance_kg_m: float) -> Orbit:

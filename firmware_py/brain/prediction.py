@@ -155,9 +155,9 @@ class Predictor:
         self._synchroniser.unbalance_kg_m = abs(self._imbalance.at(measured.t_ns).unbalance_kg_m)
         self._half_m, self._half_damping = measured.half_m, float(steady.damping_ratio[0])
 
-    def static_film(self, measured: Measured) -> tuple[float, float]:
+    def static_film(self) -> tuple[float, float]:
         """See :meth:`firmware_py.brain.estimate.Synchroniser.static_film`."""
-        return self._synchroniser.static_film(measured)
+        return self._synchroniser.static_film()
 
     @property
     def unbalance_interval_kg_m(self) -> tuple[float, float, float]:

@@ -97,7 +97,7 @@ def _row(rig: RigData, episode: Episode, recording: Recording, predictor: Predic
     outlook = predictor.forecast(measured, estimate, np.array([target_m]), future)
     here = predictor.forecast(measured, estimate, np.array([measured.clearance_m]), Future(0.0))
     true, now = truth_at(rig, episode, recording, then_s), truth_at(rig, episode, recording, now_s - 0.1)
-    film_m, bound_m = predictor.static_film(measured)
+    film_m, bound_m = predictor.static_film()
     virtual = [
         [here.min_film_m[0, 1], here.deviation[0, 2], now.min_film_m],
         [estimate.load_N, estimate.load_N * estimate.log_covariance[0, 0] ** 0.5, now.load_N],

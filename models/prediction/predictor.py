@@ -37,7 +37,7 @@ from sim_hil.rigs import load_rig
 
 JUDGE_SEED = 1_000_000
 """Added to the seed of judged episodes, so that no training sees them."""
-CHUNK = 80
+CHUNK = 240
 """Episodes between two checkpoints."""
 STATES = ("as_built", "zeroed")
 """Of the probes: see :func:`firmware_py.brain.intervals.state_of`."""
@@ -106,8 +106,14 @@ def judge(fitted: Fitted, rig_name: str, seed: int, heard: dict[str, Said]) -> d
 
 def evaluate(path: Path, seed: int, size: int | None, out: Path) -> dict[str, object]:
     """``orbitd evaluate predictor``: the file at ``path`` on ``size`` (300) episodes, every core; keeps nothing."""
-    rig_name, workers = PredictorSettings().rig, len(os.sched_getaffinity(0))
-    return judge(of_file(path), rig_name, seed, hear(rig_name, JUDGE_SEED + seed, range(size or 300), workers))
+    rig_name = PredictorSettings().rig
+    return judge(of_file(path), rig_name, seed, _unseen(rig_name, seed, size or 300))
+
+
+@cache
+def _unseen(rig_name: str, seed: int, size: int) -> dict[str, Said]:
+    """Episodes that no training saw; heard once, however many files are judged by them."""
+    return hear(rig_name, JUDGE_SEED + seed, range(size), len(os.sched_getaffinity(0)))
 
 
 def of_file(path: Path) -> Fitted:
