@@ -96,7 +96,7 @@ PREDICTOR = Prose(
         "Growing faults are fast (seconds); slower ones are easier to follow and harder to see in ten seconds.",
         "The first forecast comes 2.5 s after a fault's start: its rate is still underestimated, and the expected time "
         "to a limit late.",
-        "The device knows the regime that it recognises (one growing fault in six is not, yet); the factors are set "
+        "The device knows the regime that it recognises (one growing fault in seven is not, yet); the factors are set "
         "so that the true regimes are covered all the same.",
         "Bounds are those of the filter's own noise model, which allows for more than this simulator does: errors may "
         "lie below them.",
