@@ -84,6 +84,10 @@ class Bearing(Section, frozen=True):
     radial_clearance_min_um: Positive
     radial_clearance_max_um: Positive
     radial_clearance_nominal_um: Positive
+    radial_clearance_offset_um: float = 0.0
+    """This bearing is so much wider than the actuator tells: from a lift check."""
+    radial_clearance_error_um: Positive = 2.0
+    """And is known within this."""
     load_error_share: Annotated[float, Meta(ge=0, lt=1)] = 0.21
     """The film carries this much less or more than the unfed Reynolds film there: rupture, inlet, groove."""
     attitude_error_deg: Annotated[float, Meta(ge=0, le=45)] = 15.0
@@ -126,9 +130,15 @@ class Rotor(Section, frozen=True):
 
     effective_mass_at_bearing_kg: Positive
     unbalance_normal_kg_m: NonNegative
+    mass_error_share: Annotated[float, Meta(ge=0, lt=1)] = 0.05
+    """The built rotor is heavier than that by at most this share."""
+    unbalance_measured: bool = False
+    """The normal unbalance is this rotor's own, from balancing; else it is the most that its grade lets any have."""
     whirl_error_share: Annotated[float, Meta(ge=0, lt=1)] = 0.05
     """The speed at which it whirls lies at most this much below that of a rigid rotor on the film: coupling, pedestal,
     gyroscopic moments."""
+    shaft_power_error_W: NonNegative = 5.0
+    """Of the shaft power that the rig reports; less where its zero was taken at rest."""
     windage_W_s3: NonNegative = 0.0
     """Shaft power beside the film's, per cubed speed (rad/s): from a coast-down."""
 

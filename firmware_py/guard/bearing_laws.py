@@ -19,13 +19,7 @@ import msgspec
 LENGTH_OVER_DIAMETER_MAX: Final = 1.0
 """The table ends here."""
 
-CLEARANCE_ERROR_M: Final = 2e-6
-"""A built bearing differs from its drawing by this much (radial)."""
-
 ECCENTRICITY_MAX: Final = 0.97
-SHAKEN_LEAST: Final = 0.77
-"""No unbalance makes a rotor whirl in a clearance narrower than this share of the one without."""
-
 KNOTS: Final = 388
 """Eccentricities that are looked up: evenly from 0 to :data:`ECCENTRICITY_MAX`, 0.0025 apart."""
 
@@ -60,6 +54,8 @@ class StaticFilm:
             for e, load, sine in zip(self.eccentricity, self.load, self.sine, strict=True)
         ]
         self._whirl = self._running_whirl()
+        self._onset = _table().onset
+        self._onset_rows = self._onset.of_shape(self._shape)
         self._ties = [load * share * share for load, share in zip(self.load, self._whirl, strict=True)]
 
     def load_per_viscous_speed(self, eccentricity: float, clearance_m: float) -> float:
@@ -74,8 +70,7 @@ class StaticFilm:
         is taken to be as that: it may get there through it.
 
         An unbalance ``U`` of ``unbalance_share = U w^2 / W`` shakes the film at twice the whirl's frequency, and whirl
-        sets in before its threshold, the earlier the less eccentric; a large one keeps it off again, which is not
-        counted on (fitted from below to the rotor on the Reynolds film, :mod:`sim_hil.response`).
+        sets in before its threshold, the earlier the less eccentric (:mod:`sim_hil.film.whirl_onset`).
         """
         k = bisect_right(self._ties, tie_m4)
         if k > KNOTS:
@@ -84,7 +79,15 @@ class StaticFilm:
             low, high = self._ties[k - 1], self._ties[k]
             share = self._whirl[k - 1] + (tie_m4 - low) / (high - low) * (self._whirl[k] - self._whirl[k - 1])
             eccentricity = self.eccentricity[k - 1]
-        return share / max(SHAKEN_LEAST, 1.0 - (0.45 - 0.75 * min(eccentricity, 0.4)) * unbalance_share)
+        return share / self._onset_share(eccentricity, unbalance_share)
+
+    def _onset_share(self, eccentricity: float, unbalance_share: float) -> float:
+        """Clearance in which a rotor out of balance begins to whirl, over that of one without; held beyond its ends."""
+        onset = self._onset
+        i, down = _place(onset.eccentricity, eccentricity)
+        j, across = _place(onset.unbalance_share, unbalance_share)
+        upper, lower = (row[j] + across * (row[j + 1] - row[j]) for row in self._onset_rows[i : i + 2])
+        return upper + down * (lower - upper)
 
     def _load(self, eccentricity: float) -> float:
         e2 = eccentricity * eccentricity
@@ -115,6 +118,21 @@ def static_film(radius_m: float, length_m: float) -> StaticFilm:
     return StaticFilm(radius_m, length_m)
 
 
+class _Onset(msgspec.Struct, frozen=True):
+    """Where whirl begins with unbalance: a block a length over diameter, a row an eccentricity."""
+
+    length_over_diameter: list[float]
+    eccentricity: list[float]
+    unbalance_share: list[float]
+    clearance_share: list[list[list[float]]]
+
+    def of_shape(self, length_over_diameter: float) -> list[list[float]]:
+        """Rows between those of the two nearest lengths."""
+        i, share = _place(self.length_over_diameter, length_over_diameter)
+        return [[a + share * (b - a) for a, b in zip(*rows, strict=True)]
+                for rows in zip(self.clearance_share[i], self.clearance_share[i + 1], strict=True)]
+
+
 class _Table(msgspec.Struct, frozen=True):
     """``film_table.json``: a row for each length over diameter, a column for each eccentricity."""
 
@@ -123,6 +141,7 @@ class _Table(msgspec.Struct, frozen=True):
     load_share: list[list[float]]
     tangent_share: list[list[float]]
     whirl_share: list[list[float]]
+    onset: _Onset
 
 
 @cache

@@ -15,7 +15,7 @@ from firmware_py.guard.arming import Arming, ArmingState, Target
 from firmware_py.guard.failsafe import Situation, node_reasons
 from firmware_py.guard.load_estimate import LoadEstimator, LoadInterval, LoadState, Look
 from firmware_py.guard.protection import Protection, ProtectionState, zone
-from firmware_py.guard.shield import Shield
+from firmware_py.guard.shield import PERIOD_S, Shield
 from firmware_py.guard.speaker import Codec, Speaker, SpeakerState
 from firmware_py.records import (
     Advice,
@@ -34,7 +34,7 @@ from firmware_py.records import (
     Snapshot,
 )
 
-SHIELD_PERIOD_NS: Final = 50_000_000
+SHIELD_PERIOD_NS: Final = round(PERIOD_S * 1e9)
 STATE_PERIOD_NS: Final = 100_000_000
 NODE_SILENT_NS: Final = 500_000_000
 FOREIGN_HOLD_NS: Final = 5_000_000_000
@@ -219,7 +219,7 @@ class GuardCore:
         return min(reported, node.target_clearance_um if node else self._arming.safe.clearance_um)
 
     def _look_around(self, now_ns: int) -> None:
-        """Estimate the load and ask the shield (20 times a second)."""
+        """Estimate the load and ask the shield (every :data:`PERIOD_S`)."""
         m, status = self._memory, self._acquire.status
         m.shield_due_ns = now_ns + SHIELD_PERIOD_NS
         motion, speed = self._protection.motion, self._acquire.speed

@@ -14,7 +14,7 @@ from typing import Final
 import msgspec
 
 from firmware_py.config import Config
-from firmware_py.guard.bearing_laws import CLEARANCE_ERROR_M, ECCENTRICITY_MAX, KNOTS, static_film
+from firmware_py.guard.bearing_laws import ECCENTRICITY_MAX, KNOTS, static_film
 from firmware_py.guard.motion import DISPLACEMENTS, WINDOW_S
 from firmware_py.guard.oil_estimate import OilEstimator, OilInterval, OilState, Steady
 from firmware_py.guard.viscosity import ViscosityTable
@@ -59,7 +59,7 @@ class LoadState(msgspec.Struct):
     """What the estimator remembers (for snapshots)."""
 
     oil: OilState
-    before: Look | None = None
+    recent: list[Look] = []
 
 
 class LoadEstimator:
@@ -75,6 +75,8 @@ class LoadEstimator:
         bearing = config.bearing
         self._film = static_film(bearing.journal_radius_m, bearing.length_m)
         self._low_share, self._high_share = 1.0 - bearing.load_error_share, 1.0 + bearing.load_error_share
+        self._offset_m = bearing.radial_clearance_offset_um * 1e-6
+        self._error_m = bearing.radial_clearance_error_um * 1e-6
         self._turned = bearing.attitude_error_deg * pi / 180.0
         zeroed = all(config.channel[i].zeroed for i in DISPLACEMENTS)
         self._zero_m = ZEROED_ERROR_M if zeroed else ZERO_ERROR_M
@@ -103,7 +105,7 @@ class LoadEstimator:
         The declared range when the position is not that of a static equilibrium under a downward load, or
         contradicts the declared range altogether.
         """
-        look = self._amid(look)
+        look = self._amid(msgspec.structs.replace(look, clearance_m=look.clearance_m + self._offset_m))
         if not look.speed_rad_s > 0.0 or look.peak_to_peak_m > ORBIT_SHARE_MAX * look.clearance_m:
             return self.declared()
         credible = self._credible(look)
@@ -115,8 +117,13 @@ class LoadEstimator:
 
     def _amid(self, look: Look) -> Look:
         """``look`` with the clearance and speed of the middle of the window."""
-        before, self.state.before = self.state.before, look
-        if before is None or not 0.0 < look.time_s - before.time_s <= 2.0 * WINDOW_S:
+        recent = self.state.recent
+        recent.append(look)
+        while len(recent) > 2 and recent[1].time_s <= look.time_s - 0.5 * WINDOW_S:
+            del recent[0]
+        before = recent[0]
+        if not 0.0 < look.time_s - before.time_s <= 2.0 * WINDOW_S:
+            self.state.recent = [look]
             return look
         back = min(1.0, 0.5 * WINDOW_S / (look.time_s - before.time_s))
         return msgspec.structs.replace(
@@ -126,7 +133,7 @@ class LoadEstimator:
     def _interval(self, look: Look, credible: tuple[int, int]) -> LoadInterval:
         """Load of the two places, by the oil and clearance that make it smallest and largest."""
         low, high = credible
-        narrow_m, wide_m = look.clearance_m - CLEARANCE_ERROR_M, look.clearance_m + CLEARANCE_ERROR_M
+        narrow_m, wide_m = look.clearance_m - self._error_m, look.clearance_m + self._error_m
         oil, law = self.oil, self._viscosity.law(look.temperature_C) * look.speed_rad_s
         least = self._film.load[low] / (wide_m * wide_m) * self._low_share * law
         most = self._film.load[high] / (narrow_m * narrow_m) * self._high_share * law if high < KNOTS else float("inf")
@@ -143,7 +150,7 @@ class LoadEstimator:
         """
         turns = max(1.0, look.speed_rad_s * WINDOW_S / (2.0 * pi))
         fixed_m = self._zero_m + look.peak_to_peak_m / (2.0 * pi * turns)
-        moved_m = self._turned * look.clearance_m + CLEARANCE_ERROR_M
+        moved_m = self._turned * look.clearance_m + self._error_m
         (c0, s0), (c1, s1) = self._probes
         a0, a1 = look.x_m * c0 + look.y_m * s0, look.x_m * c1 + look.y_m * s1
         (p0, p1), c, gain, eccentricity = self._places, look.clearance_m, self._gain, self._film.eccentricity

@@ -12,11 +12,8 @@ from typing import Final
 import msgspec
 
 from firmware_py.config import Config
-from firmware_py.guard.bearing_laws import CLEARANCE_ERROR_M, StaticFilm
+from firmware_py.guard.bearing_laws import StaticFilm
 from firmware_py.guard.viscosity import ViscosityTable
-
-POWER_ERROR_W: Final = 5.0
-"""Of the shaft power that the rig reports."""
 
 WINDAGE_ERROR: Final = 0.1
 STEADY_S: Final = 0.5
@@ -69,11 +66,12 @@ class OilEstimator:
 
     def __init__(self, config: Config, film: StaticFilm) -> None:
         self._film, self._law = film, ViscosityTable(config.oil)
-        self._windage_W_s3 = config.rotor.windage_W_s3
+        self._windage_W_s3, self._power_error_W = config.rotor.windage_W_s3, config.rotor.shaft_power_error_W
         self._friction_error = config.bearing.friction_error_share
         self._at_outlet, self._coldest_C = config.oil.film_at_outlet, config.oil.inlet_min_C
-        widest_m = config.bearing.radial_clearance_max_um * 1e-6
-        self._wider = (widest_m + CLEARANCE_ERROR_M) / (widest_m - CLEARANCE_ERROR_M)
+        widest_m = (config.bearing.radial_clearance_max_um + config.bearing.radial_clearance_offset_um) * 1e-6
+        self._error_m = config.bearing.radial_clearance_error_um * 1e-6
+        self._wider = (widest_m + self._error_m) / (widest_m - self._error_m)
         self._learns = self._at_outlet and self._friction_error < 1.0
 
     def unknown(self) -> OilState:
@@ -103,9 +101,9 @@ class OilEstimator:
         self._forget(state, now.time_s)
         w, wind_W = now.speed_rad_s, self._windage_W_s3 * now.speed_rad_s * now.speed_rad_s * now.speed_rad_s
         law = self._law.law(now.temperature_C) * w * w
-        low_W = now.power_W - POWER_ERROR_W - (1.0 + WINDAGE_ERROR) * wind_W
-        high_W = now.power_W + POWER_ERROR_W - (1.0 - WINDAGE_ERROR) * wind_W
-        narrow_m, wide_m = now.clearance_m - CLEARANCE_ERROR_M, now.clearance_m + CLEARANCE_ERROR_M
+        low_W = now.power_W - self._power_error_W - (1.0 + WINDAGE_ERROR) * wind_W
+        high_W = now.power_W + self._power_error_W - (1.0 - WINDAGE_ERROR) * wind_W
+        narrow_m, wide_m = now.clearance_m - self._error_m, now.clearance_m + self._error_m
         low = low_W * narrow_m / (law * self._film.friction[credible[1]] * (1.0 + self._friction_error))
         high = high_W * wide_m / (law * self._film.friction[credible[0]] * (1.0 - self._friction_error))
         wide = low * min(wide_m / narrow_m, self._wider * self._wider)

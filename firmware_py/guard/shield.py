@@ -5,16 +5,17 @@ Three laws bound the clearance ``c``:
 * **film** (upper and lower): at the largest credible load and the thinnest credible oil the minimum film
   must be at least ``h``.
 * **whirl** (upper): a rigid rotor of effective mass ``m`` on the film is stable while
-  ``w sqrt(c m / W) < Omega(eps)``; the smallest credible load decides, for ``W Omega(eps)^2`` rises with ``W``.
+  ``w sqrt(c m / W) < Omega(eps)``, less with unbalance; the smallest credible load decides, for ``W Omega(eps)^2``
+  rises with ``W``.
 * **vibration** (lower and upper): the measured peak-to-peak ``s`` may fill a share of ``c``.  It grows at least
   as the square of the clearance where it is large, so ``c (k c / s)`` with ``k`` below that share is the widest
   that keeps it: growing unbalance and beginning whirl both find the bearing narrowing before the limit.
 
 The minimum film is not monotone in clearance, so film admits the connected run of clearances around the
 safe one.  **Reachability**: a clearance is admissible only if the actuator can still run back to the safe
-clearance ahead of film and whirl, while speed and load go the worst way that the declared range lets them: the
-fastest *unannounced* ramps from where the machine is, and each ramp that was announced.  An announcement
-narrows what is admissible before its ramp, and never widens it.
+clearance ahead of the film, and before whirl has grown, while speed and load go the worst way that the declared
+range lets them: the fastest *unannounced* ramps from where the machine is, and each ramp that was announced.  An
+announcement narrows what is admissible before its ramp, and never widens it.
 """
 
 from __future__ import annotations
@@ -22,29 +23,32 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Sequence
 from math import pi
-from typing import Final
+from typing import Final, NamedTuple
 
 import msgspec
 
 from firmware_py.config import Config, ConfigFile
-from firmware_py.guard.bearing_laws import CLEARANCE_ERROR_M, LENGTH_OVER_DIAMETER_MAX, static_film
+from firmware_py.guard.bearing_laws import LENGTH_OVER_DIAMETER_MAX, static_film
 from firmware_py.guard.viscosity import ViscosityTable
 
 GRID_M: Final = 1e-6
-MASS_ERROR: Final = 0.05
-"""A built rotor is heavier than its drawing by at most this share."""
-
 WHIRL_UNBALANCE: Final = 0.25
-"""Share of the normal unbalance that whirl is judged with.
+"""Share of an unbalance known by its grade alone that whirl is judged with; of a measured one it is all.
 
 All of it lies within the margins for mass, coupling, clearance and load, which are not all at their worst together;
 whirl that begins all the same meets the vibration's bound."""
 
-VIBRATION_MARGIN: Final = 0.8
+VIBRATION_MARGIN: Final = 0.77
 """Part of the share that vibration may fill in a clearance wider than the safe one."""
 
-PERIOD_S: Final = 0.05
+PERIOD_S: Final = 0.02
 """An interval is this old at most before the next one replaces it."""
+
+GROWTH_TURNS: Final = 0.5
+"""Whirl grows the slower the less the clearance exceeds its bound, and has not grown while excess times turns is less.
+
+An orbit fills half the clearance after 1.8 turns over the excess (36 turns at 5 %), 0.75 at the least where
+unbalance alone nearly does (the rotor of :mod:`sim_hil.film.whirl_onset`)."""
 
 STEP_S: Final = 0.05
 FINE_S: Final = 0.6
@@ -72,6 +76,14 @@ class Box(msgspec.Struct, frozen=True):
     heavy_N: float
 
 
+class Outrun(NamedTuple):
+    """A step of the retreat: the clearance that just whirls at its end, how far the retreat has come, and turns."""
+
+    whirl_m: float
+    run_m: float
+    turns: float
+
+
 class Shield:
     """Admissible interval of the radial clearance.
 
@@ -86,10 +98,12 @@ class Shield:
         self._film = static_film(b.journal_radius_m, b.length_m)
         self._min_film_m = config.limits.min_film_um * 1e-6
         self._share = config.limits.clearance_share
-        self._mass_kg = config.rotor.effective_mass_at_bearing_kg * (1.0 + MASS_ERROR)
+        self._mass_kg = config.rotor.effective_mass_at_bearing_kg * (1.0 + config.rotor.mass_error_share)
         self._whirl_speed = 1.0 - config.rotor.whirl_error_share
         self._film_share = 1.0 - b.load_error_share
         self._unbalance_kg_m = config.rotor.unbalance_normal_kg_m
+        self._shaking_kg_m = self._unbalance_kg_m * (1.0 if config.rotor.unbalance_measured else WHIRL_UNBALANCE)
+        self._offset_m, self._error_m = b.radial_clearance_offset_um * 1e-6, b.radial_clearance_error_um * 1e-6
         self._oil = config.oil
         self._viscosity = ViscosityTable(config.oil)
         self._safe_m = a.safe_radial_clearance_um * 1e-6
@@ -147,24 +161,24 @@ class Shield:
         thinner = self._viscosity.thinnest if oil_share is None else oil_share
         now = self._bounds(present, temperature_C, speed_rad_s, thinner)
         low_m = max(now[0], self._min_m, min(peak_to_peak_m / self._share, self._safe_m))
-        high_m = min(now[1], self._max_m)
+        high_m = min(now[1], now[2], self._max_m)
         if peak_to_peak_m > 0.0 and clearance_m > 0.0:
             kept_m = VIBRATION_MARGIN * self._share * clearance_m * clearance_m / peak_to_peak_m
-            fits_m = peak_to_peak_m / self._share
-            if fits_m <= clearance_m + GRID_M:  # within its share: narrower only once the vibration has followed
-                kept_m = max(kept_m, fits_m)
             high_m = min(high_m, max(kept_m, self._safe_m))
         if not low_m <= self._safe_m <= high_m:
             return None
+        outrun: list[Outrun] = []
         for start_s, end_s in self._steps:
             run_m = self._rate_m_s * (start_s if announced else end_s)
             if low_m >= self._safe_m - run_m and high_m <= self._safe_m + run_m:
                 break  # back at the safe clearance by then, from all that is left
             box = self._box_after(self._delay_s + end_s, present, announced)
-            low_t, high_t = self._bounds(box, temperature_C, speed_rad_s, thinner)
+            low_t, high_t, whirl_m = self._bounds(box, temperature_C, speed_rad_s, thinner)
             low_m = max(low_m, min(low_t, self._safe_m) - run_m)
             high_m = min(high_m, max(high_t, self._safe_m) + run_m)
-        return low_m, high_m
+            turns = box.fast_rad_s * (end_s - start_s or self._delay_s) / (2.0 * pi)
+            outrun.append(Outrun(max(whirl_m, self._safe_m), run_m, turns))
+        return low_m, min(high_m, _before_whirl_has_grown(outrun))
 
     def fixed_range(self) -> tuple[float, float] | None:
         """Fixed clearances (m) that are admissible over the whole declared speed, load and inlet range."""
@@ -190,8 +204,8 @@ class Shield:
         """Largest stable clearance at the highest speed and smallest load, in the thinnest oil."""
         per_number = load_N / (self._mass_kg * speed_rad_s * speed_rad_s) * self._whirl_speed * self._whirl_speed
         tie = per_number * per_number * load_N / (viscosity * speed_rad_s * self._film_share)
-        shaken = WHIRL_UNBALANCE * self._unbalance_kg_m * speed_rad_s * speed_rad_s / load_N
-        return per_number / self._film.whirl_share(tie, shaken) - CLEARANCE_ERROR_M
+        shaken = self._shaking_kg_m * speed_rad_s * speed_rad_s / load_N
+        return per_number / self._film.whirl_share(tie, shaken) - self._error_m - self._offset_m
 
     def _film_need(self, speeds: tuple[float, float], load_N: float) -> float:
         """Largest ``W / w`` in the range of speeds; the normal unbalance turns with the load.
@@ -203,7 +217,8 @@ class Shield:
     def _capacity(self, clearance_m: float) -> float:
         """Smallest ``W / (mu w)`` at which the film thins to the limit, for a bearing as built near this."""
         smallest = float("inf")
-        for c in (clearance_m - CLEARANCE_ERROR_M, clearance_m, clearance_m + CLEARANCE_ERROR_M):
+        built_m = clearance_m + self._offset_m
+        for c in (built_m - self._error_m, built_m, built_m + self._error_m):
             eccentricity = 1.0 - self._min_film_m / c
             if eccentricity <= 0.0:
                 return 0.0
@@ -233,8 +248,8 @@ class Shield:
 
     def _bounds(
         self, box: Box, temperature_C: float, present_rad_s: float, thinner: float
-    ) -> tuple[float, float]:  # fmt: skip
-        """Both laws over a box of speed and load.
+    ) -> tuple[float, float, float]:  # fmt: skip
+        """Clearances of film, from and to, and the widest of whirl, over a box of speed and load.
 
         Film heating goes with speed (friction power with its square, side flow with itself), so the
         excess of the outlet over the warmest inlet is scaled to the slow end, where the film is judged.
@@ -247,7 +262,7 @@ class Shield:
         declared = max(self._film_need(speeds, self._loads[1]) / self._viscosity.law(hottest_C), -self._above[0])
         low_m, high_m = self._film_bounds(min(self._film_need(speeds, box.heavy_N) / viscosity, declared))
         viscosity = self._viscosity.law(max(temperature_C, self._oil.film_max_C)) * thinner
-        return low_m, min(high_m, self._whirl_bound(box.fast_rad_s, box.light_N, viscosity))
+        return low_m, high_m, self._whirl_bound(box.fast_rad_s, box.light_N, viscosity)
 
     def _box_after(self, t_s: float, present: Box, announced: Sequence[Ramp]) -> Box:
         """All that unannounced ramps from now can reach in ``t_s``, and what has been announced."""
@@ -268,6 +283,19 @@ class Shield:
             min(box.light_N, max(self._loads[0], box.light_N - load)),
             max(box.heavy_N, min(self._loads[1], box.heavy_N + load)),
         )
+
+
+def _before_whirl_has_grown(outrun: list[Outrun]) -> float:
+    """Widest clearance whose retreat, wider than whirl admits for a while, ends before whirl has grown."""
+    slope_1_m = grown = 0.0
+    widest_m = float("inf")
+    for step in sorted(outrun, key=lambda step: step.whirl_m + step.run_m):
+        if widest_m <= step.whirl_m + step.run_m:
+            break  # it never exceeds this one, nor the rest
+        slope_1_m += step.turns / step.whirl_m
+        grown += step.turns * (step.run_m / step.whirl_m + 1.0)
+        widest_m = (GROWTH_TURNS + grown) / slope_1_m
+    return widest_m
 
 
 def _along(ramp: Ramp, start: Box, t_s: float) -> Box:

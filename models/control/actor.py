@@ -20,7 +20,7 @@ from models.control.episodes import Board, Policy
 from models.control.judge import Bench, beats
 from models.control.learners import ActorSettings, Learned, board_name, learn_all
 from models.control.policies import OUTPUTS, RANGES, Columns, OfFile, OfModule, random_observations
-from models.control.scoreboard import directly, judge, on_machine, predictive, rivals
+from models.control.scoreboard import as_drawn, directly, judge, on_machine, predictive, rivals
 from models.runs import Run
 from sim_hil.control_task import OBSERVATIONS
 
@@ -62,6 +62,7 @@ def learned_and_judged(run: Run, settings: ActorSettings, board: Board) -> tuple
     near = {name: policy for name, policy in policies.items() if name in ELSEWHERE}
     bench = run.kept(f"{name}-bench", partial(_bench, board, settings, run.seed, run.folder.parent))
     report = run.kept(f"{name}-judged", partial(judge, bench, policies, agents, settings.workers))
+    report["as_drawn"] = run.kept(f"{name}-drawn", partial(as_drawn, bench, near, settings.workers))
     machine = partial(on_machine, bench, near, settings.machine_episodes, settings.workers)
     report["whole_machine"] = run.kept(f"{name}-machine", machine)
     if not board.pressure:
@@ -74,6 +75,7 @@ def learned_and_judged(run: Run, settings: ActorSettings, board: Board) -> tuple
 def evaluate(path: Path, seed: int, size: int | None, out: Path) -> dict[str, object]:
     """The policy in ``path``, and those in the files beside it, with their rivals on the episodes of ``seed``.
 
+    The machines are commissioned; what the same is worth where they are known by their drawing alone stands beside it.
     A file that sets the pressure as well is judged on that scoreboard.  The model-predictive choice, which takes
     longer than everything else together, stands in the report of the training.
     """
@@ -84,8 +86,10 @@ def evaluate(path: Path, seed: int, size: int | None, out: Path) -> dict[str, ob
     learned: dict[str, Policy] = {"agent": OfFile(path)}
     learned |= {name: OfFile(file) for name, file in beside.items() if file.is_file()}
     bench = _bench(board, settings, seed, out)
+    policies = {**learned, **rivals(board)}
     return {
-        "unseen_episodes": judge(bench, {**learned, **rivals(board)}, [], settings.workers),
+        "unseen_episodes": judge(bench, policies, [], settings.workers),
+        "as_drawn": as_drawn(bench, {name: p for name, p in policies.items() if name in ELSEWHERE}, settings.workers),
         "whole_machine": on_machine(bench, learned, settings.machine_episodes, settings.workers),
     }  # fmt: skip
 

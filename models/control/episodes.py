@@ -59,6 +59,8 @@ class Fixed:
 class Board:
     """A scoreboard: the rig, how long its episodes are, and whether the supply pressure is set with the clearance.
 
+    The machines are ``commissioned`` (:mod:`models.control.commissioned`), or known by their drawing alone.
+
     Alone, the clearance stands on the unfed film; with the pressure, on the film fed from the groove, the pump's power
     counts, and so do the limits of flow and outlet (:class:`sim_hil.control_task.Limits`).  ``direct`` solves
     Reynolds' equation in every step instead of reading the film from its table.
@@ -68,6 +70,7 @@ class Board:
     seconds: float
     pressure: bool = False
     direct: bool = False
+    commissioned: bool = True
 
     @property
     def data(self) -> RigData:
@@ -140,7 +143,8 @@ class Score:
 
 def play(board: Board, seeds: Sequence[int], policy: Policy, *, shielded: bool) -> Score:
     """Run ``policy`` once in the episode of each seed, rotors alone, all side by side."""
-    environment = ShieldedRotors(board.rotors(len(seeds), UNTRIPPED), shielded=shielded)
+    rotors = board.rotors(len(seeds), UNTRIPPED)
+    environment = ShieldedRotors(rotors, shielded=shielded, commissioned=board.commissioned)
     observation, _ = environment.reset(seed=list(seeds))
     policy.start(len(seeds))
     record = _Record(observation)
@@ -154,7 +158,8 @@ def play_machine(board: Board, seeds: Sequence[int], policy: Policy, *, shielded
     """The same behind the shield on the whole machine with its sensors, one episode after another."""
     if not shielded:
         raise ValueError("the whole machine is played behind its shield only; use `play` for the rotor alone")
-    environment = ShieldedRotor(RotorEnv(board.rig, board.seconds, limits=UNTRIPPED, pressure=board.pressure))
+    rotor = RotorEnv(board.rig, board.seconds, limits=UNTRIPPED, pressure=board.pressure)
+    environment = ShieldedRotor(rotor, commissioned=board.commissioned)
     scores = []
     for seed in seeds:
         observation, _ = environment.reset(seed=seed)

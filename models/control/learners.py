@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import torch
@@ -99,8 +99,8 @@ def board_name(board: Board) -> str:
 
 
 def _environment(settings: ActorSettings, board: Board, shielded: bool = True) -> ShieldedRotors:
-    rotors = Board(board.rig, settings.episode_s, board.pressure).rotors(settings.rotors)
-    return ShieldedRotors(rotors, shielded=shielded)
+    rotors = replace(board, seconds=settings.episode_s).rotors(settings.rotors)
+    return ShieldedRotors(rotors, shielded=shielded, commissioned=board.commissioned)
 
 
 def _agents(run: Run, settings: ActorSettings, board: Board) -> list[Settings]:

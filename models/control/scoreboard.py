@@ -68,6 +68,13 @@ def on_machine(
     return {name: score.summary(board.seconds) for name, score in zip(policies, scores, strict=True)}
 
 
+def as_drawn(bench: Bench, policies: dict[str, Policy], workers: int) -> dict[str, Any]:
+    """Behind the shield of machines of which no more is known than their drawing."""
+    drawn = replace(bench, board=replace(bench.board, commissioned=False))
+    scores = drawn.play([(policy, True) for policy in policies.values()], workers)
+    return {name: drawn.figures(score) for name, score in zip(policies, scores, strict=True)}
+
+
 def directly(bench: Bench, policies: dict[str, Policy], episodes: int, workers: int) -> dict[str, Any]:
     """Policies behind the shield and fixed settings with Reynolds' equation solved in every step, less the table's."""
     board, seeds = bench.board, bench.seeds[:episodes]

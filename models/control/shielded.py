@@ -16,9 +16,11 @@ from firmware_py.config import Config
 from firmware_py.config.schema import Bearing
 from firmware_py.guard.load_estimate import LoadEstimator, Look
 from firmware_py.guard.shield import Ramp, Shield
-from sim_hil.control_task import CONTROL_S, OBSERVATIONS, actions_of, targets
+from models.control.commissioned import Commissioned
+from sim_hil.control_task import CONTROL_S, OBSERVATIONS, Episode, actions_of, targets
 from sim_hil.duty import RAD_S_PER_RPM, Duty
 from sim_hil.environment import RotorEnv
+from sim_hil.rigs import RigData
 from sim_hil.vector_environment import RotorVectorEnv
 
 Observation = NDArray[np.float32]
@@ -74,12 +76,25 @@ class Keeper:
         As the guard's.
     duty
         Its fast ramps are announced :data:`ANNOUNCED_S` ahead.
+    commissioned
+        What was measured of this machine, whose configuration then stands in the place of ``config``.
     """
 
-    def __init__(self, config: Config, duty: Duty) -> None:
+    def __init__(self, config: Config, duty: Duty, commissioned: Commissioned | None = None) -> None:
+        config = commissioned.config if commissioned else config
+        self._commissioned = commissioned
         self._shield, self._loads = Shield(config), LoadEstimator(config)
         self._safe_m = config.actuator.safe_radial_clearance_um * 1e-6
         self._ramps = fast_ramps(config, duty)
+
+    @classmethod
+    def of(cls, config: Config, rig: RigData, episode: Episode, *, commissioned: bool) -> Keeper:
+        """That of an episode's machine."""
+        return cls(config, episode.duty, Commissioned.of(config, rig, episode) if commissioned else None)
+
+    def seen(self, observation: Observation) -> Observation:
+        """What the device shows of ``observation``: with calibrated probes where the machine is commissioned."""
+        return self._commissioned.corrected(observation) if self._commissioned else observation
 
     def interval(self, observation: Observation, time_s: float) -> tuple[float, float] | None:
         """What the guard would admit."""
@@ -108,11 +123,13 @@ class ShieldedRotors(gymnasium.vector.VectorWrapper[Observation, Observation, ND
         The environment.
     shielded
         Whether the shield stands between wish and rotor.
+    commissioned
+        Whether each machine was commissioned, or is known by its drawing alone.
     """
 
-    def __init__(self, rotors: RotorVectorEnv, *, shielded: bool = True) -> None:
+    def __init__(self, rotors: RotorVectorEnv, *, shielded: bool = True, commissioned: bool = False) -> None:
         super().__init__(rotors)
-        self.rotors = rotors
+        self.rotors, self._commissioned = rotors, commissioned
         self._shielded, self._config = shielded, config_of(rotors.rig.name, fed=rotors.pressure)
         self._time_s = np.zeros(rotors.num_envs)
 
@@ -120,9 +137,10 @@ class ShieldedRotors(gymnasium.vector.VectorWrapper[Observation, Observation, ND
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
         """As :meth:`RotorVectorEnv.reset`."""
-        self._observation, info = self.rotors.reset(seed=seed, options=options)
-        self._keepers = [Keeper(self._config, episode.duty) for episode in self.rotors.episodes]
+        observation, info = self.rotors.reset(seed=seed, options=options)
+        self._keepers = [self._keeper(i) for i in range(self.num_envs)]
         self._time_s[:] = 0.0
+        self._observation = self._seen(observation)
         return self._observation, info
 
     def step(self, actions: Observation) -> tuple[Observation, Floats, Flags, Flags, dict[str, Any]]:
@@ -130,12 +148,22 @@ class ShieldedRotors(gymnasium.vector.VectorWrapper[Observation, Observation, ND
         wish = targets(self.rotors.rig, actions)[:, : actions.shape[1]]
         wish_m = wish[:, 0].copy()
         target_m = wish[:, 0] = self._admitted(wish_m) if self._shielded else wish_m
-        self._observation, reward, terminated, truncated, info = self.rotors.step(actions_of(self.rotors.rig, wish))
+        observation, reward, terminated, truncated, info = self.rotors.step(actions_of(self.rotors.rig, wish))
         self._time_s += CONTROL_S
-        for i in np.flatnonzero(terminated | truncated):
-            self._keepers[i], self._time_s[i] = Keeper(self._config, self.rotors.episodes[i].duty), 0.0
+        ended = np.flatnonzero(terminated | truncated)
+        if ended.size:
+            info["final_obs"] = self._seen(info["final_obs"])
+        for i in ended:
+            self._keepers[i], self._time_s[i] = self._keeper(i), 0.0
+        self._observation = self._seen(observation)
         info["intervened"] = np.abs(target_m - wish_m) > INTERVENTION_M
         return self._observation, reward, terminated, truncated, info
+
+    def _keeper(self, i: int) -> Keeper:
+        return Keeper.of(self._config, self.rotors.rig, self.rotors.episodes[i], commissioned=self._commissioned)
+
+    def _seen(self, observation: Observation) -> Observation:
+        return np.stack([keeper.seen(row) for keeper, row in zip(self._keepers, observation, strict=True)])
 
     def _admitted(self, wish_m: Floats) -> Floats:
         rows = zip(self._keepers, self._observation, self._time_s.tolist(), wish_m.tolist(), strict=True)
@@ -143,19 +171,20 @@ class ShieldedRotors(gymnasium.vector.VectorWrapper[Observation, Observation, ND
 
 
 class ShieldedRotor(gymnasium.Wrapper[Observation, Observation, Observation, Observation]):
-    """``RotorEnv`` behind the shield; ``info["intervened"]`` tells that it changed the wish."""
+    """``RotorEnv`` behind the shield, commissioned or not; ``info["intervened"]`` tells that it changed the wish."""
 
-    def __init__(self, environment: RotorEnv) -> None:
+    def __init__(self, environment: RotorEnv, *, commissioned: bool = False) -> None:
         super().__init__(environment)
-        self.rotor = environment
+        self.rotor, self._commissioned = environment, commissioned
         self._config = config_of(environment.rig.name, fed=environment.pressure)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
         """As :meth:`RotorEnv.reset`."""
-        self._observation, info = self.env.reset(seed=seed, options=options)
-        self._keeper, self._time_s = Keeper(self._config, self.rotor.episode.duty), 0.0
+        observation, info = self.env.reset(seed=seed, options=options)
+        self._keeper = Keeper.of(self._config, self.rotor.rig, self.rotor.episode, commissioned=self._commissioned)
+        self._observation, self._time_s = self._keeper.seen(observation), 0.0
         return self._observation, info
 
     def step(self, action: Observation) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
@@ -164,7 +193,8 @@ class ShieldedRotor(gymnasium.Wrapper[Observation, Observation, Observation, Obs
         wish_m = float(wish[0])
         target_m = wish[0] = self._keeper.admitted(self._observation, self._time_s, wish_m)
         executed = actions_of(self.rotor.rig, wish)
-        self._observation, reward, terminated, truncated, info = self.env.step(executed)
+        observation, reward, terminated, truncated, info = self.env.step(executed)
+        self._observation = self._keeper.seen(observation)
         self._time_s += CONTROL_S
         info["intervened"] = abs(target_m - wish_m) > INTERVENTION_M
         return self._observation, float(reward), terminated, truncated, info

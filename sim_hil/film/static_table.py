@@ -1,17 +1,21 @@
 """Static film of the plain unfed bearing for the guard: what its closed forms are short of.
 
-`python -m sim_hil.film.static_table` writes `firmware_py/guard/film_table.json` (half a minute): load and attitude of
-the Reynolds solution as shares of the short bearing's, and the whirl threshold, over eccentricity and length.
+`python -m sim_hil.film.static_table` writes `firmware_py/guard/film_table.json` (ten minutes): load and attitude of
+the Reynolds solution as shares of the short bearing's, the whirl threshold, over eccentricity and length, and how much
+before it a rotor out of balance whirls.
 """
 
 from __future__ import annotations
 
 import json
 import math
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
 from .equilibrium import equilibrium
+from .table import FilmTable
+from .whirl_onset import onset_share
 
 TITLE = "Unfed Reynolds film at rest; rows length_over_diameter, columns eccentricity; sim_hil.film.static_table"
 LENGTH_OVER_DIAMETER = (0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 1.0)
@@ -19,6 +23,9 @@ ECCENTRICITY = (
     0.01, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.45, 0.5, 0.55, 0.6, 0.65, 0.7, 0.75, 0.8, 0.84, 0.87, 0.9, 0.92,
     0.94, 0.96, 0.97,
 )  # fmt: skip
+ONSET_LENGTH_OVER_DIAMETER = (0.25, 0.5, 0.75, 1.0)
+ONSET_ECCENTRICITY = (0.03, 0.06, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.45, 0.5)
+ONSET_UNBALANCE_SHARE = (0.0, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7)
 _RADIUS_M, _CLEARANCE_M, _VISCOSITY, _SPEED = 0.02, 60e-6, 0.01, 600.0
 
 
@@ -48,6 +55,23 @@ def table() -> dict[str, Any]:
     columns = {name: [[float(f"{n[i]:.5g}") for n in row] for row in nodes] for i, name in enumerate(names)}
     return {
         "title": TITLE, "length_over_diameter": LENGTH_OVER_DIAMETER, "eccentricity": ECCENTRICITY, **columns,
+        "onset": onset(),
+    }  # fmt: skip
+
+
+def onset() -> dict[str, Any]:
+    """Shares of :func:`.whirl_onset.onset_share`: a block a length, a row an eccentricity, a column an unbalance.
+
+    A larger unbalance that keeps whirl off again does not count: the machine gets there through a smaller one.
+    """
+    blocks = []
+    for ratio in ONSET_LENGTH_OVER_DIAMETER:
+        film = FilmTable.build(ratio)
+        rows = [[onset_share(film, e, u) for u in ONSET_UNBALANCE_SHARE] for e in ONSET_ECCENTRICITY]
+        blocks.append([[round(share, 2) for share in accumulate(row, min)] for row in rows])
+    return {
+        "length_over_diameter": ONSET_LENGTH_OVER_DIAMETER, "eccentricity": ONSET_ECCENTRICITY,
+        "unbalance_share": ONSET_UNBALANCE_SHARE, "clearance_share": blocks,
     }  # fmt: skip
 
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from firmware_py.config import SHIPPED, Config, ConfigError, load
-from firmware_py.guard.shield import VIBRATION_MARGIN, Box, Ramp, Shield, check_safe
+from firmware_py.guard.shield import GROWTH_TURNS, VIBRATION_MARGIN, Box, Ramp, Shield, check_safe
 from firmware_py.guard.viscosity import ViscosityTable, decay
 from sim_hil.film import equilibrium
 
@@ -60,7 +60,7 @@ def test_wide_clearances_are_there_where_load_and_speed_allow() -> None:
 
 
 def test_reachability_the_actuator_outruns_the_fastest_ramps_from_every_admissible_clearance() -> None:
-    """Replays the worst ramps at a finer step than the shield's own and retreats at the rate limit."""
+    """Replays the worst ramps at a finer step than the shield's own and retreats at the rate limit: whirl may not grow."""
     config = bench()
     shield, a, o = Shield(config), config.actuator, config.operating
     reach_s = a.time_to_live_ms * 1e-3 + a.time_constant_s
@@ -70,11 +70,15 @@ def test_reachability_the_actuator_outruns_the_fastest_ramps_from_every_admissib
             found = shield.interval(rpm * RPM, load_N, load_N, 41.0)
             if found is None:
                 continue
+            grown_turns = 0.0
             for t in np.arange(0.0, 3.0, 0.013):
                 speed = min(o.speed_max_rpm, rpm + o.speed_ramp_unannounced_rpm_s * t) * RPM
                 light = max(o.load_min_N, load_N - o.load_ramp_unannounced_N_s * t)
                 clearance_m = max(SAFE_M, found[1] - a.rate_um_s * 1e-6 * max(0.0, t - reach_s))
-                assert clearance_m <= shield._whirl_bound(speed, light, oil) + 1e-9
+                excess = max(0.0, clearance_m / shield._whirl_bound(speed, light, oil) - 1.0)
+                assert t > 0.0 or excess < 1e-6
+                grown_turns += excess * 0.013 * speed / (2 * pi)
+            assert grown_turns <= GROWTH_TURNS * (1 + 1e-6)
 
 
 @pytest.mark.parametrize(("rpm", "load_N"), [(6000.0, 100.0), (9000.0, 60.0), (4500.0, 200.0)])
@@ -138,7 +142,7 @@ def test_doubt_about_the_load_never_widens_the_interval() -> None:
 
 def test_a_rotor_further_out_of_balance_never_has_a_wider_interval() -> None:
     shields = [Shield(changed("rotor", unbalance_normal_kg_m=kg_m)) for kg_m in (0.0, 5e-6, 1.7e-5, 3e-5)]
-    for rpm, load_N in ((9000.0, 30.0), (11000.0, 40.0), (12000.0, 35.0)):
+    for rpm, load_N in ((12000.0, 50.0), (11000.0, 40.0), (12000.0, 35.0)):
         ends = [shield.interval(rpm * RPM, load_N, load_N, 41.0) for shield in shields]
         highs = [end[1] if end else 0.0 for end in ends]
         assert highs == sorted(highs, reverse=True)
@@ -162,11 +166,8 @@ def test_vibration_narrows_a_wide_clearance_before_its_limit(clearance_um: float
     assert free is not None
     assert found is not None
     kept_m = clearance_um * 1e-6 * VIBRATION_MARGIN * 0.5 / share
-    fits_m = 2 * share * clearance_um * 1e-6
-    if fits_m <= clearance_um * 1e-6 + 1e-6:  # narrower at once, the present vibration would not fit
-        kept_m = max(kept_m, fits_m)
     assert found[1] == pytest.approx(min(free[1], max(kept_m, SAFE_M)))
-    assert found[1] < clearance_um * 1e-6 or share <= VIBRATION_MARGIN * 0.5 + 1e-9 or abs(share - 0.5) < 1e-9
+    assert found[1] < clearance_um * 1e-6 or share <= VIBRATION_MARGIN * 0.5 + 1e-9
 
 
 @pytest.mark.parametrize("speed", [0.0, -100.0, float("nan")])
