@@ -71,7 +71,7 @@ class Commissioned:
             config.rotor, mass_error_share=MASS_ERROR, whirl_error_share=WHIRL_ERROR, unbalance_measured=True,
             shaft_power_error_W=POWER_ERROR_W,
             effective_mass_at_bearing_kg=mass_kg * (1.0 + MASS_ERROR * weight),
-            unbalance_normal_kg_m=build.unbalance_kg_m * (1.0 + UNBALANCE_ERROR * balance) * (1.0 + UNBALANCE_ERROR),
+            unbalance_normal_kg_m=build.unbalance_kg_m * (1.0 + UNBALANCE_ERROR * balance) / (1.0 - UNBALANCE_ERROR),
         )  # fmt: skip
         channel = [msgspec.structs.replace(c, zeroed=c.zeroed or i in DISPLACEMENTS)
                    for i, c in enumerate(config.channel)]

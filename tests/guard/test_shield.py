@@ -60,7 +60,7 @@ def test_wide_clearances_are_there_where_load_and_speed_allow() -> None:
 
 
 def test_reachability_the_actuator_outruns_the_fastest_ramps_from_every_admissible_clearance() -> None:
-    """Replays the worst ramps at a finer step than the shield's own and retreats at the rate limit: whirl may not grow."""
+    """Replays the worst ramps at a finer step than the shield's own, retreating at the rate limit: no whirl grows."""
     config = bench()
     shield, a, o = Shield(config), config.actuator, config.operating
     reach_s = a.time_to_live_ms * 1e-3 + a.time_constant_s
