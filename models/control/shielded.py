@@ -153,7 +153,7 @@ class ShieldedRotors(gymnasium.vector.VectorWrapper[Observation, Observation, ND
         ended = np.flatnonzero(terminated | truncated)
         if ended.size:
             info["final_obs"] = self._seen(info["final_obs"])
-        for i in ended:
+        for i in ended.tolist():
             self._keepers[i], self._time_s[i] = self._keeper(i), 0.0
         self._observation = self._seen(observation)
         info["intervened"] = np.abs(target_m - wish_m) > INTERVENTION_M
