@@ -164,7 +164,7 @@ class Shield:
         high_m = min(now[1], now[2], self._max_m)
         if peak_to_peak_m > 0.0 and clearance_m > 0.0:
             kept_m = VIBRATION_MARGIN * self._share * clearance_m * clearance_m / peak_to_peak_m
-            fits_m = peak_to_peak_m / self._share
+            fits_m = peak_to_peak_m / self._share + GRID_M
             if fits_m <= clearance_m + GRID_M:  # within its share: narrower only once the vibration has followed
                 kept_m = max(kept_m, fits_m)
             high_m = min(high_m, max(kept_m, self._safe_m))

@@ -297,6 +297,7 @@ def test_vibration_beyond_the_set_point_takes_authority_before_the_danger_delay(
 ) -> None:
     b = working()
     b.node.clearance_um = 70.0
+    b.run(0.1)  # until it is reported
     b.node.amplitude_um = amplitude_um
     b.run(0.4)
     found = state(b)

@@ -166,7 +166,7 @@ def test_vibration_narrows_a_wide_clearance_before_its_limit(clearance_um: float
     assert free is not None
     assert found is not None
     kept_m = clearance_um * 1e-6 * VIBRATION_MARGIN * 0.5 / share
-    fits_m = 2 * share * clearance_um * 1e-6
+    fits_m = 2 * share * clearance_um * 1e-6 + 1e-6
     if fits_m <= clearance_um * 1e-6 + 1e-6:  # narrower at once, the present vibration would not fit
         kept_m = max(kept_m, fits_m)
     assert found[1] == pytest.approx(min(free[1], max(kept_m, SAFE_M)))
