@@ -84,6 +84,15 @@ def test_a_less_known_film_gives_a_wider_interval() -> None:
     assert unsure.high_N > sure.high_N
 
 
+def test_a_clearance_that_was_measured_counts_as_it_is() -> None:
+    config, place = bench(), position(100.0, 6000.0, 83e-6)
+    known = msgspec.structs.replace(config.bearing, radial_clearance_offset_um=3.0, radial_clearance_error_um=0.5)
+    measured = LoadEstimator(msgspec.structs.replace(config, bearing=known)).estimate(look(place, 80e-6, 6000.0))
+    told, right = (LoadEstimator(config).estimate(look(place, c, 6000.0)) for c in (80e-6, 83e-6))
+    assert right.low_N < measured.low_N < 100.0 < measured.high_N < right.high_N
+    assert told != right
+
+
 def test_a_shifted_zero_is_seen_by_the_direction_and_falls_back_to_the_declared_range() -> None:
     seen = look(position(100.0, 6000.0, 80e-6) - np.array([30e-6, 0.0]), 80e-6, 6000.0)
     assert LoadEstimator(bench()).estimate(seen) == LoadInterval(30.0, 300.0, 300.0, False)

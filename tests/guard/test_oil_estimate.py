@@ -45,6 +45,18 @@ def test_the_true_oil_stays_credible_under_every_error(share: float, error_W: fl
     assert state.thickest - state.thinnest < 0.16
 
 
+def test_a_zeroed_torque_meter_tells_more_of_the_oil() -> None:
+    config = bench()
+    zeroed = msgspec.structs.replace(config, rotor=msgspec.structs.replace(config.rotor, shaft_power_error_W=1.0))
+    widths = []
+    for known in (zeroed, config):
+        oil, state = estimator(known), estimator(known).unknown()
+        for tick in range(21):
+            oil.learn(state, Steady(0.05 * tick, FAST, 60e-6, 45.0, 230.0), (80, 90))
+        widths.append(state.thickest - state.thinnest)
+    assert widths[0] < widths[1]
+
+
 def test_nothing_is_learnt_while_the_speed_changes_nor_from_a_film_that_is_not_known() -> None:
     config = bench()
     for changed in (

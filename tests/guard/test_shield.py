@@ -1,3 +1,4 @@
+from dataclasses import replace
 from math import exp, isfinite, pi
 
 import msgspec
@@ -5,9 +6,14 @@ import numpy as np
 import pytest
 
 from firmware_py.config import SHIPPED, Config, ConfigError, load
+from firmware_py.guard.bearing_laws import static_film
 from firmware_py.guard.shield import GROWTH_TURNS, VIBRATION_MARGIN, Box, Ramp, Shield, check_safe
 from firmware_py.guard.viscosity import ViscosityTable, decay
+from sim_hil import simulate
+from sim_hil.build import Build
+from sim_hil.duty import Duty
 from sim_hil.film import equilibrium
+from sim_hil.rigs import load_rig
 
 from .scripted_node import bench
 
@@ -147,6 +153,35 @@ def test_a_rotor_further_out_of_balance_never_has_a_wider_interval() -> None:
         highs = [end[1] if end else 0.0 for end in ends]
         assert highs == sorted(highs, reverse=True)
         assert highs[-1] < highs[0]
+
+
+def test_a_measured_unbalance_counts_whole_and_that_of_a_grade_in_part() -> None:
+    shields = [Shield(changed("rotor", unbalance_measured=measured)) for measured in (True, False)]
+    highs = [shield.interval(12000 * RPM, 50.0, 50.0, 41.0) for shield in shields]
+    assert highs[0] is not None
+    assert highs[1] is not None
+    assert highs[0][1] < highs[1][1] - 1e-6
+
+
+@pytest.mark.parametrize("offset_um", [-3.0, 3.0])
+def test_a_bearing_that_is_wider_than_it_tells_has_its_bound_of_whirl_so_much_earlier(offset_um: float) -> None:
+    told, built = Shield(bench()), Shield(changed("bearing", radial_clearance_offset_um=offset_um))
+    bounds = [shield._whirl_bound(12000 * RPM, 50.0, 0.008) for shield in (told, built)]
+    assert bounds[1] == pytest.approx(bounds[0] - offset_um * 1e-6, abs=1e-12)
+    assert built._capacity(60e-6) == pytest.approx(told._capacity((60.0 + offset_um) * 1e-6), rel=1e-9)
+
+
+def test_whirl_has_not_grown_within_the_turns_that_the_retreat_may_take() -> None:
+    """The rotor on the Reynolds film, at rest in a clearance 5 % wider than that of its whirl."""
+    rig, speed, load_N = load_rig("bench"), 12000 * RPM, 50.0
+    film = static_film(rig.bearing.radius_m, rig.bearing.length_m)
+    per_number, viscosity = load_N / (rig.rotor.effective_mass_kg * speed**2), rig.oil.viscosity_Pa_s
+    clearance_m = 1.05 * per_number / film.whirl_share(per_number**2 * load_N / (viscosity * speed), 0.2)
+    build = replace(Build.nominal(rig), unbalance_kg_m=0.2 * load_N / speed**2)
+    for turns, grown in ((GROWTH_TURNS / 0.05, False), (800.0, True)):
+        run = simulate(rig, Duty.hold(12000.0, load_N, turns * 2 * pi / speed), clearance=clearance_m, build=build,
+                       inlet_C=rig.oil.reference_C, thermal=False)
+        assert (run.last(0.02).peak_to_peak_m() > 0.5 * clearance_m) == grown
 
 
 @pytest.mark.parametrize("p2p_um", np.arange(18.0, 27.0, 0.5))

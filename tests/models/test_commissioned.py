@@ -43,6 +43,7 @@ def test_the_configuration_holds_the_machine_within_the_errors_that_it_declares(
 
 def test_calibrated_probes_and_torque_meter_show_the_machine() -> None:
     drawn = replace(episode(3), power_error_W=4.0)
+    drawn = replace(drawn, build=replace(drawn.build, gain=np.array([1.2, 0.8, *drawn.build.gain[2:]])))
     known, (x_m, y_m) = Commissioned.of(CONFIG, RIG, drawn), (12e-6, -30e-6)
     probes = np.array([x_m + y_m, y_m - x_m]) * sqrt(0.5) * drawn.build.gain[:2] + drawn.build.zero[:2]
     seen = np.zeros(len(OBSERVATIONS), np.float32)
