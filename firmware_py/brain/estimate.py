@@ -156,6 +156,7 @@ class Synchroniser:
         low, high = np.log([config.operating.load_min_N, config.operating.load_max_N])
         self._mean = np.zeros(STATES)
         self._mean[LOAD] = 0.5 * (low + high)
+        self._mean[CLEARANCE] = config.bearing.radial_clearance_offset_um
         deviation = np.zeros(STATES)
         deviation[LOAD] = 0.5 * (high - low) / SIGMA_90 + 0.1
         deviation[VISCOSITY] = errors.log_viscosity(config.oil.viscosity_slope_per_K)

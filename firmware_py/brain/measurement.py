@@ -24,8 +24,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from firmware_py.acquire.contact_law import contact_volt, roughness_volt
 from firmware_py.acquire.windows import ChannelMap
-from firmware_py.brain.contact import contact_volt, roughness_volt
 from firmware_py.brain.film import Film, Points
 from firmware_py.brain.intervals import state_of
 from firmware_py.brain.orbit import Orbit, balanced
@@ -110,8 +110,10 @@ class Errors:
 
     @classmethod
     def of(cls, config: Config) -> Errors:
-        """Those that hold for the configured probes: smaller after the zero and slow-roll procedure."""
-        return cls(zero_um=0.5 / _FLAT, gain=0.01 / _FLAT) if state_of(config) == "zeroed" else cls()
+        """Those of the configuration: what commissioning measured is known better than the drawing."""
+        zero_um, gain = (0.5, 0.01) if state_of(config) == "zeroed" else (2.0, 0.03)
+        return cls(zero_um / _FLAT, gain / _FLAT, config.bearing.radial_clearance_error_um / _FLAT,
+                   config.rotor.shaft_power_error_W / _FLAT, viscosity=config.oil.viscosity_error_share / _FLAT)
 
     def log_viscosity(self, slope_per_K: float) -> float:
         """Deviation of ``ln`` viscosity over the law at the measured temperature: batch of oil and thermometer."""

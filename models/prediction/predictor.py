@@ -21,7 +21,7 @@ import msgspec
 import numpy as np
 
 from firmware_py import config as configuration
-from firmware_py.brain.contact import contact_volt
+from firmware_py.acquire.contact_law import contact_volt
 from firmware_py.brain.film import Film
 from firmware_py.brain.intervals import IntervalFactors
 from firmware_py.brain.measurement import Errors, Instruments, Measured, information

@@ -8,8 +8,8 @@ from functools import cache
 import numpy as np
 
 from firmware_py import config
+from firmware_py.acquire.contact_law import contact_volt
 from firmware_py.acquire.windows import WIRE_SCALES
-from firmware_py.brain.contact import contact_volt
 from firmware_py.brain.film import Film, Points
 from firmware_py.brain.session import Session
 from firmware_py.brain.store import Model, Models, read_card
