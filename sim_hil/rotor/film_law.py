@@ -163,6 +163,17 @@ def film_law(
     return forces
 
 
+def is_fed(law: Law) -> bool:
+    """Whether a groove feeds the film; known when a kernel is compiled."""
+    return isinstance(law, FedLaw)
+
+
+@overload(is_fed)
+def _is_fed(law):  # type: ignore[no-untyped-def]
+    fed = isinstance(law, types.BaseNamedTuple) and law.instance_class is FedLaw
+    return (lambda law: True) if fed else (lambda law: False)
+
+
 def _of_type(kind: type) -> Callable[..., Forces]:
     chosen: Callable[..., Forces] = _KERNELS.get(kind, _tabulated)
     return chosen

@@ -8,7 +8,9 @@ is ROS2 (Verwer, Spee, Blom and Hundsdorfer 1999), second order and L-stable wit
 J holds the film alone (the rest is not stiff) and is renewed every few steps, and when the journal has moved by a
 share of its gap since, or its squeeze has turned: ROS2 keeps its order with any J, its stability needs one that is
 near.  Near contact, where the film is not smooth over a step, the step is linearly implicit Euler's
-(:mod:`sim_hil.rotor.film_step`).
+(:mod:`sim_hil.rotor.film_step`); so it is where the squeeze of a fed film turns within the step: between a ruptured
+film that retreats and a full one that approaches, ROS2 has fixed points of its own, where a loaded journal hangs in
+mid-air.
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ import math
 from numba import njit, prange
 
 from sim_hil.rotor.bearing import bearing_force, gap, heat_oil, oil_now
-from sim_hil.rotor.film_law import Forces, Law
+from sim_hil.rotor.film_law import Forces, Law, is_fed
 from sim_hil.rotor.film_step import crossing, film_slopes, turned
 from sim_hil.rotor.kernel import GRAVITY, move_actuator
 from sim_hil.rotor.parameters import (
@@ -53,6 +55,13 @@ def journal(shaft: Shaft, w: Eight) -> Four:
     """Place and velocity of the journal at the bearing: x, y, m, and their rates."""
     b = shaft.to_bearing
     return w[0] + b * w[2], w[1] + b * w[3], w[4] + b * w[6], w[5] + b * w[7]
+
+
+@njit(cache=True, forceinline=True)
+def squeeze(shaft: Shaft, w: Eight, omega: float) -> Two:
+    """Effective squeeze velocity of the film, m/s."""
+    ex, ey, vx, vy = journal(shaft, w)
+    return vx + 0.5 * omega * ey, vy - 0.5 * omega * ex
 
 
 @njit(cache=True, forceinline=True)
@@ -128,6 +137,9 @@ def step(
     else:
         k1 = solve_stage(shaft, slopes, GAMMA * dt, mixed(dt, rate, 0.0, rate))
         probe = mixed(1.0, w, 1.0, k1)
+        if is_fed(law) and turned(*squeeze(shaft, probe, omega), *squeeze(shaft, w, omega)):
+            euler: Eight = mixed(1.0, w, 1.0, solve_stage(shaft, slopes, dt, mixed(dt, rate, 0.0, rate)))
+            return euler
         omega += alpha * dt
         ex, ey, vx, vy = journal(shaft, probe)
         force = bearing_force(law, film, oil, ex, ey, vx, vy, omega, c, c_rate)

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from sim_hil import simulate
 from sim_hil.build import Build
-from sim_hil.control_task import CONTROL_S, OBSERVATIONS, ActionError, Disturbances
+from sim_hil.control_task import CONTROL_S, OBSERVATIONS, ActionError, Disturbances, actions_of
 from sim_hil.duty import Duty
 from sim_hil.environment import ENVIRONMENT_ID, RotorEnv
 from sim_hil.rigs import load_rig
@@ -121,6 +122,19 @@ def test_pressure_is_a_second_action_and_its_pump_counts() -> None:
     assert infos["pump_power_W"][0] > 0.1
     assert infos["power_W"][0] == pytest.approx(infos["shaft_power_W"][0] + infos["pump_power_W"][0])
     assert reward[0] < -infos["shaft_power_W"][0] / infos["power_W"][0] * infos["power_share"][0]
+
+
+@pytest.mark.parametrize("clearance_um", [45.0, 70.0])
+def test_a_fed_journal_rests_where_the_fine_steps_of_a_run_put_it(clearance_um: float) -> None:
+    """Slow, heavy and narrow, where a coarse step could hang it in mid-air."""
+    duty, setting = Duty.hold(2987, 150), (clearance_um * 1e-6, RIG.supply.min_Pa)
+    quiet = Disturbances(inlet_C=(RIG.oil.inlet_C, RIG.oil.inlet_C), developing=0.0)
+    envs = RotorVectorEnv(4, duty=duty, build=Build.nominal(RIG), pressure=True, disturbances=quiet)
+    envs.reset(seed=0)
+    for _ in range(15):
+        *_, infos = envs.step(actions_of(RIG, np.full((4, 2), setting)))
+    fine = simulate(RIG, duty, clearance=setting[0], pressure=setting[1], seconds=1.5, fed=True, dt_s=25e-6)
+    assert infos["min_film_m"] == pytest.approx(fine.min_film_m[-1], rel=0.02)
 
 
 def test_developing_faults_and_drifting_oil_arrive() -> None:
