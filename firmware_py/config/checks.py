@@ -42,6 +42,9 @@ def _geometry(config: Config) -> Iterator[Fault]:
     if not feed.pressure_min_bar <= actuator.safe_pressure_bar <= feed.pressure_max_bar:
         span = f"{feed.pressure_min_bar:g} .. {feed.pressure_max_bar:g} bar"
         yield "actuator.safe_pressure_bar", actuator.safe_pressure_bar, f"outside the feed's range {span}"
+    if feed.groove_area_min_mm2 > feed.groove_area_max_mm2:
+        yield "feed.groove_area_min_mm2", feed.groove_area_min_mm2, (
+            f"above groove_area_max_mm2 ({feed.groove_area_max_mm2:g}); exchange them")
 
 
 def _ranges(config: Config) -> Iterator[Fault]:

@@ -89,7 +89,7 @@ class Bearing(Section, frozen=True):
     radial_clearance_error_um: Positive = 2.0
     """And is known within this."""
     load_error_share: Annotated[float, Meta(ge=0, lt=1)] = 0.21
-    """The film carries this much less or more than the unfed Reynolds film there: rupture, inlet, groove."""
+    """The film carries this much less or more than the unfed Reynolds film there: rupture, inlet, unknown groove."""
     attitude_error_deg: Annotated[float, Meta(ge=0, le=45)] = 15.0
     """And stands this much off in direction."""
     friction_error_share: Annotated[float, Meta(ge=0, le=1)] = 1.0
@@ -123,6 +123,9 @@ class Feed(Section, frozen=True):
 
     pressure_min_bar: NonNegative
     pressure_max_bar: Positive
+    groove_area_min_mm2: NonNegative = 0.0
+    groove_area_max_mm2: NonNegative = 0.0
+    """A groove opposite the load presses the shaft down like a piston of this area; 0: the film knows no pressure."""
 
 
 class Rotor(Section, frozen=True):

@@ -231,7 +231,7 @@ class GuardCore:
         else:
             m.load = self._load.estimate(Look(
                 now_ns * 1e-9, motion.mean_x_m, motion.mean_y_m, p2p_m, status.clearance_actual_um * 1e-6,
-                speed.speed_rad_s, temperature_C, status.shaft_power_W))
+                speed.speed_rad_s, temperature_C, status.shaft_power_W, status.pressure_actual_bar))
         m.interval_m = None if speed.lost else self._shield.interval(
             speed.speed_rad_s, m.load.low_N, m.load.film_N, temperature_C, p2p_m, self._smaller_clearance_um() * 1e-6,
             self._announcements.ahead(now_ns), self._load.oil.thinnest)

@@ -1,9 +1,11 @@
-"""Static bearing load from where the shaft floats, as an interval that honours the sensors' errors.
+"""Load of the film from where the shaft floats, as an interval that honours the sensors' errors.
 
 The mean shaft position has two coordinates, and the film at rest (:mod:`firmware_py.guard.bearing_laws`) has one curve
 of places for all loads: a place is credible where both probes may show what they show.  The least and most eccentric
 credible place, with speed, clearance and viscosity, are the interval of the load.  Where no place of the curve is
 credible, the zero reference (or the bearing) is not what it was, and the declared range is all that is known.
+
+It is the static load and what a groove adds (:mod:`~firmware_py.guard.groove`), at any pressure that may be set.
 """
 
 from __future__ import annotations
@@ -15,6 +17,7 @@ import msgspec
 
 from firmware_py.config import Config
 from firmware_py.guard.bearing_laws import ECCENTRICITY_MAX, KNOTS, static_film
+from firmware_py.guard.groove import Groove
 from firmware_py.guard.motion import DISPLACEMENTS, WINDOW_S
 from firmware_py.guard.oil_estimate import OilEstimator, OilInterval, OilState, Steady
 from firmware_py.guard.viscosity import ViscosityTable
@@ -40,10 +43,11 @@ class Look(msgspec.Struct, frozen=True):
     speed_rad_s: float
     temperature_C: float
     power_W: float
+    pressure_bar: float = 0.0
 
 
 class LoadInterval(msgspec.Struct, frozen=True):
-    """Smallest and largest credible static load; ``measured`` False means the declared range.
+    """Smallest and largest credible load of the film; ``measured`` False means the declared range.
 
     ``film_N`` is the largest load as the thinnest credible oil would have to carry it: position shows load over
     viscosity, so that the thickest oil, which ``high_N`` stands for, does not count for the film.
@@ -63,12 +67,12 @@ class LoadState(msgspec.Struct):
 
 
 class LoadEstimator:
-    """Interval of the static load.
+    """Interval of the film's load.
 
     Parameters
     ----------
     config
-        Bearing, oil, probes and the declared range of load (downward, along -y).
+        Bearing, oil, probes, feed and the declared range of static load (downward, along -y).
     """
 
     def __init__(self, config: Config) -> None:
@@ -86,7 +90,8 @@ class LoadEstimator:
         self._spread = sqrt(2.0 / (1.0 - abs(c0 * c1 + s0 * s1)))
         self._places = [self._seen_by(*probe) for probe in self._probes]
         self._viscosity, self._oil = ViscosityTable(config.oil), OilEstimator(config, self._film)
-        self._declared_N = (config.operating.load_min_N, config.operating.load_max_N)
+        self._groove = Groove(config)
+        self._declared_N = self._groove.film_loads_N
         self.state = LoadState(self._oil.unknown())
 
     def declared(self) -> LoadInterval:
@@ -116,7 +121,7 @@ class LoadEstimator:
         return self._interval(look, credible)
 
     def _amid(self, look: Look) -> Look:
-        """``look`` with the clearance and speed of the middle of the window."""
+        """``look`` with the clearance, speed and pressure of the middle of the window."""
         recent = self.state.recent
         recent.append(look)
         while len(recent) > 2 and recent[1].time_s <= look.time_s - 0.5 * WINDOW_S:
@@ -128,7 +133,8 @@ class LoadEstimator:
         back = min(1.0, 0.5 * WINDOW_S / (look.time_s - before.time_s))
         return msgspec.structs.replace(
             look, clearance_m=look.clearance_m + back * (before.clearance_m - look.clearance_m),
-            speed_rad_s=look.speed_rad_s + back * (before.speed_rad_s - look.speed_rad_s))
+            speed_rad_s=look.speed_rad_s + back * (before.speed_rad_s - look.speed_rad_s),
+            pressure_bar=look.pressure_bar + back * (before.pressure_bar - look.pressure_bar))
 
     def _interval(self, look: Look, credible: tuple[int, int]) -> LoadInterval:
         """Load of the two places, by the oil and clearance that make it smallest and largest."""
@@ -137,9 +143,10 @@ class LoadEstimator:
         oil, law = self.oil, self._viscosity.law(look.temperature_C) * look.speed_rad_s
         least = self._film.load[low] / (wide_m * wide_m) * self._low_share * law
         most = self._film.load[high] / (narrow_m * narrow_m) * self._high_share * law if high < KNOTS else float("inf")
-        low_N, high_N = max(self._declared_N[0], least * oil.thinnest_wide), self._declared_N[1]
+        less_N, more_N = self._groove.swing_N(look.pressure_bar)
+        low_N, high_N = max(self._declared_N[0], least * oil.thinnest_wide - less_N), self._declared_N[1]
         thick = self._oil.thickest(oil, look.temperature_C)
-        film_N, high_N = min(high_N, most * oil.thinnest), min(high_N, most * thick)
+        film_N, high_N = min(high_N, most * oil.thinnest + more_N), min(high_N, most * thick + more_N)
         return LoadInterval(low_N, high_N, film_N, True) if low_N <= high_N else self.declared()
 
     def _credible(self, look: Look) -> tuple[int, int] | None:

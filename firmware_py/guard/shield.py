@@ -29,6 +29,7 @@ import msgspec
 
 from firmware_py.config import Config, ConfigFile
 from firmware_py.guard.bearing_laws import LENGTH_OVER_DIAMETER_MAX, static_film
+from firmware_py.guard.groove import Groove
 from firmware_py.guard.viscosity import ViscosityTable
 
 GRID_M: Final = 1e-6
@@ -68,7 +69,7 @@ class Ramp(msgspec.Struct, frozen=True):
 
 
 class Box(msgspec.Struct, frozen=True):
-    """All speeds and static loads that the machine may have at one instant."""
+    """All speeds and loads of the film that the machine may have at one instant."""
 
     slow_rad_s: float
     fast_rad_s: float
@@ -110,7 +111,8 @@ class Shield:
         self._rate_m_s = a.rate_um_s * 1e-6
         self._delay_s = PERIOD_S + a.time_to_live_ms * 1e-3 + a.time_constant_s
         self._speeds = (o.speed_min_rpm * pi / 30, o.speed_max_rpm * pi / 30)
-        self._loads = (o.load_min_N, o.load_max_N)
+        groove = Groove(config)
+        self._loads, self._added_N = groove.film_loads_N, groove.added_N
         self._speed_ramp = o.speed_ramp_unannounced_rpm_s * pi / 30
         self._load_ramp = o.load_ramp_unannounced_N_s
         self._min_m, self._max_m = b.radial_clearance_min_um * 1e-6, b.radial_clearance_max_um * 1e-6
@@ -144,7 +146,7 @@ class Shield:
         speed_rad_s
             Shaft speed, positive.
         load_low_N, load_high_N
-            Smallest credible static load, and the largest as the thinnest credible oil would have to carry it.
+            Smallest credible load of the film, and the largest as the thinnest credible oil would have to carry it.
         temperature_C
             Oil outlet temperature.
         peak_to_peak_m, clearance_m
@@ -273,7 +275,7 @@ class Shield:
         for ramp in announced:
             if ramp.start_s >= t_s:
                 break
-            reached, since_s = _along(ramp, start, t_s), max(0.0, t_s - max(ramp.end_s, 0.0))
+            reached, since_s = _along(ramp, self._added_N, start, t_s), max(0.0, t_s - max(ramp.end_s, 0.0))
             box, start = _hull(box, self._drifted(reached, since_s)), reached
         return box
 
@@ -301,14 +303,14 @@ def _before_whirl_has_grown(outrun: list[Outrun]) -> float:
     return widest_m
 
 
-def _along(ramp: Ramp, start: Box, t_s: float) -> Box:
-    """``start`` moved along ``ramp`` until ``t_s``, which lies after its start."""
+def _along(ramp: Ramp, added_N: tuple[float, float], start: Box, t_s: float) -> Box:
+    """``start`` moved along ``ramp`` until ``t_s``, which lies after its start; a groove adds to the ramp's load."""
     first_s = max(ramp.start_s, 0.0)
     share = 1.0 if t_s >= ramp.end_s else (t_s - first_s) / (ramp.end_s - first_s)
-    speed, load = share * ramp.speed_rad_s, share * ramp.load_N
-    rest = 1.0 - share
+    speed, rest = share * ramp.speed_rad_s, 1.0 - share
+    light_N, heavy_N = (share * (ramp.load_N + more) for more in added_N)
     return Box(rest * start.slow_rad_s + speed, rest * start.fast_rad_s + speed,
-               rest * start.light_N + load, rest * start.heavy_N + load)
+               rest * start.light_N + light_N, rest * start.heavy_N + heavy_N)
 
 
 def _hull(a: Box, b: Box) -> Box:

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from firmware_py import config as configuration
 from firmware_py.config import Config
-from firmware_py.config.schema import Bearing
 from firmware_py.guard.load_estimate import LoadEstimator, Look
 from firmware_py.guard.shield import Ramp, Shield
 from models.control.commissioned import Commissioned
@@ -47,12 +46,18 @@ def shipped_config(rig: str) -> Config:
 
 
 def config_of(rig: str, *, fed: bool) -> Config:
-    """That configuration; where the film is fed from its groove, with the errors of a film that nobody knows."""
+    """That configuration; where the film is fed from its groove, with what that adds to the load.
+
+    Errors of the film are those of the unfed one under that load, as :mod:`sim_hil.film.groove_load` measures them; of
+    its friction nothing is claimed.
+    """
     config = shipped_config(rig)
-    b = config.bearing
-    unknown = Bearing(b.journal_radius_m, b.length_m, b.radial_clearance_min_um, b.radial_clearance_max_um,
-                      b.radial_clearance_nominal_um)  # fmt: skip
-    return msgspec.structs.replace(config, bearing=unknown) if fed else config
+    if not fed:
+        return config
+    bearing = msgspec.structs.replace(
+        config.bearing, load_error_share=0.03, attitude_error_deg=2.7, friction_error_share=1.0)
+    feed = msgspec.structs.replace(config.feed, groove_area_min_mm2=160.0, groove_area_max_mm2=320.0)
+    return msgspec.structs.replace(config, bearing=bearing, feed=feed)
 
 
 def fast_ramps(config: Config, duty: Duty) -> list[Ramp]:
@@ -99,10 +104,10 @@ class Keeper:
     def interval(self, observation: Observation, time_s: float) -> tuple[float, float] | None:
         """What the guard would admit."""
         names = ("eccentricity_x_m", "eccentricity_y_m", "peak_to_peak_x_m", "peak_to_peak_y_m", "clearance_m",
-                 "speed_rad_s", "oil_outlet_C", "shaft_power_W")  # fmt: skip
-        x, y, swing_x, swing_y, clearance, speed, oil, power = (float(observation[column(name)]) for name in names)
+                 "speed_rad_s", "oil_outlet_C", "shaft_power_W", "supply_pressure_bar")  # fmt: skip
+        x, y, swing_x, swing_y, clearance, speed, oil, *rest = (float(observation[column(name)]) for name in names)
         swing = max(swing_x, swing_y)
-        load = self._loads.estimate(Look(time_s, x, y, swing, clearance, speed, oil, power))
+        load = self._loads.estimate(Look(time_s, x, y, swing, clearance, speed, oil, *rest))
         known = [Ramp(r.start_s - time_s, r.end_s - time_s, r.speed_rad_s, r.load_N) for r in self._ramps
                  if r.start_s - ANNOUNCED_S <= time_s < r.end_s]  # fmt: skip
         return self._shield.interval(

@@ -83,11 +83,21 @@ def test_only_ramps_beyond_the_declared_ones_are_announced() -> None:
     assert ramps[0] == Ramp(12.0, 14.0, pytest.approx(6000 * RAD_S_PER_RPM), 100.0)
 
 
-def test_behind_a_groove_the_shield_does_not_trust_the_film_that_the_configuration_knows() -> None:
-    bearing = config_of("bench", fed=True).bearing
-    assert (bearing.load_error_share, bearing.attitude_error_deg, bearing.friction_error_share) == (0.21, 15.0, 1.0)
-    assert bearing.radial_clearance_max_um == shipped_config("bench").bearing.radial_clearance_max_um
-    assert config_of("bench", fed=False) == shipped_config("bench")
+def test_behind_a_groove_the_shield_counts_what_that_adds_and_claims_nothing_of_friction() -> None:
+    alone, fed = shipped_config("bench"), config_of("bench", fed=True)
+    assert fed.feed.groove_area_max_mm2 > fed.feed.groove_area_min_mm2 > 0.0
+    assert alone.feed.groove_area_max_mm2 == 0.0
+    assert fed.bearing.friction_error_share == 1.0
+    assert config_of("bench", fed=False) == alone
+
+
+@pytest.mark.parametrize("pressure_Pa", [0.5e5, 3e5])
+def test_the_widest_wish_breaks_no_limit_behind_the_shield_of_a_fed_bearing(pressure_Pa: float) -> None:
+    """Machines of which some whirl without it at the one pressure, others lack film at the other."""
+    board, seeds, policy = Board("bench", 6.0, pressure=True), (7100001, 7100035, 7100045), Fixed(160e-6, pressure_Pa)
+    alone, behind = (play(board, seeds, policy, shielded=shielded).violation_s for shielded in (False, True))
+    assert alone.sum() > 0.0
+    assert behind.sum() == 0.0
 
 
 def test_an_announced_ramp_narrows_before_it_starts_and_is_over_after_its_end() -> None:
