@@ -125,7 +125,7 @@ class Feed(Section, frozen=True):
     pressure_max_bar: Positive
     groove_area_min_mm2: NonNegative = 0.0
     groove_area_max_mm2: NonNegative = 0.0
-    """A groove opposite the load presses the shaft down like a piston of this area; 0: the film knows no pressure."""
+    """A groove opposite the load presses the shaft down like a piston of an area between these two; 0: no groove."""
 
 
 class Rotor(Section, frozen=True):

@@ -1,7 +1,7 @@
 """What a groove opposite the load adds to it, by the film with the groove beside the film without.
 
-`python -m sim_hil.film.groove_load` (two minutes) prints the bounds for the groove of the `bench` rig at loads of 30 to
-300 N and its pressures: what a guard that knows the film without groove has to declare of the one with it.
+`python -m sim_hil.film.groove_load` (half a minute) prints it for the groove of the `bench` rig, at its loads, 30 to
+300 N, and pressures: what a guard that knows the film without groove has to declare of the one with it.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ def groove_load(eccentricity_ratio: float, pressure_share: float, area_share: fl
 
 
 def main(area_share: float = 0.2) -> None:
-    """Print a row each pressure, and the bounds."""
+    """Print each number: a row a pressure, a column an eccentricity."""
     rows = [[groove_load(e, p, area_share) for e in ECCENTRICITY] for p in PRESSURE_SHARE]
     for name in ("area_share", "turned_deg", "whirl_share"):
         print(name)
