@@ -51,15 +51,17 @@ CLASSIFIER = Prose(
         "film, position and power against each other know the sizes and the oil of that rig.",
         "A bolt at 75 % and grade G6.3 are not found, one at 50 % in part (see the grid): slight faults weigh a tenth "
         "in training, because one bolt without preload and two bolts at half of it change the modes alike.",
-        "A fault is named only from its odds against normal in `named_above` on, a limit for each by extrapolation "
-        "from healthy decisions of networks that had not seen their build; their tail is taken as bounded or "
-        "exponential.  What stricter limits cost in delay stands in `limits_traded`, most for the motor's bolt.",
-        "The watched hours bear no statement about a machine-month: see the upper limits beside the counts.",
+        "A fault is named only from its odds against normal in `named_above` on, a hundred to one at the least: a "
+        "limit for each by extrapolation from healthy decisions of networks that had not seen their build; their tail "
+        "is taken as bounded or exponential.  What stricter limits cost in delay stands in `limits_traded`.",
+        "A machine-month is counted as 720 operating points, one an hour, each entered as the watched runs are.  By "
+        "hours as eventful as the watched ones a month without alarm is not shown: see that limit beside it.",
         "A rub is judged where the shaft touches; one that the shaft has left cannot be told from a healthy machine.  "
         "A light one shows in the power alone, where the errors of oil, clearance and power reading hide it.",
         "Where the device says whirl no class is judged.  The words of the device stand beside the classes.",
         "Features, novelty parts, the weight of slight faults and the choice of a rung by log score were settled with "
-        "builds of judge seed 100 in view; the figures here are of other seeds.",
+        "builds of judge seed 100 in view, the least odds with the healthy ones of seeds 5 and 20001; the figures here "
+        "are of other seeds.",
         "The agent in the recorded loops is the guard's shield with a wish for a wide clearance, not the trained net.",
     ),
 )

@@ -1,7 +1,8 @@
 """``orbitd evaluate MODEL --qualify``: judge a model on the frozen evaluation against bars that training never reads.
 
 A model is called qualified only when every bar of ``bars.toml`` holds, and takes the shipped one's place only when
-it was made for this physics and is not worse than the shipped one on the same evaluation.
+it was made for this physics and is not worse than the shipped one on the same evaluation: one that keeps every bar
+comes before one that does not, and between equals one figure decides.
 """
 
 from __future__ import annotations
@@ -88,12 +89,11 @@ def qualify(kind: str, path: Path, evaluate: Evaluate, *, ship: bool, artifacts:
     bars = bars or load_bars()[kind]
     _check_physics(path)
     report = evaluate(path, bars.seed, bars.size)
-    rows = [Judged(bar.figure, value, bar.least, bar.most, bar.holds(value))
-            for bar in bars.bar for value in (figure(report, bar.figure),)]
+    rows = _judged(bars, report)
     qualified = all(row.holds for row in rows)
     shipped = artifacts / path.name
     if ship and shipped.is_file() and shipped.resolve() != path.resolve() and _alike(path, shipped):
-        _check_not_worse(path, bars.better, report, evaluate(shipped, bars.seed, bars.size))
+        _check_not_worse(path, bars, report, evaluate(shipped, bars.seed, bars.size))
     verdict = {"qualified": qualified, "seed": bars.seed, "size": bars.size, "bars": [asdict(row) for row in rows]}
     _mark(path, "qualified" if qualified else "provisional", verdict)
     if ship:
@@ -140,12 +140,23 @@ def _alike(path: Path, shipped: Path) -> bool:
     return all(new.get(key) == old.get(key) for key in ("physics_version", "inputs"))
 
 
-def _check_not_worse(path: Path, better: Better, report: Mapping[str, Any], shipped: Mapping[str, Any]) -> None:
-    new, old = figure(report, better.figure), figure(shipped, better.figure)
+def _judged(bars: Bars, report: Mapping[str, Any]) -> list[Judged]:
+    return [Judged(bar.figure, value, bar.least, bar.most, bar.holds(value))
+            for bar in bars.bar for value in (figure(report, bar.figure),)]
+
+
+def _check_not_worse(path: Path, bars: Bars, report: Mapping[str, Any], shipped: Mapping[str, Any]) -> None:
+    """Whoever keeps every bar comes before whoever does not; between equals the figure ``bars.better`` decides."""
+    figure_name, good = bars.better.figure, bars.better.good
+    new, old = figure(report, figure_name), figure(shipped, figure_name)
     if new is None:
-        raise QualifyError(f"{path}: the evaluation gives no {better.figure}; nothing was changed")
-    if old is not None and (new > old if better.good == "least" else new < old):
-        raise QualifyError(f"{path}: {better.figure} = {new:g}, the shipped model reaches {old:g} on the same "
+        raise QualifyError(f"{path}: the evaluation gives no {figure_name}; nothing was changed")
+    keeps, kept = (all(row.holds for row in _judged(bars, r)) for r in (report, shipped))
+    if kept and not keeps:
+        raise QualifyError(f"{path}: misses a bar that the shipped model keeps on the same evaluation: it stays; "
+                           "nothing was changed")
+    if keeps == kept and old is not None and (new > old if good == "least" else new < old):
+        raise QualifyError(f"{path}: {figure_name} = {new:g}, the shipped model reaches {old:g} on the same "
                            "evaluation: it stays; nothing was changed")
 
 

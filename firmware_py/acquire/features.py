@@ -9,6 +9,7 @@ models of one rate serve all.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from itertools import pairwise
 from typing import Final
@@ -17,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_py.acquire import film_check, ringing
-from firmware_py.acquire.film_check import CIRCUIT_V, CONTACT_LEAST_V, FILM_PER_RATIO_M, LEAST_SHARE
+from firmware_py.acquire.contact_law import film_of, film_per_volt
+from firmware_py.acquire.film_check import CIRCUIT, LEAST_SHARE, read_volt
 from firmware_py.acquire.orders import CONTACT, ORDERS, Orders, analyse
 from firmware_py.acquire.windows import Window
 
@@ -35,6 +37,7 @@ FLOOR_POWER_W: Final = 0.1
 FLOOR_FILM: Final = 1e-4
 FLOOR_FILM_SHARE: Final = 2e-2
 FLOOR_POSITION: Final = 1e-2
+FILM_UNIT_M: Final = 5e-6
 
 HIGH_ORDERS: Final = range(4, ORDERS + 1)
 """Orders of the orbit that neither probe nor film makes in a healthy machine: absolute, not over the first."""
@@ -265,15 +268,16 @@ def _slow_channels(window: Window) -> NDArray[np.float64]:
 def _contact_film(window: Window, orders: Orders) -> NDArray[np.float64]:
     """Film by the contact channel, free of the probes' runout: its orders over its mean, its mean, eccentricity.
 
-    The divider gives ``h`` in proportion to ``V / (V0 - V)``, so ``dh / h = dV V0 / (V (V0 - V))``.
+    The film follows from the voltage by the law of the contact channel at middling roughness.
     """
-    volt = min(max(float(orders.mean[CONTACT]), CONTACT_LEAST_V), CIRCUIT_V - CONTACT_LEAST_V)
-    per_volt = CIRCUIT_V / (volt * (CIRCUIT_V - volt))
-    swing = np.array([*np.abs(orders.harmonics[CONTACT, :2]), orders.half[CONTACT]]) * per_volt
-    ratio = volt / (CIRCUIT_V - volt)
+    volt = read_volt(np.asarray(orders.mean[CONTACT]))
+    film_m = float(film_of(CIRCUIT, volt))
+    swing = np.array([*np.abs(orders.harmonics[CONTACT, :2]), orders.half[CONTACT]])
+    swing *= film_per_volt(CIRCUIT, float(volt)) / film_m
     position_m = window.clearance_m - float(np.hypot(orders.mean[0], orders.mean[1]))
-    eccentricity = min(max(1.0 - FILM_PER_RATIO_M * ratio / window.clearance_m, LEAST_SHARE), 1.0 - LEAST_SHARE)
+    eccentricity = min(max(1.0 - film_m / window.clearance_m, LEAST_SHARE), 1.0 - LEAST_SHARE)
+    log_film = math.log10(film_m / FILM_UNIT_M)
     return np.array([
-        *_log(swing, FLOOR_FILM), np.log10(ratio),
-        np.log10(ratio) - _log(max(position_m, 0.0) / 1e-4, FLOOR_POSITION), eccentricity,
+        *_log(swing, FLOOR_FILM), log_film, log_film - _log(max(position_m, 0.0) / 1e-4, FLOOR_POSITION),
+        eccentricity,
     ])

@@ -15,8 +15,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from firmware_py.acquire.contact_law import film_of, film_per_volt
 from firmware_py.acquire.orders import CONTACT, Orders
 from firmware_py.acquire.windows import Window
+from firmware_py.config.schema import Contact
 
 RADIUS_M: Final = 0.02
 LENGTH_M: Final = 0.02
@@ -26,17 +28,18 @@ REFERENCE_C: Final = 40.0
 VISCOSITY_PER_K: Final = 0.03
 """Journal, effective mass at the bearing, and the oil's law ``mu = mu_40 exp(-b (T - 40))``."""
 
-CIRCUIT_V: Final = 2.0
+CIRCUIT: Final = Contact(circuit_V=2.0, circuit_ohm=100e3, film_ohm_per_m=2e10, film_error_share=0.02)
 CONTACT_LEAST_V: Final = 1e-3
-FILM_PER_RATIO_M: Final = 5e-6
-"""Contact channel: supply, how near to its ends it is read, film at half the supply (100 kOhm at 20 GOhm/m)."""
+"""How near to its ends the contact channel is read."""
 
-SHEAR_SHARE: Final = 1.07
-"""Power over that of Petroff's shear at the eccentricity: the load's part and windage, over the rig's whole range."""
+WINDAGE_W_S3: Final = 5e-9
+"""Power of the disc in air over the cubed speed."""
+
 POSITION_SCALE_M: Final = 5e-6
-POWER_SCALE_W: Final = 3.0
-POWER_SHARE: Final = 0.07
-"""Spread of position and power (reading; oil and clearance of a build) that the features are scaled by."""
+POWER_ERROR_W: Final = 3.0
+OIL_SHARE: Final = 0.062
+CLEARANCE_ERROR_M: Final = 1.2e-6
+"""Scale of positions; standard deviations of the power's reading, of the oil (batch, thermometer), of a clearance."""
 LEAST_SHARE: Final = 0.02
 """Eccentricity ratios nearer to 0 or 1 count as that."""
 LEAST_MOVE_M: Final = 1e-9
@@ -52,10 +55,9 @@ def names() -> tuple[str, ...]:
     )  # fmt: skip
 
 
-def film_m(volt: Floats) -> Floats:
-    """Gap by the contact channel: the divider gives ``h`` in proportion to ``V / (V0 - V)``."""
-    held = np.clip(volt, CONTACT_LEAST_V, CIRCUIT_V - CONTACT_LEAST_V)
-    return FILM_PER_RATIO_M * held / (CIRCUIT_V - held)
+def read_volt(volt: Floats) -> Floats:
+    """Voltage of the contact channel within what is read."""
+    return np.clip(volt, CONTACT_LEAST_V, CIRCUIT.circuit_V - CONTACT_LEAST_V)
 
 
 def film_check(window: Window, orders: Orders) -> Floats:
@@ -65,25 +67,40 @@ def film_check(window: Window, orders: Orders) -> Floats:
     the unbalance by the contact channel, free of the probes' runout, and by the orbit.
     """
     clearance, (x, y), speed = window.clearance_m, window.samples[:, :2].T, orders.speed_rad_s
-    gap = np.minimum(film_m(window.samples[:, 7]), 2.0 * clearance)
-    ratio = min(max(1.0 - float(gap.mean()) / clearance, LEAST_SHARE), 1.0 - LEAST_SHARE)
+    gap = np.minimum(film_of(CIRCUIT, read_volt(window.samples[:, 7])), 2.0 * clearance)
+    ratio = float(_held(1.0 - gap.mean() / clearance))
     rest = 1.0 - ratio * ratio
     attitude = math.atan2(0.25 * math.pi * math.sqrt(rest), ratio)
     beside = float(x.mean()) * math.cos(attitude) + float(y.mean()) * math.sin(attitude)
     beyond = float(np.mean(gap + np.hypot(x, y))) - clearance
     shear_Pa = VISCOSITY_PA_S * math.exp(-VISCOSITY_PER_K * (window.oil_outlet_C - REFERENCE_C)) * speed
-    petroff = 2 * math.pi * shear_Pa * speed * RADIUS_M**3 * LENGTH_M / clearance
-    expected = SHEAR_SHARE * petroff / math.sqrt(rest)
-    excess = (window.shaft_power_W - expected) / math.hypot(POWER_SCALE_W, POWER_SHARE * expected)
     carried = _carried_N(shear_Pa, clearance, ratio)
     load = carried * ratio / rest**2 * math.sqrt(16.0 * (1.0 - rest) + math.pi**2 * rest)
+    moment_Nm = load * ratio * clearance * math.sin(attitude)
+    viscous = _shear_W(shear_Pa, speed, clearance, gap) + 0.5 * moment_Nm * speed
+    scale = math.hypot(POWER_ERROR_W, OIL_SHARE * viscous, CLEARANCE_ERROR_M / clearance * viscous)
     across, around = _moves_per_N(carried, clearance, ratio, speed)
-    volt = float(np.clip(orders.mean[CONTACT], CONTACT_LEAST_V, CIRCUIT_V - CONTACT_LEAST_V))
-    swing = abs(orders.harmonics[CONTACT, 0]) * FILM_PER_RATIO_M * CIRCUIT_V / (CIRCUIT_V - volt) ** 2
+    swing = abs(orders.harmonics[CONTACT, 0]) * film_per_volt(CIRCUIT, float(read_volt(orders.mean[CONTACT])))
     orbit = 0.5 * abs(across + 1j * around)
     unbalance = np.array([(swing + LEAST_MOVE_M) / abs(across), (orders.forward[0] + LEAST_MOVE_M) / orbit]) / speed**2
-    return np.array([beyond / POSITION_SCALE_M, beside / POSITION_SCALE_M, excess, math.log10(load),
-                     *np.log10(unbalance)])
+    return np.array([
+        beyond / POSITION_SCALE_M, beside / POSITION_SCALE_M,
+        (window.shaft_power_W - viscous - WINDAGE_W_S3 * speed**3) / scale, math.log10(load), *np.log10(unbalance),
+    ])  # fmt: skip
+
+
+def _held(ratio: object) -> Floats:
+    """Eccentricity ratios within what is told apart."""
+    return np.clip(np.asarray(ratio, np.float64), LEAST_SHARE, 1.0 - LEAST_SHARE)
+
+
+def _shear_W(shear_Pa: float, speed_rad_s: float, clearance_m: float, gap_m: Floats) -> float:
+    """Petroff's shear at the eccentricities that ``gap_m`` runs through (Sommerfeld's ``1 / sqrt(1 - e^2)``).
+
+    The journal bears half of the moment of the load beside it (Hamrock, Schmid and Jacobson 2004, chapter 11).
+    """
+    petroff = 2 * math.pi * shear_Pa * speed_rad_s * RADIUS_M**3 * LENGTH_M / clearance_m
+    return petroff * float(np.mean(1.0 / np.sqrt(1.0 - _held(1.0 - gap_m / clearance_m) ** 2)))
 
 
 def _carried_N(shear_Pa: float, clearance_m: float, ratio: float) -> float:

@@ -199,7 +199,7 @@ class Commissioner:
                                    ranges=normal.ranges, normal=self._diagnoser.normal_name)
         return CommissionState(
             seq, t_ns, self._phase, self._text, len(points), self._minutes,
-            len(np.unique(own.cells(points))) if len(points) else 0, own.speed_steps(points[:, 0]),
+            own.count_points(points), own.speed_steps(points[:, 0]),
             self._speed_steps_declared, own.ranges(points) if len(points) else {}, dict(self._left_out),
             dict(self._named), self._diagnoser.normal_name)
 

@@ -139,8 +139,7 @@ def fit(rows: Floats, log_odds: Floats, points: Floats, first_order_m: NDArray[n
         Numbers that are not finite, or fewer than :data:`POINTS_LEAST` operating points.
     """
     _check_finite(rows, log_odds, points, first_order_m)
-    cell = cells(points)
-    count = int(cell.max()) + 1 if len(cell) else 0
+    cell, count = cells(points), count_points(points)
     if count < POINTS_LEAST:
         raise NormalError(f"{count} operating points in {len(rows)} decisions, at least {POINTS_LEAST} are needed: run "
                           "the machine at other speeds, loads or clearances, then stop again")
@@ -170,6 +169,11 @@ def cells(points: Floats) -> NDArray[np.intp]:
     logs = np.column_stack([np.log(points[:, :1]), points[:, 1:]])
     _, cell = np.unique(np.floor(logs / STEPS), axis=0, return_inverse=True)
     return np.asarray(cell.reshape(-1), np.intp)
+
+
+def count_points(points: Floats) -> int:
+    """How many operating points there are among the rows of ``points``."""
+    return int(cells(points).max(initial=-1)) + 1
 
 
 def speed_steps(speeds_rad_s: Floats) -> int:

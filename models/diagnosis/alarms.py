@@ -17,9 +17,10 @@ from firmware_py.acquire.features import FEATURE_NAMES
 from firmware_py.acquire.windows import HOP_SECONDS
 from firmware_py.brain.diagnosis import CONFIRM_NS, DOUBT_BELOW, WHIRL_CLEARANCE_SHARE, WHIRL_SHARE
 from models.diagnosis import recordings
+from models.diagnosis.clearance_loops import LOOPS
 from models.diagnosis.dataset import CLASSES, WINDOWS_PER_DECISION, Dataset, join, pooled, spans
 from models.diagnosis.recordings import Case
-from models.diagnosis.scores import class_probabilities, log_odds
+from models.diagnosis.scores import class_probabilities, fault_log_odds, log_odds
 
 Floats = NDArray[np.float64]
 Verdicts = Callable[[NDArray[np.floating]], tuple[Floats, Floats]]
@@ -32,6 +33,13 @@ WHIRL: Final = UNKNOWN + 2
 
 CONFIRM_HOPS: Final = round(CONFIRM_NS * 1e-9 / HOP_SECONDS)
 MONTH_HOURS: Final = 720.0
+POINTS_A_MONTH: Final = 720
+"""A machine-month is counted in operating points, another one every hour around the clock.
+
+What alarms is a machine at a point, entered by a run-up, a ramp, a load step or moves of the clearance, as every
+watched run enters one; noise about a point that is held does next to nothing (:func:`held`).
+"""
+HELD_SECONDS: Final = 100.0
 TRADED: Final = (1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0, 1e3)
 """Factors on the limits, by which false alarms are traded for delay."""
 
@@ -91,30 +99,59 @@ def false_alarms(heard: Heard, rule: Rule) -> dict[str, object]:
     """Words on healthy machines that name a fault: per decision every hop, and confirmed by persistence.
 
     The upper 95 % limits are a bootstrap over builds of the share of decisions (nothing without any alarm), the exact
-    binomial one of the share of builds that alarm at all, and the exact Poisson one of confirmed alarms a month.
+    binomial ones of the shares of builds and of watched runs that alarm, the latter times :data:`POINTS_A_MONTH`, and
+    the exact Poisson one of confirmed alarms in as many hours as a month has, all as eventful as the watched ones.
     """
     from scipy.stats import beta, chi2
 
-    said, builds = heard.words(rule), np.unique(heard.rows.group)
+    said, builds, runs = heard.words(rule), np.unique(heard.rows.group), np.unique(heard.rows.recording)
     alarm = (said > 0) & (said < UNKNOWN)
     share = np.array([np.mean(alarm[heard.rows.group == build]) for build in builds])
     draws = np.random.default_rng(0).integers(0, len(builds), (4000, len(builds)))
     alarmed = int(np.sum(share > 0))
-    confirmed = sum(_confirmed(said[heard.rows.recording == r]) for r in np.unique(heard.rows.recording))
-    hours = len(said) * HOP_SECONDS / 3600.0
+    confirmed = np.array([_confirmed(said[heard.rows.recording == run]) for run in runs])
+    alarming, hours = int(np.sum(confirmed > 0)), len(said) * HOP_SECONDS / 3600.0
     return {
         "healthy_builds": len(builds), "decisions": len(said), "watched_hours": round(hours, 3),
         "false_alarms": int(alarm.sum()), "share_of_decisions": float(f"{share.mean():.3g}"),
         "share_upper_95_bootstrap": float(f"{np.quantile(share[draws].mean(axis=1), 0.95):.3g}"),
         "builds_with_a_false_alarm": alarmed,
         "builds_upper_95": round(float(beta.ppf(0.95, alarmed + 1, len(builds) - alarmed)), 5),
-        "confirmed_alarms": confirmed,
-        "confirmed_per_machine_month": round(confirmed / hours * MONTH_HOURS, 1),
-        "confirmed_per_machine_month_upper_95": round(0.5 * float(chi2.ppf(0.95, 2 * confirmed + 2)) / hours
-                                                      * MONTH_HOURS, 1),
+        "confirmed_alarms": int(confirmed.sum()), "runs": len(runs), "runs_with_a_confirmed_alarm": alarming,
+        "confirmed_per_machine_month": round(alarming / len(runs) * POINTS_A_MONTH, 3),
+        "confirmed_per_machine_month_upper_95": round(float(beta.ppf(0.95, alarming + 1, len(runs) - alarming))
+                                                      * POINTS_A_MONTH, 3),
+        "confirmed_per_month_of_such_hours_upper_95": round(
+            0.5 * float(chi2.ppf(0.95, 2 * int(confirmed.sum()) + 2)) / hours * MONTH_HOURS, 1),
         **{f"called_{name}": round(float(np.mean(said == word)), 5)
            for name, word in (("unknown", UNKNOWN), ("doubt", DOUBT), ("whirl", WHIRL))},
     }  # fmt: skip
+
+
+def held(heard: Heard, rule: Rule) -> dict[str, float]:
+    """Long healthy runs: alarms, and how far noise carries a point that is held towards the limit of any fault.
+
+    ``nearest_in_scatters``: smallest distance of the mean log-odds of a held point from the nearest limit, in standard
+    deviations about that mean; ``largest_scatter`` of those.
+    """
+    said = heard.words(rule)
+    beyond = fault_log_odds(heard.probability) - np.log(rule.named_above)
+    still = (heard.rows.duty == recordings.DUTIES.index("hold")) & (heard.rows.loop == LOOPS.index("fixed"))
+    runs, points = np.unique(heard.rows.recording), np.unique(heard.rows.recording[still])
+    at = [beyond[heard.rows.recording == point] for point in points]
+    away = [float(np.min(-x.mean(axis=0) / np.maximum(x.std(axis=0), 1e-6))) for x in at]
+    return {
+        "runs": len(runs), "hours": round(len(said) * HOP_SECONDS / 3600.0, 3),
+        "false_alarms": int(np.sum((said > 0) & (said < UNKNOWN))),
+        "confirmed_alarms": sum(_confirmed(said[heard.rows.recording == run]) for run in runs),
+        "held_points": len(points), "nearest_in_scatters": round(min(away, default=float("nan")), 1),
+        "largest_scatter": round(max((float(x.std(axis=0).max()) for x in at), default=float("nan")), 2),
+    }  # fmt: skip
+
+
+def held_cases(rng: np.random.Generator) -> list[Case]:
+    """One healthy run; ``rng`` draws nothing."""
+    return [Case(0, 100.0, {})]
 
 
 def _confirmed(said: NDArray[np.intp]) -> int:

@@ -69,7 +69,7 @@ def judge(path: Path, rig: str, rate_hz: int, builds: int, workers: int, seed: i
         away, quiet = np.empty(len(rows)), np.zeros_like(odds)
         for build in np.unique(rows.group):
             mine = np.flatnonzero(rows.group == build)
-            normal = learn(rows, odds, white, mine[rows.recording[mine] % _MOST_RECORDINGS < points], prior)
+            normal = learn(rows, odds, white, first_points(rows, mine, points), prior)
             away[mine] = own.Detector(prior, normal).novelty(white[mine])
             quiet[mine] = normal.quiet if normal else 0.0
         judged = rows.recording % _MOST_RECORDINGS >= LEARNED
@@ -78,6 +78,15 @@ def judge(path: Path, rig: str, rate_hz: int, builds: int, workers: int, seed: i
             rows.subset(judged), away[judged], probability[judged], strange[judged], named_above,
             commissioned=points > 0)  # fmt: skip
     return report
+
+
+def first_points(rows: Dataset, mine: NDArray[np.intp], count: int) -> NDArray[np.intp]:
+    """Those of the rows ``mine`` in the first ``count`` recordings, and in more where these lie too close together."""
+    number = rows.recording[mine] % _MOST_RECORDINGS
+    enough = count
+    while 0 < enough < LEARNED and own.count_points(points_of(rows.features[mine[number < enough]])) < own.POINTS_LEAST:
+        enough += 1
+    return mine[number < enough]
 
 
 def learn(rows: Dataset, odds: Floats, white: Floats, learned: NDArray[np.intp], prior: own.Prior) -> Normal | None:

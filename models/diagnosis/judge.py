@@ -31,14 +31,19 @@ JUDGE_SEED = 1_000_000
 
 
 class JudgeSettings(Settings, frozen=True):
-    """How much a classifier is judged with."""
+    """How much a classifier is judged with.
+
+    ``watched_builds``: the upper limit of false alarms a month needs 2156 runs without any, 3412 with one.
+    """
 
     rig: str = "bench"
     rate_hz: int = 5000
     builds: int = 80
-    unknown_builds: int = 40
-    watched_builds: int = 400
+    unknown_builds: int = 240
+    watched_builds: int = 3600
+    held_builds: int = 80
     onset_builds: int = 30
+    commissioned_builds: int = 40
     other_rate_builds: int = 40
     workers: int = 2
 
@@ -80,6 +85,7 @@ def judge(verdicts: Verdicts, rule: Rule, settings: JudgeSettings, seed: int, ou
     judged = judged_views(settings, seed, out).orders
     unknown = data(recordings.unknown_cases, JUDGED_SECONDS, settings.unknown_builds)
     watched = alarms.hear(verdicts, data(recordings.watch_cases, WATCH_SECONDS, settings.watched_builds))
+    long = alarms.hear(verdicts, data(alarms.held_cases, alarms.HELD_SECONDS, settings.held_builds))
     faulty = alarms.onsets(verdicts, data(alarms.faulty_cases, WATCH_SECONDS, settings.onset_builds))
     ten = decisions_of(verdicts, judged)
     return {
@@ -89,6 +95,7 @@ def judge(verdicts: Verdicts, rule: Rule, settings: JudgeSettings, seed: int, ou
         "words_on_required_severities": said(alarms.hear(verdicts, judged, None), rule),
         "unknown_faults": unknown_faults(alarms.hear(verdicts, unknown, None), rule),
         "false_alarms": alarms.false_alarms(watched, rule),
+        "long_healthy_runs": alarms.held(long, rule),
         "detection": alarms.detection(faulty, rule),
         "limits_traded": alarms.traded(watched, faulty, rule),
     }

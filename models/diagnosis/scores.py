@@ -18,6 +18,8 @@ Floats = NDArray[np.float64]
 CALIBRATION_BINS = 10
 LEAST_PROBABILITY = 1e-4
 """One decision costs no more than this in the log score."""
+LEAST_ODDS = 100.0
+"""Odds against normal below which no fault is named: a rarer machine than the training's healthy ones reaches them."""
 SPEED_BORDERS = np.log10(np.array([3000.0, 6000.0]) * np.pi / 30.0)
 REGIMES = (LOOPS, DUTIES, ("below 3000 rpm", "3000 to 6000 rpm", "above 6000 rpm"))
 """Names of the columns of :attr:`Decisions.regime`."""
@@ -191,7 +193,7 @@ def nll(logits: Floats, heads: Floats, weight: Floats | float = 1.0) -> float:
 
 
 def alarm_limits(probability: Floats, rate: float, tail: float = 0.05) -> Floats:
-    """Odds of each fault against normal that healthy decisions exceed at ``rate`` over all faults, ``(5,)``.
+    """Odds of each fault against normal that healthy decisions exceed at ``rate`` over all faults at most, ``(5,)``.
 
     Each fault has its own limit: one that is hard to tell must not make the others wait.  Peaks over the quantile
     ``1 - tail`` of the log-odds reach beyond what was counted (:func:`peaks_over`).
@@ -207,7 +209,7 @@ def alarm_limits(probability: Floats, rate: float, tail: float = 0.05) -> Floats
     for column in odds.T:
         high, scale, shape = peaks_over(column, tail)
         limits.append(high + scale * np.expm1(shape * steps) / shape)
-    return np.exp(limits)
+    return np.maximum(np.exp(limits), LEAST_ODDS)
 
 
 def peaks_over(values: Floats, tail: float) -> tuple[float, float, float]:

@@ -14,6 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from firmware_py.acquire import contact_law as contact_code
 from firmware_py.acquire import features as feature_code
 from firmware_py.acquire import film_check as film_code
 from firmware_py.acquire import orders as order_code
@@ -121,7 +122,7 @@ def _labelled(rows: NDArray[np.float32], raw: Raw, build: int, number: int) -> D
 def _code_hash() -> str:
     """Changes with the code that cuts and analyses windows."""
     digest = hashlib.sha256()
-    for module in (window_code, order_code, ringing_code, film_code, feature_code):
+    for module in (window_code, order_code, ringing_code, contact_code, film_code, feature_code):
         digest.update(inspect.getsource(module).encode())
     return digest.hexdigest()[:12]
 

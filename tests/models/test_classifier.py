@@ -7,7 +7,7 @@ import pytest
 
 from firmware_py.acquire.features import FEATURE_NAMES, GROUP_OF_FEATURE, GROUPS, features
 from models.diagnosis import recordings
-from models.diagnosis.alarms import Rule, detection, false_alarms, hear, onsets
+from models.diagnosis.alarms import Rule, detection, false_alarms, hear, held, onsets
 from models.diagnosis.data_cache import load, make_recordings
 from models.diagnosis.dataset import Dataset, DatasetError, join, pooled
 from models.diagnosis.recordings import Plan, record_build, training_cases
@@ -40,7 +40,7 @@ def test_views_hold_every_recording_and_are_read_back(tmp_path):
     made, read = views_of(tmp_path, PLAN, 1, 1, look), views_of(tmp_path, PLAN, 1, 1, look)
     np.testing.assert_array_equal(made.orders.features, read.orders.features)
     assert made.orders.features.shape[1] == len(FEATURE_NAMES)
-    assert len(made.raw) == len(made.waves) == 5
+    assert len(made.raw) == len(made.waves) == 6
     assert made.raw.features.shape[1] == 800 * 8
     assert np.isfinite(made.waves.features).all()
     decided = views_of(tmp_path, PLAN, 1, 1, Look(windows=2))
@@ -250,6 +250,35 @@ def test_false_alarms_need_a_named_fault_and_persistence_to_be_confirmed():
     assert counted(1.5, Rule(1.0, np.ones(5)))["false_alarms"] == 16
     quiet.features[:, 1] = 9.0
     assert counted()["called_unknown"] == 1.0
+
+
+def test_a_month_is_counted_in_operating_points_with_the_exact_binomial_limit():
+    quiet = rows(25 * 40, recording=np.repeat(np.arange(40), 25), group=np.repeat(np.arange(40), 25))
+    quiet.features[:] = -1.0
+    none = false_alarms(hear(verdicts(6.0), quiet), RULE)
+    assert none["confirmed_per_machine_month_upper_95"] == pytest.approx(720 * (1 - 0.05 ** (1 / 40)), abs=1e-2)
+    quiet.features[:25, 0] = 1.0
+    one = false_alarms(hear(verdicts(6.0), quiet), RULE)
+    assert (one["runs"], one["runs_with_a_confirmed_alarm"]) == (40, 1)
+    assert one["confirmed_per_machine_month"] == 720 / 40
+    assert one["confirmed_per_machine_month_upper_95"] > none["confirmed_per_machine_month_upper_95"]
+
+
+def test_long_runs_tell_how_many_scatters_a_held_point_lies_from_the_limits():
+    rng = np.random.default_rng(0)
+    long = rows(400, recording=np.repeat([0, 1], 200), group=np.repeat([0, 1], 200), duty=np.repeat([0, 1], 200))
+    long.features[:] = -1.0
+
+    def answer(features):
+        noise = rng.normal(0.0, 0.5, len(features))
+        heads = np.full((len(features), 4), 1e-5)
+        heads[:, 3] = 1 / (1 + np.exp(3.0 - noise))
+        return heads, np.zeros(len(features))
+
+    found = held(hear(answer, long), RULE)
+    assert (found["runs"], found["held_points"], found["confirmed_alarms"]) == (2, 1, 0)
+    assert found["nearest_in_scatters"] == pytest.approx((3.0 + np.log(9.0)) / 0.5, rel=0.15)
+    assert found["largest_scatter"] == pytest.approx(0.5, rel=0.15)
 
 
 def test_detection_delay_counts_from_the_first_faulty_window():

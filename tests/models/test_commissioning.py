@@ -44,6 +44,15 @@ def test_cases_are_learned_first_and_judged_after():
     assert sum(case.kind < 0 for case in cases) == 10
 
 
+def test_recordings_at_the_same_point_count_once_and_more_are_taken(rows):
+    rows.features[:4, FEATURE_NAMES.index("oil_outlet_50C")] = 0.5
+    rows.features[:4, SPEED] = 2.5
+    mine = np.flatnonzero(rows.group == 0)
+    assert list(commissioning.first_points(rows, mine, 4)) == list(range(7))
+    assert len(commissioning.first_points(rows, mine, LEARNED)) == LEARNED
+    assert len(commissioning.first_points(rows, mine, 0)) == 0
+
+
 def test_who_knows_the_machine_sees_what_the_fleet_hides(rows, tmp_path):
     path = tmp_path / "classifier.onnx"
     path.write_bytes(classifier(fleet=True))

@@ -86,6 +86,28 @@ def test_it_replaces_the_shipped_model_only_if_not_worse(tmp_path):
     assert listed["bytes"] == shipped.stat().st_size
 
 
+@pytest.mark.parametrize(("new", "old", "ships"), [
+    ((0.6, 0.95), (0.5, 0.85), True),
+    ((0.5, 0.85), (0.6, 0.95), False),
+    ((0.6, 0.85), (0.5, 0.85), False),
+])
+def test_one_that_keeps_every_bar_comes_before_one_that_does_not(tmp_path, new, old, ships):
+    shipped = model(tmp_path / "artifacts" / "actor.onnx", old[0])
+    newer = model(tmp_path / "new" / "actor.onnx", new[0])
+    right = dict((new, old))
+
+    def judged(path, seed, size):
+        report = evaluate(path, seed, size)
+        return report | {"share": {"right": right[report["error"]]}}
+
+    if ships:
+        qualify("actor", newer, judged, ship=True, artifacts=shipped.parent, bars=BARS)
+        assert metadata(shipped)["status"] == "qualified"
+    else:
+        with pytest.raises(QualifyError, match="it stays; nothing was changed"):
+            qualify("actor", newer, judged, ship=True, artifacts=shipped.parent, bars=BARS)
+
+
 def test_another_physics_and_damaged_files_are_refused(tmp_path):
     with pytest.raises(QualifyError, match="physics_version '0'"):
         qualify("actor", model(tmp_path / "actor.onnx", 0.5, physics="0"), evaluate, ship=False, bars=BARS)

@@ -92,14 +92,18 @@ def test_slight_faults_weigh_less_in_training():
 def test_alarm_limits_reach_the_rate_they_were_asked_for():
     """Log-odds with exponential tails, but one that is bounded: far beyond what the rows could show."""
     rng = np.random.default_rng(3)
-    odds = rng.exponential([1.0, 1.0, 0.5, 1.0, 2.0], (4000, 5)) - 12.0
-    odds[:, 3] = rng.uniform(-12.0, -6.0, 4000)
-    probability = np.exp(np.column_stack([np.zeros(4000), odds]))
-    probability /= probability.sum(axis=1, keepdims=True)
-    limits = np.log(scores.alarm_limits(probability, 5e-4))  # 1e-4 a fault
-    assert limits[:3] == pytest.approx(np.array([1.0, 1.0, 0.5]) * np.log(1e4) - 12.0, abs=1.5)
-    assert limits[3] == pytest.approx(-6.0, abs=0.3), "no healthy machine lies beyond the bound"
-    assert (np.log(scores.alarm_limits(probability, 5e-6)) > limits).all()
+    odds = rng.exponential([1.0, 1.0, 0.5, 1.0, 2.0], (4000, 5))
+    odds[:, 3] = rng.uniform(0.0, 6.0, 4000)
+
+    def limits(rate: float, shift: float = 0.0) -> np.ndarray:
+        probability = np.exp(np.column_stack([np.zeros(4000), odds + shift]))
+        return np.log(scores.alarm_limits(probability / probability.sum(axis=1, keepdims=True), rate))
+
+    at = limits(5e-4)  # 1e-4 a fault
+    assert at[:3] == pytest.approx(np.array([1.0, 1.0, 0.5]) * np.log(1e4), abs=1.5)
+    assert at[3] == pytest.approx(6.0, abs=0.3), "no healthy machine lies beyond the bound"
+    assert (limits(5e-6) > at).all()
+    assert np.exp(limits(5e-4, -20.0)) == pytest.approx(scores.LEAST_ODDS)
 
 
 def test_log_score_punishes_a_sure_mistake_more_than_a_doubtful_one():
