@@ -338,9 +338,13 @@ def check_safe(config: Config, source: ConfigFile) -> None:
     o = config.operating
     declared = (f"{o.speed_min_rpm:g} .. {o.speed_max_rpm:g} rpm, {o.load_min_N:g} .. {o.load_max_N:g} N, "
                 f"oil up to {config.oil.inlet_max_C:g} degC")
+    pressed_N, feed = Groove(config).added_N[1], ""
+    if pressed_N > 0.0:
+        declared += f", and up to {pressed_N:g} N by the groove at {config.feed.pressure_max_bar:g} bar"
+        feed = ", feed.pressure_max_bar"
     if fixed is None:
         raise source.error("operating", None, (
-            f"no fixed clearance is admissible over {declared}; narrow operating.* or oil.inlet_max_C, "
+            f"no fixed clearance is admissible over {declared}; narrow operating.*{feed} or oil.inlet_max_C, "
             "or lower limits.min_film_um"))
     if not shield.admits_fixed(safe_um * 1e-6):
         raise source.error("actuator.safe_radial_clearance_um", safe_um, (

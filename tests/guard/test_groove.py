@@ -16,6 +16,7 @@ from sim_hil.film.records import Feed
 
 from .scripted_node import bench
 from .test_load_estimate import RPM, look
+from .test_shield import refusal
 
 AREAS_MM2 = (160.0, 320.0)
 
@@ -92,3 +93,9 @@ def test_the_piston_stabilises_a_light_rotor_and_adds_to_an_announced_load() -> 
     assert plain is not None
     assert pressed is not None
     assert pressed[1] < plain[1]
+
+
+def test_a_refused_configuration_names_the_pressure_that_presses_too_much() -> None:
+    text = refusal(fed())
+    assert "up to 96 N by the groove at 3 bar" in text
+    assert "feed.pressure_max_bar" in text
