@@ -261,7 +261,8 @@ def test_a_month_is_counted_in_operating_points_with_the_exact_binomial_limit():
     one = false_alarms(hear(verdicts(6.0), quiet), RULE)
     assert (one["runs"], one["runs_with_a_confirmed_alarm"]) == (40, 1)
     assert one["confirmed_per_machine_month"] == 720 / 40
-    assert one["confirmed_per_machine_month_upper_95"] > none["confirmed_per_machine_month_upper_95"]
+    limit = one["confirmed_per_machine_month_upper_95"] / 720  # 40 runs with so many alarms show one at most in 5 %
+    assert (1 - limit) ** 40 + 40 * limit * (1 - limit) ** 39 == pytest.approx(0.05, abs=1e-4)
 
 
 def test_long_runs_tell_how_many_scatters_a_held_point_lies_from_the_limits():
