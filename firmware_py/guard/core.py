@@ -123,7 +123,7 @@ class GuardCore:
         notices += self._protection.step(acquired.blocks, self._smaller_clearance_um()) if acquired.blocks else []
         if cycle.advice is not None:
             m.advice = cycle.advice
-        if now_ns >= m.shield_due_ns:
+        if now_ns >= m.shield_due_ns or cycle.commands or self._about_to_command(now_ns):
             self._look_around(now_ns)
         situation = self._situation(cycle, gap)
         replies = self._obey(cycle.commands, situation, notices)
@@ -219,7 +219,7 @@ class GuardCore:
         return min(reported, node.target_clearance_um if node else self._arming.safe.clearance_um)
 
     def _look_around(self, now_ns: int) -> None:
-        """Estimate the load and ask the shield (every :data:`PERIOD_S`)."""
+        """Estimate the load and ask the shield: every :data:`PERIOD_S`, and anew for each command that is sent."""
         m, status = self._memory, self._acquire.status
         m.shield_due_ns = now_ns + SHIELD_PERIOD_NS
         motion, speed = self._protection.motion, self._acquire.speed
@@ -275,6 +275,10 @@ class GuardCore:
                 replies.append(reply)
                 notices += told
         return replies
+
+    def _about_to_command(self, now_ns: int) -> bool:
+        arming = self._arming.state
+        return arming.commanding and arming.mode != Mode.MONITOR and self._speaker.command_due(now_ns)
 
     def _speak(self, situation: Situation) -> list[RawFrame]:
         """Heartbeat always; command only while armed (or tripped from armed), fresh, and not in monitor mode."""

@@ -65,10 +65,14 @@ class Speaker:
         message = DeviceHeartbeat(s.heartbeat_counter, self._session, mode, arm_state, run_permit, trip_request)
         return [self._codec.encode(message, now_ns)]
 
+    def command_due(self, now_ns: int) -> bool:
+        """Whether :meth:`command` would speak."""
+        return now_ns >= self.state.command_due_ns
+
     def command(self, now_ns: int, target: Target, echo_tick_us: int) -> list[RawFrame]:
         """The command, when it is due."""
         s = self.state
-        if now_ns < s.command_due_ns:
+        if not self.command_due(now_ns):
             return []
         s.command_due_ns = _next(s.command_due_ns, self._command_period_ns, now_ns)
         s.command_counter = (s.command_counter + 1) & 0xFFFF

@@ -1,8 +1,8 @@
 """A machine as its commissioning leaves it: the guard's configuration says what was measured of this very build.
 
 What every test-rig lab does, each with the error that is left (uniform): the **lift check** (the shaft pressed from
-wall to wall of its bearing: clearance less what the actuator tells), **weighing** (mass, and inertia by the pendulum,
-for the apparent mass at the bearing at the whirl's frequency), the **balancing protocol** (residual unbalance), the
+wall to wall of its bearing: clearance less what the actuator tells), **weighing** (mass, and inertias by the pendulum,
+for the apparent mass at the bearing in forward whirl), the **balancing protocol** (residual unbalance), the
 **zero procedure** (gain and zero of both displacement probes, ``sensors.json``), and the torque meter's zero at rest.
 """
 
@@ -28,6 +28,9 @@ MASS_ERROR: Final = 0.005
 UNBALANCE_ERROR: Final = 0.1
 WHIRL_ERROR: Final = 0.005
 """What the apparent mass at one frequency leaves of coupling, pedestal and gyroscopic moments."""
+
+WHIRL_ORDER_MAX: Final = 0.515
+"""No plain bearing of ``L/D`` 1/2 whirls at more of the speed (0.512 at eccentricity 0.4, ``equilibrium``)."""
 
 POWER_ERROR_W: Final = 1.0
 
@@ -91,12 +94,14 @@ class Commissioned:
 
 
 def apparent_mass_kg(rotor: Rotor, build: Build, frequency_rad_s: float) -> float:
-    """Force over acceleration at the bearing of a rigid rotor that hangs in its coupling, kg.
+    """Force over acceleration at the bearing of a rigid rotor that hangs in its coupling and whirls forward, kg.
 
-    With the bearing's and the coupling's displacement as coordinates: ``M_bb + M_bh^2 w^2 / (k - M_hh w^2)``.
+    With the bearing's and the coupling's displacement as coordinates: ``M_bb + M_bh^2 w^2 / (k - M_hh w^2)``.  The
+    gyroscopic moment of a forward whirl acts as less inertia, ``J_d - J_p / order``.
     """
     a, b = rotor.coupling_to_cg_m, rotor.bearing_to_cg_m
-    mass, inertia, span2 = rotor.mass_kg * build.mass, rotor.diametral_inertia_kg_m2 * build.inertia, (a + b) ** 2
+    mass, span2 = rotor.mass_kg * build.mass, (a + b) ** 2
+    inertia = (rotor.diametral_inertia_kg_m2 - rotor.polar_inertia_kg_m2 / WHIRL_ORDER_MAX) * build.inertia
     at_bearing, at_hinge = (mass * a * a + inertia) / span2, (mass * b * b + inertia) / span2
     between = (mass * a * b - inertia) / span2
     w2 = frequency_rad_s * frequency_rad_s

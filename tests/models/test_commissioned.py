@@ -10,6 +10,7 @@ from models.control.commissioned import (
     CLEARANCE_ERROR_M,
     MASS_ERROR,
     POWER_ERROR_W,
+    WHIRL_ORDER_MAX,
     Commissioned,
     apparent_mass_kg,
 )
@@ -17,6 +18,7 @@ from models.control.episodes import Board, Fixed, play
 from models.control.shielded import column, shipped_config
 from sim_hil.build import Build
 from sim_hil.control_task import OBSERVATIONS, Disturbances, Episode
+from sim_hil.film.equilibrium import equilibrium
 from sim_hil.rigs import load_rig
 
 CONFIG, RIG = shipped_config("bench"), load_rig("bench")
@@ -59,19 +61,34 @@ def test_calibrated_probes_and_torque_meter_show_the_machine() -> None:
 
 @pytest.mark.parametrize("frequency_rad_s", [50.0, 400.0, 628.0])
 def test_apparent_mass_is_that_of_the_rotor_on_its_coupling(frequency_rad_s: float) -> None:
-    """A unit force at the bearing of the free rotor with its coupling as a spring, solved with translation and tilt."""
+    """A unit force at the bearing of the free rotor with its coupling as a spring, solved with translation and tilt.
+
+    Both turn in the sense of the shaft: ``J_d t'' - i J_p speed t'`` is the moment that the tilt ``t`` takes.
+    """
     build, r = Build.of_seed(RIG, 4), RIG.rotor
     a, b, w2 = r.coupling_to_cg_m, r.bearing_to_cg_m, frequency_rad_s**2
-    mass = np.diag([r.mass_kg * build.mass, r.diametral_inertia_kg_m2 * build.inertia])
+    speed_rad_s = frequency_rad_s / WHIRL_ORDER_MAX
+    gyroscopic = r.polar_inertia_kg_m2 * speed_rad_s * frequency_rad_s / w2
+    mass = np.diag([r.mass_kg * build.mass, (r.diametral_inertia_kg_m2 - gyroscopic) * build.inertia])
     hinge, bearing = np.array([1.0, -a]), np.array([1.0, b])
     stiffness = r.coupling_stiffness_N_m * build.coupling * np.outer(hinge, hinge)
     moved_m = bearing @ np.linalg.solve(stiffness - w2 * mass, bearing)
     assert apparent_mass_kg(r, build, frequency_rad_s) == pytest.approx(-1.0 / (w2 * moved_m), rel=1e-9)
 
 
-def test_a_stiff_coupling_leaves_the_effective_mass_of_the_drawing() -> None:
-    stiff = replace(Build.nominal(RIG), coupling=1e6)
-    assert apparent_mass_kg(RIG.rotor, stiff, 628.0) == pytest.approx(RIG.rotor.effective_mass_kg, rel=1e-6)
+def test_a_stiff_coupling_and_no_gyroscopic_moment_leave_the_effective_mass_of_the_drawing() -> None:
+    stiff, slender = replace(Build.nominal(RIG), coupling=1e6), replace(RIG.rotor, polar_inertia_kg_m2=0.0)
+    assert apparent_mass_kg(slender, stiff, 628.0) == pytest.approx(RIG.rotor.effective_mass_kg, rel=1e-6)
+    assert apparent_mass_kg(RIG.rotor, stiff, 628.0) < 0.985 * RIG.rotor.effective_mass_kg
+
+
+def test_no_film_at_rest_whirls_at_a_higher_order_than_the_apparent_mass_counts_on() -> None:
+    orders = [
+        equilibrium(eccentricity_ratio=e, radius_m=RIG.bearing.radius_m, length_m=RIG.bearing.length_m,
+                    clearance_m=60e-6, viscosity_Pa_s=0.01, speed_rad_s=600.0).whirl_ratio
+        for e in np.linspace(0.02, 0.7, 18)
+    ]  # fmt: skip
+    assert 0.51 < max(orders) < WHIRL_ORDER_MAX
 
 
 def test_commissioning_saves_power_behind_the_shield_and_breaks_no_limit() -> None:
