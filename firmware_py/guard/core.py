@@ -234,7 +234,7 @@ class GuardCore:
                 speed.speed_rad_s, temperature_C, status.shaft_power_W, status.pressure_actual_bar))
         m.interval_m = None if speed.lost else self._shield.interval(
             speed.speed_rad_s, m.load.low_N, m.load.film_N, temperature_C, p2p_m, self._smaller_clearance_um() * 1e-6,
-            self._announcements.ahead(now_ns), self._load.oil.thinnest)
+            self._announcements.ahead(now_ns), self._load.oil_range(temperature_C))
 
     def _situation(self, cycle: Cycle, gap: bool) -> Situation:
         m, a, now_ns = self._memory, self._acquire, cycle.now_ns

@@ -104,6 +104,10 @@ class LoadEstimator:
         """What is known of the oil."""
         return self._oil.interval(self.state.oil)
 
+    def oil_range(self, temperature_C: float) -> tuple[float, float]:
+        """Thinnest and thickest credible film over the law at that reading of the outlet."""
+        return self.oil.thinnest, self._oil.thickest(self.oil, temperature_C)
+
     def estimate(self, look: Look) -> LoadInterval:
         """Interval at the middle of the window that ends with ``look``.
 

@@ -111,7 +111,7 @@ class Keeper:
         known = [Ramp(r.start_s - time_s, r.end_s - time_s, r.speed_rad_s, r.load_N) for r in self._ramps
                  if r.start_s - ANNOUNCED_S <= time_s < r.end_s]  # fmt: skip
         return self._shield.interval(
-            speed, load.low_N, load.film_N, oil, swing, clearance, known, self._loads.oil.thinnest)
+            speed, load.low_N, load.film_N, oil, swing, clearance, known, self._loads.oil_range(oil))
 
     def admitted(self, observation: Observation, time_s: float, wish_m: float) -> float:
         """``wish_m`` within the interval, else the safe clearance."""

@@ -89,7 +89,7 @@ class AgentLoop:
         seen, power_W = machine.readings(), float(batch.truth[:, _POWER].mean())
         load = self._loads.estimate(Look(now_s, x, y, swing, seen.clearance_m, speed_rad_s, seen.oil_C, power_W))
         interval = self._shield.interval(
-            speed_rad_s, load.low_N, load.film_N, seen.oil_C, swing, oil_share=self._loads.oil.thinnest)
+            speed_rad_s, load.low_N, load.film_N, seen.oil_C, swing, oil=self._loads.oil_range(seen.oil_C))
         if interval is None:
             return self.start_m
         return interval[0] + self._wish * (interval[1] - interval[0])

@@ -7,7 +7,15 @@ import pytest
 
 from firmware_py.config import SHIPPED, Config, ConfigError, load
 from firmware_py.guard.bearing_laws import static_film
-from firmware_py.guard.shield import GROWTH_TURNS, VIBRATION_MARGIN, Box, Ramp, Shield, check_safe
+from firmware_py.guard.shield import (
+    FITTING_MARGIN,
+    GROWTH_TURNS,
+    VIBRATION_MARGIN,
+    Box,
+    Ramp,
+    Shield,
+    check_safe,
+)
 from firmware_py.guard.viscosity import ViscosityTable, decay
 from sim_hil import simulate
 from sim_hil.build import Build
@@ -87,6 +95,26 @@ def test_reachability_the_actuator_outruns_the_fastest_ramps_from_every_admissib
             assert grown_turns <= GROWTH_TURNS * (1 + 1e-6)
 
 
+@pytest.mark.parametrize("unbalance_share", [0.0, 0.1, 0.2, 0.3, 0.5, 0.7])
+@pytest.mark.parametrize(("rpm", "load_N"), [(12000.0, 30.0), (12000.0, 60.0), (9000.0, 30.0)])
+def test_of_a_range_of_viscosities_an_end_whirls_first(rpm: float, load_N: float, unbalance_share: float) -> None:
+    unbalance = unbalance_share * load_N / (rpm * RPM) ** 2
+    shield = Shield(changed("rotor", unbalance_normal_kg_m=unbalance, unbalance_measured=True))
+    bounds = [shield._whirl_bound(rpm * RPM, load_N, viscosity) for viscosity in np.linspace(0.005, 0.012, 30)]
+    assert min(bounds) > 0.99 * min(bounds[0], bounds[-1])
+
+
+def test_a_rotor_out_of_balance_whirls_the_earlier_in_thick_oil_and_the_shield_counts_on_it() -> None:
+    shield = Shield(changed("rotor", unbalance_normal_kg_m=5e-6, unbalance_measured=True))
+    ends = []
+    for oil in ((0.9, 0.9), (1.1, 1.1), (0.9, 1.1)):
+        found = shield.interval(12000 * RPM, 30.0, 30.0, 41.0, oil=oil)
+        assert found is not None
+        ends.append(found[1])
+    thin_m, thick_m, either_m = ends
+    assert either_m == thick_m < thin_m
+
+
 @pytest.mark.parametrize(("rpm", "load_N"), [(6000.0, 100.0), (9000.0, 60.0), (4500.0, 200.0)])
 @pytest.mark.parametrize(("to_rpm", "to_N"), [(12000.0, 30.0), (1500.0, 300.0)])
 @pytest.mark.parametrize("ramp_s", [0.0, 0.5, 2.0])
@@ -97,6 +125,7 @@ def test_an_announced_ramp_of_any_steepness_finds_the_clearance_ready(
     that belongs to the present point alone."""
     config = bench()
     shield, rate = Shield(config), config.actuator.rate_um_s * 1e-6
+    any_oil = shield._viscosity.thinnest, shield._viscosity.thickest
     clearance_m, step_s = 160e-6, 0.05
     for now in np.arange(-shield.lead_s, ramp_s + 0.5, step_s):
         share = 1.0 if now >= ramp_s else max(0.0, now / ramp_s) if ramp_s else float(now >= 0)
@@ -108,7 +137,7 @@ def test_an_announced_ramp_of_any_steepness_finds_the_clearance_ready(
         assert alone is not None
         assert found[1] <= alone[1]
         if now > 0:
-            point = shield._bounds(Box(speed, speed, load, load), 41.0, speed, shield._viscosity.thinnest)
+            point = shield._bounds(Box(speed, speed, load, load), 41.0, speed, any_oil)
             assert clearance_m <= max(point[1], SAFE_M) + 1e-9
         clearance_m += min(max(found[1] - clearance_m, -rate * step_s), rate * step_s)
 
@@ -201,11 +230,22 @@ def test_vibration_narrows_a_wide_clearance_before_its_limit(clearance_um: float
     assert free is not None
     assert found is not None
     kept_m = clearance_um * 1e-6 * VIBRATION_MARGIN * 0.5 / share
-    fits_m = 2 * share * clearance_um * 1e-6 + 1e-6
-    if fits_m <= clearance_um * 1e-6 + 1e-6:  # narrower at once, the present vibration would not fit
-        kept_m = max(kept_m, fits_m)
+    if share <= 0.5:  # narrower at once, the present vibration would not fit
+        kept_m = max(kept_m, 2 * share * clearance_um * 1e-6 / FITTING_MARGIN)
     assert found[1] == pytest.approx(min(free[1], max(kept_m, SAFE_M)))
-    assert found[1] < clearance_um * 1e-6 or share <= VIBRATION_MARGIN * 0.5 + 1e-9 or abs(share - 0.5) < 1e-9
+    narrows = VIBRATION_MARGIN * 0.5 + 1e-9 < share < FITTING_MARGIN * 0.5 or share > 0.5
+    assert not narrows or found[1] < clearance_um * 1e-6
+
+
+@pytest.mark.parametrize("p2p_um", [52.0, 57.0, 61.0])
+def test_a_vibration_that_no_narrowing_makes_smaller_is_not_narrowed_into_its_limit(p2p_um: float) -> None:
+    """That of an unbalance well above the critical speed; the interval follows as the actuator does."""
+    shield, clearance_m = Shield(bench()), 130e-6
+    for _ in range(200):
+        found = shield.interval(6000 * RPM, 90.0, 110.0, 41.0, p2p_um * 1e-6, clearance_m)
+        assert found is not None
+        clearance_m += min(max(found[1] - clearance_m, -1e-6), 1e-6)
+    assert p2p_um * 1e-6 == pytest.approx(0.5 * FITTING_MARGIN * clearance_m)
 
 
 @pytest.mark.parametrize("speed", [0.0, -100.0, float("nan")])
@@ -251,7 +291,7 @@ def test_an_unsafe_safe_value_is_refused_with_the_range_that_would_do() -> None:
     config = changed("actuator", safe_radial_clearance_um=80.0)
     text = refusal(config)
     assert "actuator.safe_radial_clearance_um = 80" in text
-    assert "40 .. 60 um" in text
+    assert "40 .. 59 um" in text
 
 
 def test_the_ends_of_the_admissible_range_are_where_the_refusal_begins() -> None:

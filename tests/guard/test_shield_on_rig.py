@@ -1,18 +1,45 @@
 """The shield against the rotor rig in software: the worst advice there is, over the whole published duty."""
 
+import numpy as np
 import pytest
 
 from firmware_py.guard.core import GuardCore
 from firmware_py.records import Advice, ArmState, CommandRequest, Cycle, GuardState, PlannedRamp, RawFrame
 from firmware_py.wire.codec import CanCodec
-from models.control.shielded import ANNOUNCED_S, fast_ramps
+from models.control.episodes import UNTRIPPED
+from models.control.shielded import ANNOUNCED_S, ShieldedRotors, fast_ramps
+from sim_hil.control_task import CONTROL_S, Disturbances, actions_of
 from sim_hil.duty import RAD_S_PER_RPM, Duty
 from sim_hil.rig import Rig, node_limits
 from sim_hil.rigs import load_rig
+from sim_hil.vector_environment import RotorVectorEnv
 
 from .scripted_node import MS, bench
 
 ARM_S, START_S, END_S = 3, 8, 74
+
+UNANNOUNCED = Duty(
+    (0.0, 3.0, 5.0, 8.0, 10.0, 13.0, 15.0, 20.0),
+    (8000.0, 8000.0, 12000.0, 12000.0, 8000.0, 8000.0, 12000.0, 12000.0),
+    (130.0, 130.0, 30.0, 30.0, 130.0, 130.0, 30.0, 30.0),
+)
+"""Speed and load as fast as they may change unannounced, to the corner where whirl is next."""
+
+UNBALANCED = [9900009, 9900010, 9900011, 9900021, 9900025, 9900029]
+"""Machines that whirled there while the shield judged unbalance in thin oil alone, and less of it."""
+
+
+@pytest.mark.parametrize("commissioned", [False, True])
+def test_after_the_fastest_unannounced_ramps_no_machine_out_of_balance_whirls(commissioned: bool) -> None:
+    seconds, count = UNANNOUNCED.time_s[-1], len(UNBALANCED)
+    rotors = RotorVectorEnv(count, "bench", seconds, UNANNOUNCED, limits=UNTRIPPED,
+                            disturbances=Disturbances(developing=0.0))  # fmt: skip
+    shielded = ShieldedRotors(rotors, commissioned=commissioned)
+    shielded.reset(seed=list(UNBALANCED))
+    widest = actions_of(rotors.rig, np.full((count, 1), 160e-6))
+    share = np.array([seen["peak_to_peak_m"] / seen["clearance_m"] for *_, seen in (
+        shielded.step(widest) for _ in range(round(seconds / CONTROL_S) - 1))])  # fmt: skip
+    assert share.max() < 0.45
 
 
 @pytest.mark.slow
