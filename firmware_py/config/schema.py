@@ -132,6 +132,7 @@ class Rotor(Section, frozen=True):
     """The rotor as the film sees it."""
 
     effective_mass_at_bearing_kg: Positive
+    """Force over acceleration at the bearing; once weighed, that in forward whirl (inertia ``J_d - J_p / 0.515``)."""
     unbalance_normal_kg_m: NonNegative
     mass_error_share: Annotated[float, Meta(ge=0, lt=1)] = 0.05
     """The built rotor is heavier than that by at most this share."""
