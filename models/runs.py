@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import multiprocessing
 import shutil
 import time
 import tomllib
@@ -171,9 +172,10 @@ class Run:
 
 @contextmanager
 def progress_bar(text: str, total: int) -> Iterator[ProgressTo]:
-    """A progress bar; the yielded object is called with the work done so far."""
+    """A progress bar; the yielded object is called with the work done so far.  Only the main process shows any."""
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=False) as bar:
+    hidden = multiprocessing.parent_process() is not None
+    with Progress(*columns, console=Console(stderr=True), transient=False, disable=hidden) as bar:
         to = ProgressTo(bar, bar.add_task(text, total=total))
         yield to
         to(total)  # a search that stops early is done as well

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.control.shielded import Observation, ShieldedRotor, ShieldedRotors, column
-from models.diagnosis.data_cache import map_in_order
+from models.workers import map_in_order
 from sim_hil.control_task import CONTROL_S, Limits, actions_of
 from sim_hil.environment import RotorEnv
 from sim_hil.film.direct_reynolds import ReynoldsLaw

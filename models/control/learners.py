@@ -12,11 +12,11 @@ from models.control.episodes import Board, Policy, play_all
 from models.control.policies import OfModule, OfValues, Settings, actions_of_choices, choices, scale
 from models.control.rivals import Lookup, lookup
 from models.control.shielded import ShieldedRotors
-from models.diagnosis.data_cache import map_in_order
 from models.learning.ddpg import DdpgSettings, train_ddpg
 from models.learning.dqn import Values, train_dqn
 from models.runs import Run, progress_bar
 from models.runs import Settings as RunSettings
+from models.workers import map_in_order
 
 VALIDATION_SEED = 500_000
 """Added to the seed of the episodes that choose among the agents: none of training, none of judgement."""

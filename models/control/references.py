@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from models import PHYSICS_VERSION
 from models.control.episodes import Board
 from models.control.rivals import PRESSURES_PA
-from models.diagnosis.data_cache import map_in_order
+from models.workers import map_in_order
 from sim_hil.bound import Reference, episode_references
 
 SPACING_UM = 12

@@ -15,7 +15,7 @@ from torch import Tensor, nn
 
 from models.control.episodes import Board, Policy
 from models.control.shielded import Observation, column
-from models.diagnosis.data_cache import map_in_order
+from models.workers import map_in_order
 from sim_hil import power_map
 from sim_hil.control_task import CONTROL_S, Limits
 from sim_hil.rigs import RigData

@@ -7,14 +7,12 @@ from __future__ import annotations
 
 import hashlib
 import inspect
-import multiprocessing
 import zipfile
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable
 from dataclasses import fields
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,9 +22,7 @@ from models import PHYSICS_VERSION
 from models.diagnosis import clearance_loops, recordings
 from models.diagnosis.dataset import DatasetError
 from models.diagnosis.recordings import Plan, Raw, record_build
-
-T = TypeVar("T")
-R = TypeVar("R")
+from models.workers import map_in_order
 
 
 def folder_of(out: Path, plan: Plan) -> Path:
@@ -78,12 +74,3 @@ def _make(folder: Path, plan: Plan, number: int) -> None:
     part = folder / f"build-{number:05d}.part.npz"
     np.savez(part, count=len(recordings), **columns)
     part.replace(folder / f"build-{number:05d}.npz")
-
-
-def map_in_order(make: Callable[[T], R], items: Sequence[T], workers: int) -> Iterator[R]:
-    """``make`` of every item, in their order, on ``workers`` processes."""
-    if workers == 1:
-        yield from map(make, items)
-        return
-    with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
-        yield from pool.map(make, items, chunksize=2)

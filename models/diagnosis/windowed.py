@@ -24,10 +24,11 @@ from firmware_py.acquire.features import FEATURE_NAMES, at_one_rate, features
 from firmware_py.acquire.orders import BINS, ROTATING, by_angle
 from firmware_py.acquire.windows import TURNS, Window, iter_windows
 from firmware_py.records import Quality
-from models.diagnosis.data_cache import folder_of, load, make_recordings, map_in_order
+from models.diagnosis.data_cache import folder_of, load, make_recordings
 from models.diagnosis.dataset import WINDOWS_PER_DECISION, Dataset, DatasetError, join, pooled
 from models.diagnosis.recordings import Plan, Raw
 from models.runs import progress_bar
+from models.workers import map_in_order
 
 RAW_POINTS: Final = 800
 """Length of the paper's windows; at 5 kHz 0.16 s."""

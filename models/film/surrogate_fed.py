@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -14,12 +16,13 @@ from models.film.cache import kept
 from models.film.fed_data import SUPPLY_DRAWN, VELOCITY_DRAWN, FedSamples, draw_fed, solve_fed
 from models.film.fed_judge import RANGE, draw_fed_states, judge, tables, unseen
 from models.film.fed_network import FED_STATE, INPUT_SIGNS, OUTPUT_SIGNS, FedFilm, features
-from models.film.fit import Search, Targets, fit, spread
+from models.film.fit import Fit, Search, Targets, fit, spread
 from models.film.judge import of_file, of_module, verdict
 from models.film.reduced_network import ReducedFilm, layers_of_file
 from models.film.surrogate import SurrogateSettings
 from models.learning.network import Mlp
-from models.runs import Count, Run, Settings
+from models.runs import Count, Run, Settings, progress_bar
+from models.workers import map_in_order
 
 Floats = NDArray[np.float64]
 
@@ -44,11 +47,13 @@ class FedSettings(Settings, frozen=True):
     restarts: Count = 1
     iterations: Count = 200
     seeds: Count = 5
+    workers: Count = 2
 
     def smoked(self) -> FedSettings:
         """The same training in some seconds."""
         return FedSettings(
-            train_points=120, judge_points=16, grid=(72, 12), judge_grid=(96, 16), hidden=(6,), iterations=20, seeds=2
+            train_points=120, judge_points=16, grid=(72, 12), judge_grid=(96, 16), hidden=(6,), iterations=20, seeds=2,
+            workers=1,
         )
 
 
@@ -63,11 +68,7 @@ def train(run: Run, settings: FedSettings) -> dict[str, object]:
     )
     net = Mlp((len(INPUT_SIGNS), *settings.hidden, len(OUTPUT_SIGNS)))
     targets, search = targets_of(samples, unfed), Search(settings.l2, settings.restarts, settings.iterations)
-    fits = [
-        fit(net, targets, search, np.random.default_rng([run.seed, 3, seed]), f"fed film, seed {seed}",
-            run.folder.parent, run.log)
-        for seed in range(settings.seeds)
-    ]  # fmt: skip
+    fits = _fits(run, settings, partial(_fit, net, targets, search, run.folder.parent, run.seed))
     modules = [FedFilm(net.layers(one.theta), unfed) for one in fits]
     best, module = min(zip(fits, modules, strict=True), key=lambda pair: pair[0].score)
     shape = settings.length_over_diameter
@@ -87,6 +88,22 @@ def train(run: Run, settings: FedSettings) -> dict[str, object]:
     card.write(run, report, CARD)
     figures.film(run.folder, judged.state, judged.force, of_module(module)(judged.state)[0], fits)
     return report
+
+
+def _fits(run: Run, settings: FedSettings, one: Callable[[int], Fit]) -> list[Fit]:
+    """The fits of all seeds, side by side; their starts go to the run's metrics."""
+    fits = []
+    with progress_bar("fed film: networks", settings.seeds) as bar:
+        for done, found in enumerate(map_in_order(one, range(settings.seeds), settings.workers), 1):
+            fits.append(found)
+            for row in found.starts:
+                run.log(row)
+            bar(done)
+    return fits
+
+
+def _fit(net: Mlp, targets: Targets, search: Search, folder: Path, run_seed: int, seed: int) -> Fit:
+    return fit(net, targets, search, np.random.default_rng([run_seed, 3, seed]), f"fed film, seed {seed}", folder)
 
 
 def evaluate(path: Path, seed: int, points: int | None, out: Path) -> dict[str, object]:

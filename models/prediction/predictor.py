@@ -7,12 +7,8 @@ ship as ``predictor.json``; judged episodes follow from another seed and see the
 from __future__ import annotations
 
 import math
-import multiprocessing
 import os
 import time
-from collections.abc import Iterable
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import ExitStack
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -33,6 +29,7 @@ from models.prediction.episodes import after_procedure, as_shipped, draw, play
 from models.prediction.hearing import Said, join, listen
 from models.prediction.scores import conformal, report, rival_widths
 from models.runs import Run, Settings, SettingsError, progress_bar
+from models.workers import map_in_order
 from sim_hil.rigs import load_rig
 
 JUDGE_SEED = 1_000_000
@@ -139,14 +136,8 @@ def _chunks(episodes: int) -> list[range]:
 def hear(rig_name: str, seed: int, numbers: range, workers: int) -> dict[str, Said]:
     """What was said in the episodes ``numbers`` of ``seed``, with sensors as built and after the procedure."""
     parts: list[tuple[Said, Said]] = []
-    one = partial(_hear_one, rig_name, seed)
-    with ExitStack() as stack:
-        bar = stack.enter_context(progress_bar(f"episodes from {numbers.start}", len(numbers)))
-        answers: Iterable[tuple[Said, Said]] = map(one, numbers)
-        if workers > 1:
-            context = multiprocessing.get_context("spawn")
-            answers = stack.enter_context(ProcessPoolExecutor(workers, mp_context=context)).map(one, numbers)
-        for done, part in enumerate(answers, 1):
+    with progress_bar(f"episodes from {numbers.start}", len(numbers)) as bar:
+        for done, part in enumerate(map_in_order(partial(_hear_one, rig_name, seed), numbers, workers), 1):
             parts.append(part)
             bar(done)
     return {state: join([part[i] for part in parts]) for i, state in enumerate(STATES)}
