@@ -1,7 +1,7 @@
 import msgspec
 import pytest
 
-from firmware_py.guard.core import GuardCore
+from firmware_py.guard.core import SHIELD_PERIOD_NS, GuardCore
 from firmware_py.records import (
     ArmState,
     Command,
@@ -112,6 +112,18 @@ def test_manual_set_points_are_narrowed_by_the_shield(wish_um: float) -> None:
 
 
 # ------------------------------------------------------------------ what goes out
+
+
+def test_every_command_rests_on_an_interval_of_its_own_cycle() -> None:
+    """With a command period that is none of the shield's."""
+    config = bench()
+    actuator = msgspec.structs.replace(config.actuator, command_period_ms=33)
+    b, commands = Bench(msgspec.structs.replace(config, actuator=actuator)).armed(mode=1), 0
+    for _ in range(1000):
+        if sent([b.cycle()], Command):
+            commands += 1
+            assert b.core._memory.shield_due_ns == b.now_ns + SHIELD_PERIOD_NS
+    assert commands >= 30
 
 
 def test_monitor_mode_sends_heartbeats_but_never_a_command() -> None:
