@@ -34,7 +34,8 @@ from firmware_py.guard.groove import Groove
 from firmware_py.guard.viscosity import ViscosityTable
 
 GRID_M: Final = 1e-6
-WHIRL_GRADE, WHIRL_MEASURED = 0.45, 0.8
+WHIRL_GRADE: Final = 0.45
+WHIRL_MEASURED: Final = 0.8
 """Share of the unbalance that whirl is judged with, where it is known by its grade alone, and where it was measured.
 
 With four fifths of it the rotor of the rig, whose coupling damps it, begins to whirl 1 % beyond the bound at the
