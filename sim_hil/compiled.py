@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+from itertools import chain
 from pathlib import Path
 
 KERNEL_FOLDERS = ("film", "rotor", "sensors")
@@ -26,8 +27,9 @@ def keep_compiled() -> None:
 def _state() -> str:
     """Sizes and modification times of every source from which kernels are made, as one short name."""
     digest = hashlib.sha256()
-    for folder in KERNEL_FOLDERS:
-        for path in sorted((Path(__file__).parent / folder).rglob("*.py")):
-            found = path.stat()
-            digest.update(f"{path.name} {found.st_size} {found.st_mtime_ns}\n".encode())
+    here = Path(__file__).parent
+    folders = [sorted((here / folder).rglob("*.py")) for folder in KERNEL_FOLDERS]
+    for path in [here / "jit.py", *chain.from_iterable(folders)]:
+        found = path.stat()
+        digest.update(f"{path.name} {found.st_size} {found.st_mtime_ns}\n".encode())
     return digest.hexdigest()[:16]

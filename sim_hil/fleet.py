@@ -9,10 +9,10 @@ import math
 from typing import Final
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from sim_hil.film.table_kernel import table_force
+from sim_hil.jit import allocating
 from sim_hil.rigs import read_json
 from sim_hil.rotor.film_law import Law
 from sim_hil.rotor.parameters import Floats
@@ -37,7 +37,7 @@ def records(fields: tuple[str, ...], count: int) -> Records:
     return np.zeros(count, [(name, np.float64) for name in fields])
 
 
-@njit(cache=True)
+@allocating
 def advance_fleet(
     shaft: Records, film: Records, act: Records, law: Law, w: Floats, scalar: Floats, drive: Floats,
     target: Floats, which: Numbers, out: Floats,
@@ -49,7 +49,7 @@ def advance_fleet(
         )
 
 
-@njit(cache=True)
+@allocating
 def _runout(probe: Floats, c1: float, s1: float) -> float:
     """Runout of orders 1 to 3 at the shaft angle of that cosine and sine, m."""
     c2, s2 = c1 * c1 - s1 * s1, 2 * s1 * c1
@@ -60,7 +60,7 @@ def _runout(probe: Floats, c1: float, s1: float) -> float:
     return wobble
 
 
-@njit(cache=True)
+@allocating
 def measure_orbits(out: Floats, probe: Floats, normal: Floats, which: Numbers, orbit: Floats, figures: Floats) -> None:
     """Journals as their probes show them, and the true figures of their step.
 
@@ -102,7 +102,7 @@ def measure_orbits(out: Floats, probe: Floats, normal: Floats, which: Numbers, o
         to[7] = power / n
 
 
-@njit(cache=True)
+@allocating
 def static_loads(table: Floats, rest: Floats, speed: Floats, gap: Floats, mu: Floats, R: float, L: float) -> Floats:
     """Film force, N, of journals resting at ``rest`` (n, 2) in a nominal bearing: a load estimate."""
     load = np.empty(len(rest))

@@ -44,7 +44,7 @@ class PredictorSettings(Settings, frozen=True):
     """What ``orbitd train predictor`` does; every key may stand in the ``--config`` file."""
 
     rig: str = "bench"
-    episodes: int = 2400
+    episodes: int = 4900
     judged_episodes: int = 80
     workers: int = 2
 

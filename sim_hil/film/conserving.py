@@ -9,7 +9,8 @@ solved by the same active set as Reynolds rupture.
 """
 
 import numpy as np
-from numba import njit
+
+from sim_hil.jit import allocating
 
 from .records import Floats
 from .solver import MAX_SWEEPS, eliminate, fold
@@ -18,7 +19,7 @@ from .solver import MAX_SWEEPS, eliminate, fold
 _DRAIN = 1e-12
 
 
-@njit(cache=True)
+@allocating
 def _solve_mixed(
     p: Floats,
     void: Floats,
@@ -80,7 +81,7 @@ def _solve_mixed(
                 void[i, j] = -value if ruptured[i, j] else 0.0
 
 
-@njit(cache=True)
+@allocating
 def solve_conserving(
     p: Floats,
     void: Floats,

@@ -12,7 +12,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
+
+from sim_hil.jit import allocating
 
 from .records import Floats
 
@@ -53,7 +54,7 @@ class DirectFilm:
         )
 
 
-@njit(cache=True, fastmath={"contract"})
+@allocating
 def solve_rings(link: Floats, diagonal: Floats, right: Floats, work: Floats) -> None:
     """Solve cyclic tridiagonal systems side by side; `right` becomes the solutions.
 
@@ -87,7 +88,7 @@ def solve_rings(link: Floats, diagonal: Floats, right: Floats, work: Floats) -> 
             right[i, k] += work[i, k] * right[n - 1, k]
 
 
-@njit(cache=True, fastmath={"contract"})
+@allocating
 def direct_force(
     ring: Floats,
     axial: Floats,
@@ -141,7 +142,7 @@ def direct_force(
     return fx, fy, shear + sense * 0.5 * (ex * fy - ey * fx)
 
 
-@njit(cache=True, fastmath={"contract"})
+@allocating
 def ring_links(ring: Floats, x: float, y: float, gap: float) -> Floats:
     """Conductance of the faces around the ring, shape (theta,)."""
     links: Floats = (1.0 - x * ring[2] - y * ring[3]) ** 3 / gap

@@ -8,7 +8,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+
+from sim_hil.jit import allocating
 
 from .mesh import build_mesh
 from .records import Floats
@@ -46,7 +47,7 @@ class ReynoldsLaw(NamedTuple):
         return cls(ring, mesh.z_gap, mesh.z_width, mesh.z_weight, mesh.fixed, ruptured, table)
 
 
-@njit(cache=True)
+@allocating
 def reynolds_force(
     law: ReynoldsLaw, ex: float, ey: float, vx: float, vy: float, omega: float, c: float, mu: float, R: float,
     L: float, c_rate: float,

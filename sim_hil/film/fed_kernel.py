@@ -18,7 +18,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+
+from sim_hil.jit import inlined, kernel
 
 from .records import Floats
 from .table_kernel import EPS_TABLE, Four, _weights, table_force
@@ -45,14 +46,14 @@ class FedLaw(NamedTuple):
     groove_angle_rad: float
 
 
-@njit(cache=True, inline="always")
+@inlined
 def _place(u: float, cells: int) -> tuple[int, Four]:
     """Cell of a coordinate that counts cells, and the spline weights there."""
     i = min(max(int(u), 0), cells - 1)
     return i, _weights(u - i)
 
 
-@njit(cache=True, fastmath={"contract", "reassoc"}, error_model="numpy")
+@kernel
 def groove_share(groove: Floats, eps: float, alpha: float, gamma: float, tau: float) -> tuple[float, float, float]:
     """(D_r, D_t, D_q) at an eccentricity ratio in [0, EPS_TABLE], angles in [-pi, pi] and tau in [0, 1]."""
     mirror = alpha < 0
@@ -80,7 +81,7 @@ def groove_share(groove: Floats, eps: float, alpha: float, gamma: float, tau: fl
     return radial, -across if mirror else across, flow
 
 
-@njit(cache=True, fastmath={"contract"}, error_model="numpy")
+@kernel
 def fed_force(
     law: FedLaw,
     ex: float,

@@ -9,20 +9,21 @@ with `H = 1 - X cos(theta) - Y sin(theta)` (equation (3) of the paper, the journ
 """
 
 import numpy as np
-from numba import njit
+
+from sim_hil.jit import allocating
 
 from .records import Floats
 
 MAX_SWEEPS = 200
 
 
-@njit(cache=True)
+@allocating
 def fold(i: int, n: int) -> int:
     """Place of ring station i in the order 0, n-1, 1, n-2, ...: neighbours are never more than two apart."""
     return 2 * i if 2 * i < n else 2 * (n - i) - 1
 
 
-@njit(cache=True, fastmath={"contract"})
+@allocating
 def eliminate(band: Floats, rhs: Floats) -> None:
     """Solve a banded M-matrix system in place (no pivoting needed); rhs becomes the solution.
 
@@ -46,19 +47,19 @@ def eliminate(band: Floats, rhs: Floats) -> None:
         rhs[k] = total / band[k, w]
 
 
-@njit(cache=True)
+@allocating
 def around_conductance(film_face: Floats, theta_gap: Floats, z_width: Floats) -> Floats:
     """Conductance of the face between stations i and i + 1, shape (theta, z)."""
     return (film_face**3 / theta_gap).reshape(-1, 1) * z_width.reshape(1, -1)
 
 
-@njit(cache=True)
+@allocating
 def axial_conductance(film: Floats, theta_width: Floats, z_gap: Floats) -> Floats:
     """Conductance of the face between axial nodes j and j + 1, shape (theta, z - 1)."""
     return (film**3 * theta_width).reshape(-1, 1) / z_gap.reshape(1, -1)
 
 
-@njit(cache=True)
+@allocating
 def outflow(p: Floats, i: int, j: int, around: Floats, axial: Floats) -> float:
     """Pressure-driven flow out of the cell of node (i, j)."""
     n, m = p.shape
@@ -71,7 +72,7 @@ def outflow(p: Floats, i: int, j: int, around: Floats, axial: Floats) -> float:
     return flow
 
 
-@njit(cache=True)
+@allocating
 def _solve_filled(
     p: Floats, held: np.ndarray, around: Floats, axial: Floats, supply: Floats, band: Floats, rhs: Floats
 ) -> None:
@@ -106,7 +107,7 @@ def _solve_filled(
             p[i, j] = rhs[fold(i, n) * m + j]
 
 
-@njit(cache=True, nogil=True)
+@allocating
 def solve_pressure(
     p: Floats,
     fixed: np.ndarray,
@@ -165,7 +166,7 @@ def solve_pressure(
     return 0
 
 
-@njit(cache=True)
+@allocating
 def streamer_fill(
     ruptured: np.ndarray,
     film_face: Floats,

@@ -16,7 +16,8 @@ interpolation error.
 import math
 
 import numpy as np
-from numba import njit
+
+from sim_hil.jit import inlined, kernel
 
 from .records import Floats
 
@@ -32,14 +33,14 @@ _1, _2, _3 = np.uint64(1), np.uint64(2), np.uint64(3)  # unsigned: no check for 
 Four = tuple[float, float, float, float]
 
 
-@njit(cache=True, inline="always")
+@inlined
 def _weights(t: float) -> Four:
     """Uniform cubic B-spline weights at t in [0, 1] of a cell."""
     s = 1.0 - t
     return s * s * s / 6, (4 - 3 * t * t * (2 - t)) / 6, (4 - 3 * s * s * (2 - s)) / 6, t * t * t / 6
 
 
-@njit(cache=True, forceinline=True, fastmath={"contract"}, error_model="numpy")
+@inlined
 def _cell(coefficients: Floats, eps: float, gamma: float) -> tuple[np.uint64, np.uint64, Four, Four]:
     """Where to look: cell of an eccentricity ratio in [0, EPS_TABLE] and an angle in [0, pi], and its weights."""
     rows = coefficients.shape[0] - 3
@@ -51,7 +52,7 @@ def _cell(coefficients: Floats, eps: float, gamma: float) -> tuple[np.uint64, np
     return np.uint64(i), np.uint64(j), _weights(u - i), _weights(v - j)
 
 
-@njit(cache=True, forceinline=True, fastmath={"contract"}, error_model="numpy")
+@inlined
 def _line(coefficients: Floats, i: np.uint64, j: np.uint64, weights: Four, column: int) -> float:
     """One value of the table along one of the four lines of a cell."""
     v0, v1, v2, v3 = weights
@@ -61,7 +62,7 @@ def _line(coefficients: Floats, i: np.uint64, j: np.uint64, weights: Four, colum
     return value
 
 
-@njit(cache=True, forceinline=True, fastmath={"contract"}, error_model="numpy")
+@inlined
 def _blend(coefficients: Floats, cell: tuple[np.uint64, np.uint64, Four, Four], column: int) -> float:
     """One value of the table in a cell."""
     i, j, (u0, u1, u2, u3), v = cell
@@ -70,7 +71,7 @@ def _blend(coefficients: Floats, cell: tuple[np.uint64, np.uint64, Four, Four], 
     return value
 
 
-@njit(cache=True, forceinline=True, fastmath={"contract"}, error_model="numpy")
+@inlined
 def lookup(coefficients: Floats, eps: float, gamma: float, ratio: float = 0.0) -> tuple[float, float, float]:
     """Table values (a + a' r, d + d' r, q) at an eccentricity ratio in [0, EPS_TABLE], an angle in [0, pi] and `r`.
 
@@ -84,7 +85,7 @@ def lookup(coefficients: Floats, eps: float, gamma: float, ratio: float = 0.0) -
     return a, d, q
 
 
-@njit(cache=True)
+@kernel
 def contact_force(ex: float, ey: float, omega: float, c: float) -> tuple[float, float, float]:
     """Force of the asperities on a journal past EPS_TABLE (fx, fy), N, and its rubbing part, N.
 
@@ -100,7 +101,7 @@ def contact_force(ex: float, ey: float, omega: float, c: float) -> tuple[float, 
     return (-normal * ex + along * ey) / e, (-normal * ey - along * ex) / e, rub
 
 
-@njit(cache=True)
+@kernel
 def _moving_wall(sx: float, sy: float, ex: float, ey: float, c: float, c_rate: float) -> tuple[float, float, float]:
     """Squeeze velocity against a wall of clearance rate ``c_rate``, and the ratio that is left to first order."""
     squeeze = math.hypot(sx, sy)
@@ -111,7 +112,7 @@ def _moving_wall(sx: float, sy: float, ex: float, ey: float, c: float, c_rate: f
     return sx - shift * ex, sy - shift * ey, math.copysign((1 - wall) * RATE_LIMIT, c_rate)
 
 
-@njit(cache=True, fastmath={"contract", "arcp"}, error_model="numpy")
+@kernel
 def table_force(
     coefficients: Floats,
     ex: float,

@@ -9,7 +9,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
+
+from sim_hil.jit import kernel
 
 from .equilibrium import equilibrium
 from .records import Floats
@@ -59,7 +60,7 @@ def onset_share(table: FilmTable, eccentricity: float, unbalance_share: float) -
     return _WIDEST
 
 
-@njit(cache=True)
+@kernel
 def _orbit(
     coefficients: Floats, viscosity: float, mass: float, load: float, shaking: float, clearance: float, length: float,
     start: Floats,

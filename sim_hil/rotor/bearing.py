@@ -11,9 +11,8 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
 from sim_hil.film.table_kernel import EPS_TABLE
+from sim_hil.jit import inlined
 from sim_hil.rotor.film_law import Forces, Law, film_law
 from sim_hil.rotor.parameters import FLOW, OIL, POWER, PRESSURE, Film, Floats, Oil
 
@@ -21,7 +20,7 @@ LEAST_FED = 0.5
 """Share of the film that draws its oil itself from a feed without pressure."""
 
 
-@njit(cache=True, forceinline=True, error_model="numpy")
+@inlined
 def oil_now(film: Film, scalar: Floats) -> Oil:
     """The oil at its present temperature and supply."""
     fed = 1.0
@@ -33,7 +32,7 @@ def oil_now(film: Film, scalar: Floats) -> Oil:
     return Oil(film.viscosity * law, filled, bears, scalar[PRESSURE])
 
 
-@njit(cache=True, forceinline=True, error_model="numpy")
+@inlined
 def heat_oil(film: Film, scalar: Floats, dt: float) -> None:
     """One-node oil temperature: ``C dT/dt = P - rho c_p (Q_jacket + Q_side) (T - T_inlet)``."""
     carried = film.heat_capacity_per_m3 * (film.jacket_flow + max(0.0, scalar[FLOW]))
@@ -41,14 +40,14 @@ def heat_oil(film: Film, scalar: Floats, dt: float) -> None:
     scalar[OIL] += film.thermal * dt * (scalar[POWER] - carried * flow_C) / film.thermal_capacity
 
 
-@njit(cache=True, forceinline=True)
+@inlined
 def gap(film: Film, ex: float, ey: float, c: float) -> float:
     """Smallest film, m, of a journal at ``(ex, ey)`` from the middle of the unworn bore."""
     y = ey + film.drop
     return c - math.sqrt(ex * ex + y * y)
 
 
-@njit(cache=True, forceinline=True, error_model="numpy")
+@inlined
 def bearing_force(
     law: Law, film: Film, oil: Oil, ex: float, ey: float, vx: float, vy: float, omega: float, c: float, c_rate: float
 ) -> Forces:

@@ -11,13 +11,14 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit, types
+from numba import types
 from numba.extending import overload
 
 from sim_hil.film.direct import DirectFilm, direct_force
 from sim_hil.film.direct_reynolds import ReynoldsLaw, reynolds_force
 from sim_hil.film.fed_kernel import FedLaw, fed_force
 from sim_hil.film.table_kernel import EPS_TABLE, contact_force, lookup, table_force
+from sim_hil.jit import inlined, kernel
 from sim_hil.rotor.network_law import RawNetworkLaw, ReducedNetworkLaw, raw_forces, reduced_forces
 from sim_hil.rotor.parameters import Floats
 
@@ -68,14 +69,14 @@ class LinearLaw(NamedTuple):
 Law = Floats | FedLaw | DirectLaw | ReynoldsLaw | LinearLaw | ReducedNetworkLaw | RawNetworkLaw
 
 
-@njit(cache=True)
+@kernel
 def _held_inside(ex: float, ey: float, c: float) -> tuple[float, float]:
     """The eccentricity, not beyond EPS_TABLE."""
     share = EPS_TABLE * c / max(math.hypot(ex, ey), EPS_TABLE * c)
     return ex * share, ey * share
 
 
-@njit(cache=True)
+@kernel
 def _direct(
     law: DirectLaw, ex: float, ey: float, vx: float, vy: float, omega: float, c: float, mu: float, R: float,
     L: float, c_rate: float,
@@ -86,7 +87,7 @@ def _direct(
     return forces
 
 
-@njit(cache=True)
+@kernel
 def _reynolds(
     law: ReynoldsLaw, ex: float, ey: float, vx: float, vy: float, omega: float, c: float, mu: float, R: float,
     L: float, c_rate: float,
@@ -97,7 +98,7 @@ def _reynolds(
     return forces
 
 
-@njit(cache=True)
+@kernel
 def _touching(
     table: Floats, film: tuple[float, float, float], ex: float, ey: float, vx: float, vy: float, omega: float,
     c: float, R: float,
@@ -112,7 +113,7 @@ def _touching(
     return film[0] + contact_x, film[1] + contact_y, film[2] + rub * R, flow
 
 
-@njit(cache=True)
+@kernel
 def _linear(
     law: LinearLaw, ex: float, ey: float, vx: float, vy: float, omega: float, c: float, mu: float, R: float,
     L: float, c_rate: float,
@@ -126,7 +127,7 @@ def _linear(
     return fx, fy, shear + sense * 0.5 * (ex * fy - ey * fx), 0.0
 
 
-@njit(cache=True, forceinline=True)
+@inlined
 def _tabulated(
     law: Floats, ex: float, ey: float, vx: float, vy: float, omega: float, c: float, mu: float, R: float,
     L: float, c_rate: float,
@@ -135,7 +136,7 @@ def _tabulated(
     return forces
 
 
-@njit(cache=True)
+@kernel
 def _fed(
     law: FedLaw, ex: float, ey: float, vx: float, vy: float, omega: float, c: float, mu: float, R: float, L: float,
     c_rate: float, supply_Pa: float,

@@ -15,8 +15,7 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
+from sim_hil.jit import inlined, kernel
 from sim_hil.rotor.bearing import bearing_force, gap
 from sim_hil.rotor.film_law import Forces, Law
 from sim_hil.rotor.kernel import relative
@@ -30,7 +29,7 @@ _TURNED_SHARE = 0.5
 _CROSSED_SHARE = 0.5
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def film_slopes(
     law: Law, film: Film, oil: Oil, f0: Forces, ex: float, ey: float, vx: float, vy: float, omega: float, c: float,
     c_rate: float,
@@ -48,20 +47,20 @@ def film_slopes(
     )  # fmt: skip
 
 
-@njit(cache=True, forceinline=True)
+@inlined
 def crossing(film: float, wx: float, wy: float, c: float, dt: float) -> bool:
     """Whether the journal is near contact, or crosses its smallest ``film`` within a step."""
     return film <= NEAR_CONTACT * c or math.sqrt(wx * wx + wy * wy) * dt >= _CROSSED_SHARE * film
 
 
-@njit(cache=True, forceinline=True)
+@inlined
 def turned(sx: float, sy: float, held_x: float, held_y: float) -> bool:
     """Whether the squeeze velocity is no longer the one of the held slopes."""
     dx, dy = sx - held_x, sy - held_y
     return dx * dx + dy * dy >= _TURNED_SHARE * _TURNED_SHARE * (held_x * held_x + held_y * held_y)
 
 
-@njit(cache=True)
+@inlined
 def film_reaction(
     plant: Plant, st: State, law: Law, renew: bool, omega: float, c: float, c_rate: float, oil: Oil, dt: float
 ) -> Six:

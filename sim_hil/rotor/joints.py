@@ -14,12 +14,11 @@ looseness after Goldman and Muszynska (J. Eng. Gas Turbines Power 113, 1991); Je
 
 from __future__ import annotations
 
-from numba import njit
-
+from sim_hil.jit import inlined
 from sim_hil.rotor.parameters import Floats, Foot
 
 
-@njit(cache=True)
+@inlined
 def normal_force(lift: float, stiffness: float, clamp: float, gap: float, bolt_stiffness: float) -> float:
     """Force on the body, N, for a lift in m (see the module)."""
     opening = lift - clamp / stiffness
@@ -28,7 +27,7 @@ def normal_force(lift: float, stiffness: float, clamp: float, gap: float, bolt_s
     return -clamp - bolt_stiffness * max(0.0, opening - gap)
 
 
-@njit(cache=True)
+@inlined
 def foot_forces(
     foot: Foot, x: float, y: float, roll: float, vx: float, vy: float, v_roll: float, slip: Floats, first: int
 ) -> tuple[float, float, float]:

@@ -18,8 +18,7 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
+from sim_hil.jit import inlined
 from sim_hil.rotor.bearing import bearing_force
 from sim_hil.rotor.film_law import Law
 from sim_hil.rotor.joints import foot_forces
@@ -47,14 +46,14 @@ GRAVITY = 9.81
 _MEAN_RATE = 10.0
 
 
-@njit(cache=True)
+@inlined
 def relative(plant: Plant, z: Floats) -> tuple[float, float]:
     """Journal minus housing at the bearing, for positions or velocities ``z``."""
     b, height = plant.shaft.to_bearing, plant.pedestal.axis_height
     return z[0] + b * z[2] - (z[4] - height * z[6]), z[1] + b * z[3] - z[5]
 
 
-@njit(cache=True, forceinline=True, error_model="numpy")
+@inlined
 def move_actuator(act: Act, scalar: Floats, clearance: float, pressure: float, dt: float) -> float:
     """Rate limit, first-order lag, backlash; returns the rate of change of the clearance, m/s."""
     step = min(max(clearance - scalar[DEMAND], -act.rate * dt), act.rate * dt)
@@ -69,7 +68,7 @@ def move_actuator(act: Act, scalar: Floats, clearance: float, pressure: float, d
     return rate
 
 
-@njit(cache=True)
+@inlined
 def coupling_force(plant: Plant, q: Floats, v: Floats, angle: float, omega: float) -> tuple[float, float]:
     """On the rotor's coupling end: linear spring and damper, alignment preload, misalignment, tooth force."""
     s, e = plant.shaft, plant.excite
@@ -88,7 +87,7 @@ def coupling_force(plant: Plant, q: Floats, v: Floats, angle: float, omega: floa
     return fx, fy
 
 
-@njit(cache=True)
+@inlined
 def accelerate_feet(plant: Plant, st: State, film_x: float, film_y: float, ambient: Floats) -> None:
     """Pedestal accelerations into ``st.a[4:7]``: feet, film reaction at the axis, ambient force."""
     q, v, ped = st.q, st.v, plant.pedestal
@@ -98,7 +97,7 @@ def accelerate_feet(plant: Plant, st: State, film_x: float, film_y: float, ambie
     st.a[6] = (moment + ped.axis_height * film_x) / ped.inertia
 
 
-@njit(cache=True)
+@inlined
 def accelerate_motor(
     plant: Plant, st: State, coupling_x: float, coupling_y: float, omega: float, ambient: Floats
 ) -> None:
@@ -114,7 +113,7 @@ def accelerate_motor(
     st.a[9] = (moment - motor.axis_height * push) / motor.inertia
 
 
-@njit(cache=True)
+@inlined
 def join_film(plant: Plant, a: Floats, reaction: Six, dt: float) -> tuple[float, float]:
     """What the film force changes by during the step, ``dF = dt G a + r``, N, added to the accelerations."""
     s, pedestal = plant.shaft, plant.pedestal
@@ -140,7 +139,7 @@ def join_film(plant: Plant, a: Floats, reaction: Six, dt: float) -> tuple[float,
     return dfx, dfy
 
 
-@njit(cache=True)
+@inlined
 def substep(
     plant: Plant, st: State, law: Law, reaction: Six, omega: float, alpha: float, load: float, c: float,
     c_rate: float, oil: Oil, ambient: Floats, dt: float,

@@ -9,10 +9,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from sim_hil.film.table_kernel import EPS_TABLE, contact_force
+from sim_hil.jit import kernel
 from sim_hil.rotor.parameters import Floats
 
 GAUSS_NODES = 40
@@ -35,7 +35,7 @@ class Perceptron(NamedTuple):
         return cls(np.ascontiguousarray(theta), np.array(sizes, np.int64), np.zeros((2, max(sizes))))
 
 
-@njit(cache=True)
+@kernel
 def propagate(net: Perceptron) -> int:
     """Forward pass of the inputs in `net.work[0]`; returns the row of `net.work` that holds the outputs."""
     row, start = 0, 0
@@ -55,7 +55,7 @@ def propagate(net: Perceptron) -> int:
     return row
 
 
-@njit(cache=True)
+@kernel
 def _friction(
     ex: float, ey: float, fx: float, fy: float, omega: float, c: float, mu: float, R: float, L: float
 ) -> float:
@@ -64,7 +64,7 @@ def _friction(
     return shear + (-0.5 if omega < 0 else 0.5) * (ex * fy - ey * fx)
 
 
-@njit(cache=True)
+@kernel
 def reduced_forces(
     law: ReducedNetworkLaw, ex: float, ey: float, vx: float, vy: float, omega: float, c: float, mu: float, R: float,
     L: float, c_rate: float,
@@ -96,7 +96,7 @@ def reduced_forces(
     return fx + contact_x, fy + contact_y, torque + rub * R, flow
 
 
-@njit(cache=True)
+@kernel
 def raw_forces(
     law: RawNetworkLaw, ex: float, ey: float, vx: float, vy: float, omega: float, c: float, mu: float, R: float,
     L: float, c_rate: float,

@@ -19,6 +19,7 @@ import math
 
 from numba import njit, prange
 
+from sim_hil.jit import inlined, kernel
 from sim_hil.rotor.bearing import bearing_force, gap, heat_oil, oil_now
 from sim_hil.rotor.film_law import Forces, Law, is_fed
 from sim_hil.rotor.film_step import crossing, film_slopes, turned
@@ -50,27 +51,27 @@ COLUMNS = (
 """Columns of the output: journal at the bearing; smallest film, mean power and side flow since the row before."""
 
 
-@njit(cache=True, forceinline=True, fastmath={"contract", "arcp"}, error_model="numpy")
+@inlined
 def journal(shaft: Shaft, w: Eight) -> Four:
     """Place and velocity of the journal at the bearing: x, y, m, and their rates."""
     b = shaft.to_bearing
     return w[0] + b * w[2], w[1] + b * w[3], w[4] + b * w[6], w[5] + b * w[7]
 
 
-@njit(cache=True, forceinline=True)
+@inlined
 def squeeze(shaft: Shaft, w: Eight, omega: float) -> Two:
     """Effective squeeze velocity of the film, m/s."""
     ex, ey, vx, vy = journal(shaft, w)
     return vx + 0.5 * omega * ey, vy - 0.5 * omega * ex
 
 
-@njit(cache=True, forceinline=True)
+@inlined
 def direction(shaft: Shaft, angle: float) -> Two:
     """Cosine and sine of the unbalance's angle."""
     return math.cos(angle + shaft.unbalance_angle), math.sin(angle + shaft.unbalance_angle)
 
 
-@njit(cache=True, forceinline=True, fastmath={"contract", "arcp"}, error_model="numpy")
+@inlined
 def rates(shaft: Shaft, force: Forces, w: Eight, heavy: Two, omega: float, alpha: float, load: float) -> Eight:
     """Rates of change of ``w``: the coordinates (x, y, A, B) and their rates.
 
@@ -92,7 +93,7 @@ def rates(shaft: Shaft, force: Forces, w: Eight, heavy: Two, omega: float, alpha
     )  # fmt: skip
 
 
-@njit(cache=True, forceinline=True, fastmath={"contract", "arcp"}, error_model="numpy")
+@inlined
 def solve_stage(shaft: Shaft, slopes: Eight, reach: float, move: Eight) -> Eight:
     """Solve `(I - reach J) k = move` for positions and rates, with the film as the only J."""
     b = shaft.to_bearing
@@ -113,7 +114,7 @@ def solve_stage(shaft: Shaft, slopes: Eight, reach: float, move: Eight) -> Eight
     return m0 + reach * k4, m1 + reach * k5, m2 + reach * k6, m3 + reach * k7, k4, k5, k6, k7
 
 
-@njit(cache=True, forceinline=True, fastmath={"contract"})
+@inlined
 def mixed(p: float, a: Eight, q: float, b: Eight) -> Eight:
     """`p a + q b`."""
     return (
@@ -122,7 +123,7 @@ def mixed(p: float, a: Eight, q: float, b: Eight) -> Eight:
     )  # fmt: skip
 
 
-@njit(cache=True, forceinline=True, fastmath={"contract"})
+@inlined
 def step(
     shaft: Shaft, film: Film, law: Law, oil: Oil, slopes: Eight, rough: bool, force: Forces, w: Eight, heavy: Two,
     ahead: Two, omega: float, alpha: float, load: float, c: float, c_rate: float, dt: float,
@@ -149,7 +150,7 @@ def step(
     return after
 
 
-@njit(cache=True, fastmath={"contract"}, error_model="numpy")
+@kernel
 def advance_rotor(
     shaft: Shaft, film: Film, act: Act, law: Law, w: Floats, scalar: Floats, drive: Floats, target: Floats,
     period: float, substeps: int, renew: int, out: Floats,

@@ -14,15 +14,14 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
+from sim_hil.jit import inlined
 from sim_hil.rotor.parameters import Excite
 
 _SLIDING_M_S = 1e-3
 """Friction is full well above this speed, and passes smoothly through zero below."""
 
 
-@njit(cache=True)
+@inlined
 def rub_force(
     excite: Excite, dx: float, dy: float, vx: float, vy: float, surface: float
 ) -> tuple[float, float, float]:

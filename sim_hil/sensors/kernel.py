@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
+from sim_hil.jit import inlined, kernel
 from sim_hil.rotor.bearing import bearing_force, gap, heat_oil, oil_now
 from sim_hil.rotor.film_law import Law
 from sim_hil.rotor.film_step import film_reaction
@@ -40,7 +39,7 @@ _PUMP_TEETH_RAD_S = 2 * math.pi * 225.0
 _PUMP_RIPPLE = 0.01
 
 
-@njit(cache=True)
+@inlined
 def contact_voltage(min_film: float, roughness: float) -> float:
     """Voltage over the film: its resistance (proportional to the minimum film) beside asperity contacts.
 
@@ -57,7 +56,7 @@ def contact_voltage(min_film: float, roughness: float) -> float:
     return CIRCUIT_V * parallel / (parallel + CIRCUIT_OHM)
 
 
-@njit(cache=True)
+@inlined
 def housing_mode(pickup: Pickup, mode: Floats, i: int, base: float, dt: float) -> float:
     """Acceleration at sensor ``i``: that of its base plus a share of a local housing mode (ringing)."""
     w = pickup.mode_rad_s[i]
@@ -68,7 +67,7 @@ def housing_mode(pickup: Pickup, mode: Floats, i: int, base: float, dt: float) -
     return signal
 
 
-@njit(cache=True)
+@inlined
 def sense(plant: Plant, st: State, c: float, dt: float) -> None:
     """Signals of this instant through the sensor lags into the anti-alias history."""
     p, q, v, a, scalar = plant.pickup, st.q, st.v, st.a, st.scalar
@@ -100,7 +99,7 @@ def sense(plant: Plant, st: State, c: float, dt: float) -> None:
     scalar[RING] = (at + 1) % taps
 
 
-@njit(cache=True, fastmath={"contract"})
+@inlined
 def filtered(ring: Floats, start: int, taps: Floats, out: Floats) -> None:
     """Anti-alias filter: the last ``len(taps)`` instants of each channel against the impulse response."""
     out[:] = 0.0
@@ -109,7 +108,7 @@ def filtered(ring: Floats, start: int, taps: Floats, out: Floats) -> None:
             out[channel] += taps[k] * ring[start + k, channel]
 
 
-@njit(cache=True)
+@kernel
 def advance(
     plant: Plant, st: State, law: Law, taps: Floats, drive: Floats, target: Floats, ambient: Floats,
     period: float, substeps: int, kept: int, signals: Floats, truth: Floats, marks: Floats,
@@ -160,7 +159,7 @@ def advance(
         _write_truth(plant, st, law, drive[n + 1], c, oil, truth[n])
 
 
-@njit(cache=True)
+@inlined
 def _write_truth(
     plant: Plant, st: State, law: Law, drive: Floats, c: float, oil: Oil, row: Floats
 ) -> None:
