@@ -12,6 +12,9 @@ from typing import Final
 REFERENCE_CALLS: Final = 2000
 SPEEDS_RPM: Final = (3000, 10000)
 ORBIT_ERROR: Final = 5e-3
+RIG_SECONDS: Final = 0.5
+RIG_FACTOR: Final = 30.0
+"""Own bar: the whole rig, with its eight sensors, so many times faster than real time."""
 HIL_SECONDS: Final = 10.0
 HIL_MISSED: Final = 0.01
 HIL_CPU: Final = 0.5
@@ -43,7 +46,7 @@ def main(argv: list[str]) -> int:
     parser.add_argument("--quick", action="store_true", help="without many rotors, HIL loop and start times")
     parser.add_argument("--json", action="store_true", help="for programs")
     options = parser.parse_args(argv)
-    figures = [*film_figures(), *rotor_figures()]
+    figures = [*film_figures(), *rotor_figures(), *rig_figures()]
     if not options.quick:
         figures += [*many_figures(), *hil_figures(), *start_figures()]
     missed = [figure.name for figure in figures if figure.passed is False]
@@ -80,6 +83,17 @@ def rotor_figures() -> Iterator[Figure]:
             yield Figure(f"{case} real-time factor", seconds / timing.seconds, "x", wanted, True)
             yield Figure(f"{case} simulated second over reference", timing.ratio / seconds, "")
             yield Figure(f"{case} orbit error", one.error(), "of the orbit", ORBIT_ERROR)
+
+
+def rig_figures() -> Iterator[Figure]:
+    """The machine with pedestal, motor, joints and sensors: what recordings and the HIL loop cost."""
+    from sim_hil.bench.film import repeat_of_reference
+    from sim_hil.bench.rotors import whole_rig
+    from sim_hil.bench.timing import beside
+
+    timing = beside(repeat_of_reference(REFERENCE_CALLS), whole_rig(RIG_SECONDS), (REFERENCE_CALLS, 1))
+    yield Figure("whole rig, 5 kHz: real-time factor", RIG_SECONDS / timing.seconds, "x", RIG_FACTOR, True)
+    yield Figure("whole rig, 5 kHz: simulated second over reference", timing.ratio / RIG_SECONDS, "")
 
 
 def many_figures() -> Iterator[Figure]:

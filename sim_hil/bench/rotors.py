@@ -19,6 +19,7 @@ from sim_hil.duty import RAD_S_PER_RPM, Duty
 from sim_hil.film.table import FilmTable
 from sim_hil.fleet import STEP_S as FLEET_STEP_S
 from sim_hil.fleet import advance_fleet, records
+from sim_hil.machine import Batch, Machine
 from sim_hil.response import equilibrium_at
 from sim_hil.rigs import RigData, load_rig
 from sim_hil.rotor.assembly import assemble
@@ -29,6 +30,7 @@ from sim_hil.vector_environment import RotorVectorEnv
 
 LOAD_N: Final = 100.0
 CLEARANCE_M: Final = 60e-6
+RPM: Final = 6000.0
 STEP_S: Final = 100e-6
 RENEW: Final = 8
 """A turn at 10000 rpm is cut into 60 steps; the film's slopes are renewed every eighth."""
@@ -92,6 +94,14 @@ def orbit(force: str, rpm: float) -> Orbit:
     law = DirectLaw.make(table) if force == "direct" else table
     start = equilibrium_at(rig, plant, rpm * RAD_S_PER_RPM, LOAD_N, CLEARANCE_M)
     return Orbit(plant, law, start.position_m, rpm * RAD_S_PER_RPM)
+
+
+def whole_rig(seconds: float) -> Callable[[], Batch]:
+    """A call that runs the machine of the rig `bench` for `seconds`, with sensors at 5 kHz."""
+    rig = _bench()
+    machine = Machine(rig, Build.nominal(rig), seed=0)
+    drive = np.tile([RPM * RAD_S_PER_RPM, LOAD_N], (round(seconds / machine.period_s) + 1, 1))
+    return lambda: machine.advance(drive, CLEARANCE_M, rig.supply.nominal_Pa)
 
 
 def fleet(count: int, seconds: float) -> Callable[[int], None]:
