@@ -106,6 +106,8 @@ def report(said: Said, factors: Factors, widths: dict[str, Floats], rng: np.rand
         "min_film_error_um_p95": {r: _figure(np.quantile(film_um[w], 0.95)) for r, w in _groups(said)},
         "virtual_sensors": _sensors(said),
         "coverage": {r: {q: _share(inside[w, k]) for k, q in enumerate(QUANTITIES)} for r, w in _groups(said)},
+        "coverage_of_regime": {r: _share(inside[w]) for r, w in _groups(said)},
+        "coverage_of_regime_worst_points_off": _figure(_worst(inside.mean(axis=1, keepdims=True), said.regime)),
         "coverage_worst_points_off": _figure(_worst(inside, said.regime)),
         "coverage_worst_points_off_by_chance": _by_chance(inside, said, rng),
         "interval_score": _scores(said, winkler(low, high, said.true), widths, rng),
@@ -114,8 +116,8 @@ def report(said: Said, factors: Factors, widths: dict[str, Floats], rng: np.rand
     }
 
 
-def _worst(inside: NDArray[np.bool_], regime: NDArray[np.str_]) -> float:
-    """Furthest coverage from nominal, in points, of all regimes and quantities."""
+def _worst(inside: NDArray[np.bool_] | Floats, regime: NDArray[np.str_]) -> float:
+    """Furthest coverage from nominal, in points, of all regimes and columns."""
     return max(float(np.abs(100.0 * inside[regime == r].mean(axis=0) - 100.0 * NOMINAL).max()) for r in set(regime))
 
 

@@ -148,6 +148,8 @@ def test_report_names_who_is_beaten():
     assert score["predictor"] < score["persistence"]
     assert set(found["coverage"]) == {"all", *REGIMES}
     assert set(found["coverage"]["all"]) == set(QUANTITIES)
+    for regime, share in found["coverage_of_regime"].items():
+        assert share == pytest.approx(np.mean(list(found["coverage"][regime].values())), abs=1e-4)
     json.dumps(found, allow_nan=False)
 
 
