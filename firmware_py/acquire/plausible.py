@@ -7,6 +7,7 @@ diagnosis: a changed gain, a slow drift inside the clearance.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -27,12 +28,14 @@ MAINS_ORDER_GAP: Final = 0.08
 """The mains is told from the shaft where no multiple of half its speed comes nearer than this (in orders)."""
 MAINS_SI: Final = (1e-6, 1e-6, 0.7, 0.7, 0.7, 0.07, 0.03, 0.006)
 """Amplitudes of a mains line, about 0.4 % of the channels' ranges: m, m/s2, Pa, bar, V."""
-MEAN_SI: Final = {2: 2.0, 3: 2.0, 4: 2.0, 5: 0.3}
+MEAN_SI: Final = (np.inf, np.inf, 2.0, 2.0, 2.0, 0.3, np.inf, np.inf)
 """Means that accelerometers (m/s2) and microphone (Pa) cannot have."""
 _CONTACT: Final = 7
 
 Counts = NDArray[np.int16]
+Integers = NDArray[np.int32]
 Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 
 def plausible(counts: Counts, scale: Floats, offset: Floats, rate_hz: float, marks: Floats) -> int:
@@ -47,49 +50,55 @@ def plausible(counts: Counts, scale: Floats, offset: Floats, rate_hz: float, mar
     marks
         Positions of the once-per-turn marks in samples.
     """
-    ill = dropping_out(counts) | flat(counts) | impossible_mean(counts, scale, offset)
-    ill |= mains(counts, scale, rate_hz, marks)
+    by_channel = np.ascontiguousarray(counts.T).astype(np.int32)
+    low, high, mean = by_channel.min(axis=1), by_channel.max(axis=1), by_channel.mean(axis=1)
+    ill = dropping_out(by_channel) | flat(by_channel, low, high)
+    ill |= np.abs(mean * scale + offset) > MEAN_SI
+    ill |= mains(by_channel - mean[:, None], scale, rate_hz, marks)
     return int(sum(1 << i for i in range(N_CHANNELS) if not ill[i]))
 
 
-def dropping_out(counts: Counts) -> NDArray[np.bool_]:
+def dropping_out(counts: Integers) -> Flags:
     """Zeros where the signal was on one side, and far more often than the counts beside zero, (8,): a loose plug."""
-    value = counts.astype(np.int32)
-    before, after = value[:-2], value[2:]
-    torn = (value[1:-1] == 0) & (np.minimum(np.abs(before), np.abs(after)) > _BESIDE) & (before * after > 0)
-    size = np.abs(value)
-    beside = ((size > 0) & (size <= _BESIDE)).sum(axis=0) / (2.0 * _BESIDE)
-    return np.asarray((torn.sum(axis=0) > TORN_SHARE * len(counts))
-                      & ((size == 0).sum(axis=0) > ZEROS_OVER_BESIDE * beside))
+    torn = np.zeros(N_CHANNELS, dtype=np.bool_)
+    least = TORN_SHARE * counts.shape[1]
+    for i in np.flatnonzero(np.count_nonzero(counts == 0, axis=1) > least).tolist():
+        value = counts[i]
+        size = np.abs(value)
+        lone = (size[1:-1] == 0) & (np.minimum(size[:-2], size[2:]) > _BESIDE)
+        lone &= (value[:-2] > 0) == (value[2:] > 0)
+        zeros, near = np.count_nonzero(size == 0), np.count_nonzero(size <= _BESIDE)
+        beside = (near - zeros) / (2.0 * _BESIDE)
+        torn[i] = np.count_nonzero(lone) > least and zeros > ZEROS_OVER_BESIDE * beside
+    return torn
 
 
-def flat(counts: Counts) -> NDArray[np.bool_]:
+def flat(counts: Integers, low: Integers, high: Integers) -> Flags:
     """Many samples at one extreme, shape (8,): a clipping amplifier; the contact channel may rest at its supply."""
-    top, bottom = counts == counts.max(axis=0), counts == counts.min(axis=0)
-    many = np.maximum(top.sum(axis=0), bottom.sum(axis=0)) > FLAT_SHARE * len(counts)
-    many &= np.ptp(counts.astype(np.int32), axis=0) > FLAT_LEAST
+    at_low, at_high = (np.count_nonzero(counts == end[:, None], axis=1) for end in (low, high))
+    many = (np.maximum(at_low, at_high) > FLAT_SHARE * counts.shape[1]) & (high - low > FLAT_LEAST)
     many[_CONTACT] = False
     return np.asarray(many)
 
 
-def impossible_mean(counts: Counts, scale: Floats, offset: Floats) -> NDArray[np.bool_]:
-    """A mean acceleration or sound pressure, shape (8,)."""
-    mean = np.abs(counts.mean(axis=0) * scale + offset)
-    return np.array([mean[i] > MEAN_SI.get(i, np.inf) for i in range(N_CHANNELS)])
-
-
-def mains(counts: Counts, scale: Floats, rate_hz: float, marks: Floats) -> NDArray[np.bool_]:
-    """A line of the mains, shape (8,), where the shaft cannot have made it."""
+def mains(swing: Floats, scale: Floats, rate_hz: float, marks: Floats) -> Flags:
+    """A line of the mains, shape (8,), in counts without their mean (8, n), where the shaft cannot have made it."""
     found = np.zeros(N_CHANNELS, dtype=np.bool_)
     if len(marks) < 2:
         return found
     turns_hz = rate_hz / np.diff(marks)
-    n = len(counts)
-    weight = np.hanning(n) / (0.5 * n)
+    n = swing.shape[1]
+    weighted = swing * (np.hanning(n) / (0.5 * n))
     for line_hz in MAINS_HZ:
         halves = 2.0 * line_hz / np.array([turns_hz.max(), turns_hz.min()])
         if np.floor(halves[1] + 2 * MAINS_ORDER_GAP) >= np.ceil(halves[0] - 2 * MAINS_ORDER_GAP):
             continue
-        phasor = weight * np.exp(-2j * np.pi * line_hz / rate_hz * np.arange(n))
-        found |= np.abs(phasor @ (counts - counts.mean(axis=0))) * scale > MAINS_SI
+        found |= np.hypot(*(weighted @ _turning(line_hz / rate_hz, 1 << n.bit_length())[:n]).T) * scale > MAINS_SI
     return found
+
+
+@lru_cache(maxsize=16)
+def _turning(turns_per_sample: float, n: int) -> Floats:
+    """Cosine and sine of a line over ``n`` samples, shape (n, 2)."""
+    angle = 2.0 * np.pi * turns_per_sample * np.arange(n)
+    return np.column_stack([np.cos(angle), np.sin(angle)])
