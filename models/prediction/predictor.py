@@ -34,6 +34,11 @@ from sim_hil.rigs import load_rig
 
 JUDGE_SEED = 1_000_000
 """Added to the seed of judged episodes, so that no training sees them."""
+EVALUATED = 900
+"""Episodes of an evaluation (5 min on 2 cores).
+
+With factors from 2400 others the coverage of each of the four regimes, all quantities together, was within 3 points of
+nominal in 65 of 100 draws of 300 episodes, in 92 of 600 and in 97 of 1200."""
 CHUNK = 240
 """Episodes between two checkpoints."""
 STATES = ("as_built", "zeroed")
@@ -102,9 +107,9 @@ def judge(fitted: Fitted, rig_name: str, seed: int, heard: dict[str, Said]) -> d
 
 
 def evaluate(path: Path, seed: int, size: int | None, out: Path) -> dict[str, object]:
-    """``orbitd evaluate predictor``: the file at ``path`` on ``size`` (300) episodes, every core; keeps nothing."""
+    """``orbitd evaluate predictor``: the file at ``path`` on ``size`` episodes, every core; keeps nothing."""
     rig_name = PredictorSettings().rig
-    return judge(of_file(path), rig_name, seed, _unseen(rig_name, seed, size or 300))
+    return judge(of_file(path), rig_name, seed, _unseen(rig_name, seed, size or EVALUATED))
 
 
 @cache
