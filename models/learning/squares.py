@@ -14,8 +14,8 @@ from models.learning.network import Mlp
 
 Floats = NDArray[np.float64]
 
-_ROWS = 1024
-"""Samples at a time: their Jacobian stays in the cache."""
+_ROWS = 256
+"""Samples at a time: of 1024 the fed film's Jacobian is 25 MB and a pass takes a fifth longer, of 64 as well."""
 
 
 @dataclass(frozen=True)
