@@ -49,7 +49,7 @@ class PredictorSettings(Settings, frozen=True):
     """What ``orbitd train predictor`` does; every key may stand in the ``--config`` file."""
 
     rig: str = "bench"
-    episodes: int = 4080
+    episodes: int = 2400
     judged_episodes: int = 80
     workers: int = 2
 
