@@ -81,6 +81,8 @@ def qualify(kind: str, path: Path, evaluate: Evaluate, *, ship: bool, artifacts:
             bars: Bars | None = None) -> dict[str, object]:
     """Judge ``path``, write its status into it, and with ``ship`` put it in the place of the shipped model.
 
+    A file that carries this verdict already stays byte for byte as it is: timings alone renew nothing.
+
     Raises
     ------
     QualifyError
@@ -95,7 +97,9 @@ def qualify(kind: str, path: Path, evaluate: Evaluate, *, ship: bool, artifacts:
     if ship and shipped.is_file() and shipped.resolve() != path.resolve() and _alike(path, shipped):
         _check_not_worse(path, bars, report, evaluate(shipped, bars.seed, bars.size))
     verdict = {"qualified": qualified, "seed": bars.seed, "size": bars.size, "bars": [asdict(row) for row in rows]}
-    _mark(path, "qualified" if qualified else "provisional", verdict)
+    status = "qualified" if qualified else "provisional"
+    if not _carries(path, status, verdict):
+        _mark(path, status, verdict)
     if ship:
         _replace(path, artifacts)
     if ship or path.resolve() == shipped.resolve():
@@ -158,6 +162,19 @@ def _check_not_worse(path: Path, bars: Bars, report: Mapping[str, Any], shipped:
     if keeps == kept and old is not None and (new > old if good == "least" else new < old):
         raise QualifyError(f"{path}: {figure_name} = {new:g}, the shipped model reaches {old:g} on the same "
                            "evaluation: it stays; nothing was changed")
+
+
+def _carries(path: Path, status: str, verdict: Mapping[str, Any]) -> bool:
+    """Whether the file and its report say all of this already, but for how long a call took."""
+    report = path.with_suffix(".json")
+    told = json.loads(report.read_text(encoding="utf-8")).get("frozen_evaluation") if report.is_file() else None
+    return metadata(path).get("status") == status and told is not None and _untimed(told) == _untimed(verdict)
+
+
+def _untimed(verdict: Mapping[str, Any]) -> dict[str, object]:
+    """``verdict`` without what was reached in milliseconds."""
+    bars = [bar | {"reached": None} if bar["figure"].startswith("milliseconds") else bar for bar in verdict["bars"]]
+    return {**verdict, "bars": bars}
 
 
 def _mark(path: Path, status: str, verdict: Mapping[str, object]) -> None:

@@ -55,6 +55,27 @@ def test_the_verdict_goes_into_report_card_and_manifest(tmp_path):
     assert listed["sha256"] == hashlib.sha256(path.read_bytes()).hexdigest()
 
 
+def test_a_verdict_that_stands_already_leaves_every_byte_alone(tmp_path):
+    path, took = model(tmp_path / "actor.onnx", 0.5), iter((0.2, 0.3, 0.3))
+    path.with_suffix(".json").write_text("{}")
+    path.with_suffix(".md").write_text("# Actor\n\nStatus: **provisional**.\n")
+    timed = Bars(7, 3, BARS.better, [*BARS.bar, Bar("milliseconds_per_call", most=1.0)])
+
+    def judged(file, seed, size, error=0.0):
+        report = evaluate(file, seed, size)
+        return report | {"milliseconds_per_call": next(took), "error": report["error"] + error}
+
+    def files():
+        return {p.name: p.read_bytes() for p in tmp_path.iterdir()}
+
+    qualify("actor", path, judged, ship=False, artifacts=tmp_path, bars=timed)
+    first = files()
+    qualify("actor", path, judged, ship=False, artifacts=tmp_path, bars=timed)
+    assert files() == first  # another latency, the same verdict
+    qualify("actor", path, lambda *a: judged(*a, error=0.1), ship=False, artifacts=tmp_path, bars=timed)
+    assert files()["actor.json"] != first["actor.json"]  # the same bars hold, by another figure
+
+
 def test_a_shipped_model_of_another_physics_is_replaced_without_comparing(tmp_path):
     model(tmp_path / "artifacts" / "actor.onnx", 0.1, physics="0")
     newer = model(tmp_path / "new" / "actor.onnx", 0.5)
