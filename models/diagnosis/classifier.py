@@ -164,7 +164,7 @@ def evaluate(path: Path, seed: int, size: int | None, out: Path, rate_hz: int = 
     settings = JudgeSettings(rate_hz=rate_hz)
     if size is not None:
         settings = msgspec.structs.replace(
-            settings, builds=size, unknown_builds=max(4, 3 * size), watched_builds=45 * size, held_builds=max(2, size),
+            settings, builds=size, unknown_builds=max(4, 9 * size), watched_builds=45 * size, held_builds=max(2, size),
             commissioned_builds=max(4, size // 2),
         )
     verdicts = of_file(path)

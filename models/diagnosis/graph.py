@@ -47,7 +47,7 @@ class White(nn.Module):
 
     def __init__(self, part: Part) -> None:
         super().__init__()
-        self.limit, self.typical = part.limit, part.typical
+        self.limit, self.exponent = part.limit, part.exponent
         self.whitening: Tensor
         self.healthy: Tensor
         self.centres: Tensor
@@ -63,7 +63,7 @@ class White(nn.Module):
         """Novelty of ``forward``'s answer by its distance to the nearest taught centre, ``(m, 1)``."""
         away = white[:, None, :] - self.centres
         nearest = torch.sqrt((away * away).mean(dim=2)).amin(dim=1, keepdim=True)
-        return (nearest - self.typical) / (self.limit - self.typical)
+        return (nearest / self.limit) ** self.exponent
 
 
 class Diagnosis(nn.Module):

@@ -10,6 +10,7 @@ a machine's own offset then has a closed posterior, one number a direction
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
@@ -57,6 +58,11 @@ BOLTS: Final = 3
 
 A bolt that is no class moves the same modes another way (one on the other side turns the phase between lift and roll):
 there it lies far from all that was taught, while in the whole ringing it drowns.
+"""
+THIRD: Final = 1.0 / 3.0
+"""Where the parts' scales are made alike besides their limits: distances of a third of the limit's improbability.
+
+A single feature scatters more about its limit than the mean of many; as logs of a probability both compare.
 """
 PARTS: Final = {"film": (FILM, None), "power": (POWER, None), "orders": (ORDERS, None), "ringing": (RINGING, None),
                 "bolts": (RINGING, BOLTS)}  # fmt: skip
@@ -126,14 +132,14 @@ class Part:
 
     ``whitening`` ``(F, k)``: ``residual @ whitening`` has unit covariance within a build about the centres ``(K, k)``,
     the first of them healthy, and the variances ``between`` ``(k,)`` between builds; features that are not looked at
-    have zero rows.  ``limit`` is what all but a few inner rows keep, ``typical`` the median of healthy ones.
+    have zero rows.  ``limit`` is what all but a few inner rows keep, ``exponent`` turns distance into improbability.
     """
 
     whitening: Floats
     centres: Floats
     between: Floats
     limit: float = 1.0
-    typical: float = 0.0
+    exponent: float = 1.0
 
     @classmethod
     def fit(cls, columns: NDArray[np.bool_], directions: int | None, residual: Floats, data: Dataset) -> Part:
@@ -175,20 +181,22 @@ class Part:
         between = np.maximum(spread - 1.0 / np.mean(count[count > 1]), 0.0)
         return cls(whitening, means @ white @ turn, between)
 
-    def limited(self, residual: Floats, healthy: NDArray[np.bool_], quantile: float) -> Part:
-        """The same with the limit that ``quantile`` of inner residuals keep."""
+    def limited(self, residual: Floats, quantile: float) -> Part:
+        """The same with the limit that ``quantile`` of inner residuals keep, and its exponent (:data:`THIRD`)."""
         away = self.distance(residual)
-        return replace(self, limit=float(np.quantile(away, quantile)), typical=float(np.median(away[healthy])))
+        limit, third = np.quantile(away, [quantile, 1.0 - (1.0 - quantile) ** THIRD])
+        exponent = math.log(THIRD) / math.log(third / limit) if 0.0 < third < limit else 1.0
+        return replace(self, limit=float(limit), exponent=exponent)
 
     def distance(self, residual: Floats) -> Floats:
-        """Novelty ``(n,)`` of residuals: 0 at a typical healthy one, 1 at the limit."""
+        """Novelty ``(n,)`` of residuals, about the log of their probability over that of the limit: there 1."""
         white = residual @ self.whitening
         found = [np.sqrt(np.mean((white - centre) ** 2, axis=1)) for centre in self.centres]
-        return np.asarray((np.min(found, axis=0) - self.typical) / (self.limit - self.typical))
+        return np.asarray((np.min(found, axis=0) / self.limit) ** self.exponent)
 
 
 def fit_novelty(train: Dataset, inner: Dataset, quantile: float) -> tuple[Residual, tuple[Part, ...]]:
-    """What the operating point explains, and the parts whose larger distance is the novelty score.
+    """What the operating point explains, and the parts whose largest distance is the novelty score.
 
     Parameters
     ----------
@@ -197,7 +205,7 @@ def fit_novelty(train: Dataset, inner: Dataset, quantile: float) -> tuple[Residu
     """
     residual = Residual.fit(train.features[train.kind == 0])
     rows, inner_rows = residual(train.features), residual(inner.features)
-    return residual, tuple(Part.fit(*part, rows, train).limited(inner_rows, inner.kind == 0, quantile)
+    return residual, tuple(Part.fit(*part, rows, train).limited(inner_rows, quantile)
                            for part in PARTS.values())  # fmt: skip
 
 
@@ -218,5 +226,5 @@ def fleet(parts: Sequence[Part], healthy: Floats, quantile: float) -> dict[str, 
 
 
 def novelty(parts: Sequence[Part], residual: Floats) -> Floats:
-    """The larger of the parts' distances ``(n,)``: above 1 a row is unlike what was taught."""
+    """The largest of the parts' distances ``(n,)``: above 1 a row is unlike what was taught."""
     return np.asarray(np.max([part.distance(residual) for part in parts], axis=0))
