@@ -1,4 +1,8 @@
-"""One alarm: a limit with delay, hysteresis and, for danger, a latch (API 670)."""
+"""One alarm: a limit with delay, hysteresis and, for danger, a latch (API 670).
+
+The delay counts only time that was judged: while the quality is bad (a gap, a channel that is not OK, part of a
+turn below the limit) its timer holds.  A bad signal neither brings an alarm nearer nor takes it away.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +11,7 @@ import msgspec
 from firmware_py.records import Alarm, Severity
 
 QUIET_NS = -1
+"""Of :attr:`AlarmState.over_ns`: the limit is not exceeded."""
 
 
 class Notice(msgspec.Struct, frozen=True):
@@ -20,12 +25,17 @@ class Notice(msgspec.Struct, frozen=True):
 
 
 class AlarmState(msgspec.Struct):
-    """Where an alarm stands; ``exceeded_ns`` is when the limit was first passed without a return."""
+    """Where an alarm stands.
+
+    ``over_ns`` is how long the limit has been passed without a return, in judged time; ``judged_ns`` is the end
+    of what was judged or held last.
+    """
 
     name: str
     severity: int
     latching: bool
-    exceeded_ns: int = QUIET_NS
+    over_ns: int = QUIET_NS
+    judged_ns: int = 0
     standing: bool = False
     since_ns: int = 0
     value: float = 0.0
@@ -34,28 +44,32 @@ class AlarmState(msgspec.Struct):
     def judge(self, value: float, limit: float, t_ns: int, *, delay_ns: int, hysteresis: float, complete: bool) -> bool:
         """Hold ``value`` against ``limit`` at ``t_ns``; True when the alarm begins to stand.
 
-        A value over an incomplete turn can be too small, never too large: it may raise, not clear.
+        A value over an incomplete turn can be too small, never too large: it may raise, not clear, and below the
+        limit it does not count.
         """
+        passed_ns, self.judged_ns = max(0, t_ns - self.judged_ns), t_ns
         self.value, self.limit = value, limit
         if value > limit:
-            if self.exceeded_ns == QUIET_NS:
-                self.exceeded_ns = t_ns
-        elif complete and value <= limit * (1.0 - hysteresis):
-            self.exceeded_ns = QUIET_NS
+            self.over_ns = 0 if self.over_ns == QUIET_NS else self.over_ns + passed_ns
+        elif not complete:
+            return False
+        elif value <= limit * (1.0 - hysteresis):
+            self.over_ns = QUIET_NS
             self.standing = self.standing and self.latching
-        if self.standing or self.exceeded_ns == QUIET_NS or t_ns - self.exceeded_ns < delay_ns:
+        elif self.over_ns != QUIET_NS:
+            self.over_ns += passed_ns
+        if self.standing or self.over_ns == QUIET_NS or self.over_ns < delay_ns:
             return False
         self.standing, self.since_ns = True, t_ns
         return True
 
-    def defeat(self) -> None:
-        """The channel is not OK: nothing more can be said (a latched alarm stays)."""
-        self.exceeded_ns = QUIET_NS
-        self.standing = self.standing and self.latching
+    def hold(self, t_ns: int) -> None:
+        """Nothing can be said of the time up to ``t_ns``: the timer keeps what it has, the alarm stays as it is."""
+        self.judged_ns = t_ns
 
     def reset(self) -> bool:
-        """Clear the latch unless the limit is exceeded now; True when nothing stands any more."""
-        if self.exceeded_ns == QUIET_NS:
+        """Clear the latch unless the limit was exceeded when last judged; True when nothing stands any more."""
+        if self.over_ns == QUIET_NS:
             self.standing = False
         return not self.standing
 

@@ -88,7 +88,7 @@ class Protection:
             self._state.motion = self._meter.step(block)
             t_ns = block.t_acq_ns + len(block.samples) // (2 * N_CHANNELS) * block.period_ns
             self._judge_channels(block.channel_ok, t_ns, notices)
-            self._judge_vibration(block.channel_ok, clearance_um, t_ns, notices)
+            self._judge_vibration(block, clearance_um, t_ns, notices)
         if notices:
             self.tripped = self._latched()
         return notices
@@ -141,7 +141,8 @@ class Protection:
                 notices.append(Notice(Severity.INFO, f"{name}_ok", f"channel {name} is OK again"))
             alarm.standing = bad
 
-    def _judge_vibration(self, mask: int, clearance_um: float, t_ns: int, notices: list[Notice]) -> None:
+    def _judge_vibration(self, block: Block, clearance_um: float, t_ns: int, notices: list[Notice]) -> None:
+        """Judge the time of ``block`` alone: what lies between two blocks is a gap, in which the timers hold."""
         motion, lim = self._state.motion, self._limits
         values = motion.peak_to_peak_um + motion.rms_m_s2
         displacement = self.set_points_um(clearance_um)
@@ -150,8 +151,9 @@ class Protection:
             limits = displacement if i in DISPLACEMENTS else acceleration
             for kind, limit, delay_ns in zip(("alert", "danger"), limits, self._delays_ns, strict=True):
                 alarm = self._state.alarms[f"{CHANNELS[i]}_{kind}"]
-                if not mask >> i & 1:
-                    alarm.defeat()
+                alarm.hold(block.t_acq_ns)
+                if not block.channel_ok >> i & 1:
+                    alarm.hold(t_ns)
                 elif alarm.judge(value, limit, t_ns, delay_ns=delay_ns, hysteresis=lim.hysteresis_share,
                                  complete=motion.complete):
                     unit = "um peak-to-peak" if i in DISPLACEMENTS else "m/s2 rms"

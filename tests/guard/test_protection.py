@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from firmware_py.config import Config
-from firmware_py.guard.alarm import AlarmState
+from firmware_py.guard.alarm import QUIET_NS, AlarmState
 from firmware_py.guard.motion import MotionMeter
 from firmware_py.guard.protection import Protection, zone
 from firmware_py.records import Block, Quality, Severity
@@ -164,8 +164,35 @@ def test_alert_leaves_and_danger_stays_until_reset() -> None:
 def test_part_of_a_turn_may_raise_an_alarm_but_not_clear_it() -> None:
     alarm = AlarmState("x", int(Severity.ALERT), False)
     judge(alarm, 101.0, 0, complete=False)
-    judge(alarm, 1.0, DELAY_NS - 1, complete=False)
-    assert judge(alarm, 101.0, DELAY_NS, complete=False)
+    judge(alarm, 1.0, 400, complete=False)
+    judge(alarm, 101.0, 1000, complete=False)
+    assert not alarm.standing
+    assert judge(alarm, 101.0, 1400, complete=False)
+
+
+@pytest.mark.parametrize("held_ns", [1, DELAY_NS, 100 * DELAY_NS, -DELAY_NS])
+@pytest.mark.parametrize("before_ns", [0, 1, DELAY_NS - 1])
+def test_the_timer_holds_during_bad_quality(before_ns: int, held_ns: int) -> None:
+    """Neither nearer nor further away, however long it lasts, and if the clock steps back."""
+    alarm = AlarmState("x", int(Severity.DANGER), True)
+    judge(alarm, 101.0, 0)
+    judge(alarm, 101.0, before_ns)
+    t_ns = before_ns + held_ns
+    alarm.hold(t_ns)
+    assert not judge(alarm, 101.0, t_ns + DELAY_NS - before_ns - 1)
+    assert judge(alarm, 101.0, t_ns + DELAY_NS - before_ns)
+
+
+def test_a_hold_leaves_what_stands_and_what_is_quiet_as_they_are() -> None:
+    for latching in (False, True):
+        alarm = AlarmState("x", int(Severity.DANGER), latching)
+        alarm.hold(5)
+        assert alarm.over_ns == QUIET_NS
+        judge(alarm, 101.0, 10)
+        judge(alarm, 101.0, 10 + DELAY_NS)
+        alarm.hold(20 + DELAY_NS)
+        assert alarm.standing
+        assert not alarm.reset()
 
 
 # ------------------------------------------------------------------ the whole stage
