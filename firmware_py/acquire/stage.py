@@ -12,6 +12,7 @@ from firmware_py.acquire.channel_ok import ChannelOkState
 from firmware_py.acquire.clock_map import ClockMap, ClockMapState, unwrap
 from firmware_py.acquire.counting import REPEATED, RESTARTED, CounterTrack, advance
 from firmware_py.acquire.speed import SpeedState
+from firmware_py.acquire.stamps import TICK_AHEAD_MAX_NS, bounded_arrival_ns
 from firmware_py.config import Config
 from firmware_py.records import (
     Block,
@@ -28,7 +29,8 @@ from firmware_py.records import (
     WireMessage,
 )
 
-REJECTS: Final = ("unknown_id", "length", "crc", "range", "malformed", "repeated", "reordered", "masquerade")
+REJECTS: Final = ("unknown_id", "length", "crc", "range", "malformed", "repeated", "reordered", "masquerade",
+                  "ahead")
 NEVER_NS: Final = 1 << 62
 """Age of a sample that never came."""
 
@@ -57,16 +59,23 @@ class AcquireState(msgspec.Struct):
     status: RigStatus | None = None
     status_heard_ns: int = -NEVER_NS
     reading_seq: int = 0
+    arrival_ns: int = -NEVER_NS
 
 
 class AcquireOutput(msgspec.Struct):
-    """What one step brought: new records, and who else was heard speaking as a device."""
+    """What one step brought: new records, and who else was heard speaking as a device.
+
+    ``node_ahead_ns``: the node's clock ran on by this much while the host's stood; 0 as a rule.
+    ``clock_jumped``: the node's clock and its counter contradict each other.
+    """
 
     blocks: list[Block]
     readings: list[RigReading]
     foreign: list[DeviceHeartbeat | Command]
     node_info: NodeInfo | None = None
     restarted: bool = False
+    node_ahead_ns: int = 0
+    clock_jumped: bool = False
 
 
 class Acquire:
@@ -83,13 +92,16 @@ class Acquire:
     -----
     ``counters``: ``frames_in`` (good sample frames), ``frames_lost``, ``blocks_lost``, ``reject_<name>``
     for each name of :data:`REJECTS`, ``messages_lost`` (other messages), ``foreign`` (frames that only a
-    device sends, from somebody else), ``node_restarts``, ``clock_jumps``.
+    device sends, from somebody else), ``node_restarts``, ``clock_jumps``, ``clock_leaps`` (the node's clock
+    ran on while the host's stood), ``stamps_ahead`` and ``stamps_behind`` (arrivals that cannot be).
     """
 
     def __init__(self, config: Config, codec: Decoder) -> None:
         self._codec = codec
         self._fresh_age_ns = round(config.sampling.fresh_age_ms * 1e6)
-        names = ["frames_in", "frames_lost", "blocks_lost", "messages_lost", "foreign", "node_restarts", "clock_jumps"]
+        self._leap_max_ns = config.actuator.time_to_live_ms * 1_000_000
+        names = ["frames_in", "frames_lost", "blocks_lost", "messages_lost", "foreign", "node_restarts", "clock_jumps",
+                 "clock_leaps", "stamps_ahead", "stamps_behind"]
         self.counters = dict.fromkeys(names + [f"reject_{name}" for name in REJECTS], 0)
         self._clock = ClockMap()
         self._assembler = Assembler(config, self._clock, self.counters)
@@ -119,16 +131,24 @@ class Acquire:
     def step(self, frames: list[RawFrame], now_ns: int) -> AcquireOutput:
         """Take in ``frames`` in the order of their arrival."""
         output = AcquireOutput([], [], [])
-        decode = self._codec.decode
+        decode, s = self._codec.decode, self._rest
+        jumps = self.counters["clock_jumps"]
         for frame in frames:
             message = decode(frame)
+            arrival_ns = bounded_arrival_ns(frame.arrival_ns, s.arrival_ns, now_ns, self.counters)
+            s.arrival_ns = arrival_ns
             if type(message) is SampleFrame:
                 restarts = self.counters["node_restarts"]
-                output.blocks += self._assembler.step(message, frame.arrival_ns)
+                output.blocks += self._assembler.step(message, arrival_ns)
                 if self.counters["node_restarts"] != restarts:
                     self._forget_node(output)
             else:
-                self._handlers[type(message)](message, frame.arrival_ns, output)
+                self._handlers[type(message)](message, arrival_ns, output)
+        output.clock_jumped = self.counters["clock_jumps"] != jumps
+        if self._clock.ahead_ns > self._leap_max_ns:
+            self.counters["clock_leaps"] += 1
+            output.node_ahead_ns = self._clock.ahead_ns
+            self._clock.reset()
         return output
 
     def reset_clock(self) -> None:
@@ -180,8 +200,12 @@ class Acquire:
 
     # ------------------------------------------------------------------ one kind of message each
 
-    def _is_new(self, message: RigStatus | NodeState | NodeInfo) -> bool:
-        """Judge the counter of a slow message; count what it says."""
+    def _is_new(self, message: RigStatus | NodeState | NodeInfo, arrival_ns: int) -> bool:
+        """Judge the tick and the counter of a slow message; count what is wrong with them."""
+        tick_us = unwrap(message.tick_us, self._assembler.state.tick_us)
+        if self._clock.settled and self._clock.host_ns(tick_us) > arrival_ns + TICK_AHEAD_MAX_NS:
+            self.counters["reject_ahead"] += 1
+            return False
         track = self._rest.tracks.setdefault(type(message).__name__, CounterTrack())
         lost = advance(track, message.counter)
         if lost >= 0:
@@ -192,7 +216,7 @@ class Acquire:
         return True
 
     def _on_status(self, message: RigStatus, arrival_ns: int, output: AcquireOutput) -> None:
-        if not self._is_new(message):
+        if not self._is_new(message, arrival_ns):
             return
         s = self._rest
         s.status, s.status_heard_ns = message, arrival_ns
@@ -205,11 +229,11 @@ class Acquire:
         s.reading_seq += 1
 
     def _on_node(self, message: NodeState, arrival_ns: int, output: AcquireOutput) -> None:
-        if self._is_new(message):
+        if self._is_new(message, arrival_ns):
             self._rest.node, self._rest.node_heard_ns = message, arrival_ns
 
     def _on_info(self, message: NodeInfo, arrival_ns: int, output: AcquireOutput) -> None:
-        if self._is_new(message):
+        if self._is_new(message, arrival_ns):
             self._rest.node_info = output.node_info = message
 
     def _on_foreign(self, message: DeviceHeartbeat | Command, arrival_ns: int, output: AcquireOutput) -> None:

@@ -13,6 +13,15 @@ from firmware_py.records import Advice, Severity
 
 HOUR_NS: Final = 3_600_000_000_000
 
+AHEAD_MAX_NS: Final = 50_000_000
+"""An advice may be stamped this much later than now: the guard reads its clock before its inputs, and may
+be held up between the two.  It lengthens the life of an advice by as much, at most."""
+
+
+def is_ahead(advice: Advice, now_ns: int) -> bool:
+    """Whether a stamp of ``advice`` lies further in the future than it may."""
+    return max(advice.t_ns, advice.t_acq_ns) > now_ns + AHEAD_MAX_NS
+
 
 class AuthorityState(msgspec.Struct):
     """Whether the model acts, how far it is on the way back, and how often it came back."""
@@ -53,7 +62,11 @@ class Authority:
             reasons.append("the brain proposes nothing")
         elif not isfinite(advice.clearance_um) or not isfinite(advice.pressure_bar or 0.0):
             reasons.append("the advice is not finite")
-        if now_ns - advice.t_ns > min(advice.lifetime_ns, self._age_max_ns):
+        if is_ahead(advice, now_ns):
+            ahead_ns = max(advice.t_ns, advice.t_acq_ns) - now_ns
+            reasons.append(f"the advice is stamped {ahead_ns * 1e-6:.0f} ms later than now (limit "
+                           f"{AHEAD_MAX_NS * 1e-6:.0f}): the brain's clock is not this one; restart the brain")
+        elif now_ns - advice.t_ns > min(advice.lifetime_ns, self._age_max_ns):
             reasons.append("the advice has expired")
         elif now_ns - advice.t_acq_ns > self._age_max_ns:
             reasons.append("the advice rests on old samples")

@@ -12,6 +12,7 @@ from firmware_py.config import Config
 from firmware_py.guard.alarm import Notice
 from firmware_py.guard.announcements import Announced, Announcements
 from firmware_py.guard.arming import Arming, ArmingState, Target
+from firmware_py.guard.authority import is_ahead
 from firmware_py.guard.failsafe import Situation, node_reasons
 from firmware_py.guard.load_estimate import LoadEstimator, LoadInterval, LoadState, Look
 from firmware_py.guard.protection import Protection, ProtectionState, zone
@@ -61,6 +62,7 @@ class MemoryState(msgspec.Struct):
     state_seq: int = 0
     event_seq: int = 0
     cycle_gaps: int = 0
+    advices_ahead: int = 0
     node_reasons: list[str] = []
     vibration_high: bool = False
 
@@ -117,12 +119,17 @@ class GuardCore:
         if gap:
             self._discard()
         acquired = self._acquire.step(cycle.frames, now_ns)
+        if acquired.node_ahead_ns or acquired.clock_jumped or acquired.restarted:
+            gap = True
+            self._discard()
+            notices.append(_clock_notice(acquired))
         notices += self._strangers(acquired, now_ns)
         if acquired.restarted or acquired.node_info is not None:
             m.node_reasons = node_reasons(self._config, self._acquire.node_info)
         notices += self._protection.step(acquired.blocks, self._smaller_clearance_um()) if acquired.blocks else []
         if cycle.advice is not None:
             m.advice = cycle.advice
+            m.advices_ahead += is_ahead(cycle.advice, now_ns)
         if now_ns >= m.shield_due_ns or cycle.commands or self._about_to_command(now_ns):
             self._look_around(now_ns)
         situation = self._situation(cycle, gap)
@@ -158,7 +165,8 @@ class GuardCore:
     @property
     def counters(self) -> dict[str, int]:
         """What came in and what was lost or refused, by name."""
-        return dict(self._acquire.counters, cycle_gaps=self._memory.cycle_gaps)
+        return dict(self._acquire.counters, cycle_gaps=self._memory.cycle_gaps,
+                    advices_ahead=self._memory.advices_ahead)
 
     # ------------------------------------------------------------------ what changed around the guard
 
@@ -186,9 +194,13 @@ class GuardCore:
         return notices
 
     def _discard(self) -> None:
-        """The guard was away for longer than the time to live: nothing that it had computed is valid."""
+        """Guard or host was away for longer than the time to live: nothing that was computed is valid.
+
+        The clocks may have moved apart in that time, so they are compared anew.
+        """
         m = self._memory
         m.cycle_gaps += 1
+        self._acquire.reset_clock()
         m.advice, m.interval_m, m.target = None, None, self._arming.safe
         m.shield_due_ns = 0
 
@@ -315,3 +327,16 @@ class GuardCore:
             alarms=self._protection.standing(), counters=self.counters,
             zone=zone(max(p2p_um), a.speed.speed_rad_s * 30 / pi),
         )
+
+
+def _clock_notice(acquired: AcquireOutput) -> Notice:
+    """Why node time from before does not count any more."""
+    if acquired.restarted:
+        return Notice(Severity.FAULT, "node_restarted", "the node has started again; nothing from before counts")
+    if acquired.node_ahead_ns:
+        return Notice(Severity.FAULT, "clock_leap", (
+            f"the node's clock ran {acquired.node_ahead_ns * 1e-6:.0f} ms ahead of this one: the host was suspended; "
+            "nothing from before counts"))
+    return Notice(Severity.FAULT, "clock_jump", (
+        "the node's clock does not agree with its frame counter: the node was stopped or its clock was set; "
+        "nothing from before counts"))

@@ -75,7 +75,7 @@ FAILSAFES: Final = (
     Failsafe("node_silent", lambda s: not s.node_heard, Action.RECOVER, True,
              "the node gives no account of itself (NODE_STATE, NODE_INFO)"),
     Failsafe("cycle_gap", lambda s: s.cycle_gap, Action.RECOVER, False,
-             "the guard itself was held up for longer than the time to live"),
+             "guard, host or node stood still for longer than the time to live"),
     Failsafe("foreign_heartbeat", lambda s: s.foreign_heartbeat, Action.TAKE_AUTHORITY, True,
              "another device sends heartbeats on this bus; disconnect it"),
     Failsafe("mark_lost", lambda s: s.mark_lost, Action.TAKE_AUTHORITY, False,

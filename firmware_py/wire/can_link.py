@@ -13,6 +13,7 @@ from typing import Final
 import can
 
 from firmware_py.records import RawFrame
+from firmware_py.wire.arrival import ArrivalStamps
 from firmware_py.wire.hub_bus import OrbitdHubBus
 
 BATCH: Final = 256
@@ -51,7 +52,9 @@ class CanLink:
     """The ``Link`` of :mod:`firmware_py.wire.link` on a CAN bus.
 
     Frames are stamped with the time at which the kernel (or the hub) took them, on the clock of
-    ``now_ns``.  A bus that fails is closed, named in ``fault``, and tried again every 0.5 s.
+    ``now_ns``, or with the moment of reading where that cannot be believed
+    (:mod:`firmware_py.wire.arrival`; counted in ``stamps_refused``).  A bus that fails is closed, named in
+    ``fault``, and tried again every 0.5 s.
     """
 
     def __init__(self, open_bus: OpenBus) -> None:
@@ -59,10 +62,11 @@ class CanLink:
         self._bus: can.BusABC | None = None
         self._retry_ns = 0
         self._hub_lost = 0
+        self._stamps = ArrivalStamps()
         self.fault = ""
         self.counters = {
             "frames_in": 0, "frames_out": 0, "send_failed": 0, "error_frames": 0, "queue_overflow": 0,
-            "link_lost": 0,
+            "link_lost": 0, "stamps_refused": 0,
         }
         self._open(START_WAIT_S)
 
@@ -91,18 +95,20 @@ class CanLink:
         return frames
 
     def _drain(self, bus: can.BusABC, now_ns: int, frames: list[RawFrame]) -> None:
-        """Append what waits.  Stamps are wall time, so only their age is used, and never a negative one."""
-        offset_ns = now_ns - time.time_ns()
+        """Append what waits."""
+        stamps = self._stamps
+        stamps.read(now_ns, time.time_ns())
         for _ in range(BATCH):
             message = bus.recv(0)
             if message is None:
+                stamps.emptied()
                 break
             if message.is_error_frame or message.is_remote_frame:
                 self.counters["error_frames"] += 1
                 continue
             frame_id = message.arbitration_id | (EXTENDED_ID if message.is_extended_id else 0)
-            arrival_ns = min(now_ns, int(message.timestamp * 1e9) + offset_ns)
-            frames.append(RawFrame(arrival_ns, frame_id, bytes(message.data)))
+            frames.append(RawFrame(stamps.arrival_ns(message.timestamp), frame_id, bytes(message.data)))
+        self.counters["stamps_refused"] = stamps.refused
         if isinstance(bus, OrbitdHubBus):
             self.counters["queue_overflow"] += (bus.lost - self._hub_lost) & 0xFFFFFFFF
             self._hub_lost = bus.lost
@@ -118,6 +124,7 @@ class CanLink:
             return None
         self.fault = ""
         self._hub_lost = 0
+        self._stamps.forget()
         return self._bus
 
     def _reopen(self, now_ns: int) -> can.BusABC | None:

@@ -43,12 +43,40 @@ def test_a_quicker_frame_lowers_the_envelope_at_once() -> None:
     assert clock.host_ns(FRAME_US) == FRAME_US * 1000 + 1_000
 
 
-def test_settles_after_its_time_and_anew_after_a_reset() -> None:
+def test_settles_after_its_time_on_both_clocks_and_anew_after_a_reset() -> None:
     clock = ClockMap()
     clock.observe(0, 0)
-    clock.observe(SETTLE_US - 1, 0)
+    clock.observe(SETTLE_US - 1, SETTLE_US * 1000)
     assert not clock.settled
-    clock.observe(SETTLE_US, 0)
+    clock.observe(SETTLE_US, SETTLE_US * 1000)
     assert clock.settled
     clock.reset()
     assert not clock.settled
+
+
+def test_a_burst_of_old_frames_does_not_settle_the_map() -> None:
+    clock = ClockMap()
+    for k in range(3 * SETTLE_US // FRAME_US):
+        clock.observe(k * FRAME_US, k * 1000)
+    assert not clock.settled
+    assert clock.ahead_ns == 0
+
+
+@pytest.mark.parametrize("frames", [1, 10, 1000])
+def test_a_node_clock_that_ran_on_while_the_host_stood_is_ahead(frames: int) -> None:
+    """At once (its frames lost), or in a burst of the frames that waited."""
+    clock = ClockMap()
+    for k in range(5000):
+        clock.observe(k * FRAME_US, k * FRAME_US * 1000)
+    for k in range(1, frames + 1):
+        clock.observe(5000 * FRAME_US + 2_000_000 * k // frames, 5000 * FRAME_US * 1000)
+    assert clock.ahead_ns == pytest.approx(2e9, rel=1e-3)
+
+
+@pytest.mark.parametrize("drift_ppm", [-190, 190])
+def test_drift_and_lateness_are_never_ahead(drift_ppm: int) -> None:
+    clock = ClockMap()
+    for k in range(100_000):
+        late_ns = 50_000_000 if 20_000 < k < 30_000 else k % 7 * 100_000
+        clock.observe(k * FRAME_US, k * FRAME_US * 1000 + k * FRAME_US * drift_ppm // 1000 + late_ns)
+    assert clock.ahead_ns < 5_000_000, "the envelope creeps up while frames are late"

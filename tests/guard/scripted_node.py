@@ -59,6 +59,8 @@ class ScriptedNode:
         self.delay_ns = 100_000
         self.heard: list[WireMessage] = []
         self.frozen_channel: int | None = None
+        self.lead_us = 0
+        """How far this clock has run ahead of the host's, beside its drift."""
         self._drift_ppm = drift_ppm
         self._start_tick = start_tick_us
         self._counters: dict[type, int] = {}
@@ -68,7 +70,7 @@ class ScriptedNode:
 
     def tick_at(self, now_ns: int) -> int:
         """Node tick at host time ``now_ns``, not wrapped."""
-        return self._start_tick + now_ns // 1000 + now_ns // 1000 * self._drift_ppm // 1_000_000
+        return self._start_tick + self.lead_us + now_ns // 1000 + now_ns // 1000 * self._drift_ppm // 1_000_000
 
     def restart(self) -> None:
         """Power off and on: counters and ticks begin anew."""

@@ -2,7 +2,7 @@ import msgspec
 import pytest
 
 from firmware_py.config import Authority as AuthorityConfig
-from firmware_py.guard.authority import Authority
+from firmware_py.guard.authority import AHEAD_MAX_NS, Authority
 from firmware_py.records import Advice
 
 S = 1_000_000_000
@@ -34,10 +34,18 @@ def test_good_advice_has_nothing_against_it() -> None:
         {"t_ns": 10 * S - 500_000_001},
         {"t_acq_ns": 9 * S},
         {"lifetime_ns": -1},
+        {"t_ns": 10 * S + AHEAD_MAX_NS + 1},
+        {"t_ns": 2**62, "lifetime_ns": 2**62},
+        {"t_acq_ns": 10 * S + AHEAD_MAX_NS + 1},
+        {"t_ns": 11 * S, "t_acq_ns": 11 * S},
     ],
 )
 def test_each_flaw_is_a_reason(bad: dict[str, object]) -> None:
     assert len(reasons(advice(**bad))) == 1
+
+
+def test_a_stamp_within_the_tolerance_of_now_is_good() -> None:
+    assert reasons(advice(t_ns=10 * S + AHEAD_MAX_NS, t_acq_ns=10 * S + AHEAD_MAX_NS)) == []
 
 
 def test_no_brain_and_no_advice_are_reasons() -> None:

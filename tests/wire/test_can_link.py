@@ -76,14 +76,115 @@ def test_one_call_takes_a_bounded_batch(pair: tuple[CanLink, CanLink]) -> None:
 
 def test_a_frame_that_waited_is_stamped_with_its_arrival(pair: tuple[CanLink, CanLink]) -> None:
     here, there = pair
+    before_ns = time.monotonic_ns()
+    assert there.receive(before_ns) == []
     here.send(RawFrame(0, 1, b""))
     time.sleep(0.1)
-    now_ns = 1_000_000 * MS
+    now_ns = time.monotonic_ns()
     (frame,) = receive_until(there, 1, now_ns)
-    assert now_ns - 60_000 * MS < frame.arrival_ns <= now_ns - 50 * MS
-    here.send(RawFrame(0, 1, b""))
-    (frame,) = receive_until(there, 1, now_ns)
-    assert frame.arrival_ns <= now_ns
+    assert before_ns <= frame.arrival_ns <= now_ns - 50 * MS
+    assert there.counters["stamps_refused"] == 0
+
+
+class StampedBus:
+    """What python-can gives on SocketCAN: messages with the calendar stamps of the kernel."""
+
+    def __init__(self) -> None:
+        self.waiting: list[can.Message] = []
+
+    def put(self, stamp_s: float | None, count: int = 1) -> None:
+        message = can.Message(arbitration_id=1, is_extended_id=False, is_fd=True, timestamp=stamp_s)  # type: ignore[arg-type]
+        self.waiting += [message] * count
+
+    def recv(self, timeout: float) -> can.Message | None:
+        return self.waiting.pop(0) if self.waiting else None
+
+    def shutdown(self) -> None:
+        """Nothing to leave."""
+
+
+class Stamped:
+    """A link on a :class:`StampedBus`, a monotonic clock, and a calendar that may be set."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.bus, self.now_ns, self.calendar_ns = StampedBus(), 5_000 * MS, 1_700_000_000_000 * MS
+        monkeypatch.setattr("time.time_ns", lambda: self.calendar_ns)
+        self.link = CanLink(lambda wait_s: self.bus)  # type: ignore[arg-type,return-value]
+        self.link.receive(self.now_ns)
+
+    def wait(self, ms: int) -> None:
+        self.now_ns += ms * MS
+        self.calendar_ns += ms * MS
+
+    def put(self, count: int = 1) -> None:
+        self.bus.put(self.calendar_ns * 1e-9, count)
+
+    def read(self) -> list[int]:
+        return [frame.arrival_ns for frame in self.link.receive(self.now_ns)]
+
+
+@pytest.mark.parametrize("step_ms", [50, 1000, 3_600_000, 10**9, -1, -50, -3_600_000, -1_699_999_999_000])
+@pytest.mark.parametrize("waits_ms", [1, 40])
+def test_a_step_of_the_calendar_while_frames_wait_makes_none_older_or_younger_than_it_can_be(
+    monkeypatch: pytest.MonkeyPatch, step_ms: int, waits_ms: int
+) -> None:
+    s = Stamped(monkeypatch)
+    empty_ns = s.now_ns
+    s.wait(1)
+    s.put()
+    s.wait(waits_ms)
+    s.calendar_ns += step_ms * MS
+    s.put()
+    (old, new) = s.read()
+    assert empty_ns <= old <= s.now_ns
+    assert new == pytest.approx(s.now_ns, abs=1000)
+    s.wait(3)
+    s.put()
+    s.wait(2)
+    assert s.read() == [pytest.approx(s.now_ns - 2 * MS, abs=1000)], "believed again once the queue was empty"
+
+
+@pytest.mark.parametrize("step_ms", [50, 3_600_000, -50])
+def test_a_step_while_nothing_waits_costs_nothing(monkeypatch: pytest.MonkeyPatch, step_ms: int) -> None:
+    s = Stamped(monkeypatch)
+    s.calendar_ns += step_ms * MS
+    s.wait(1)
+    assert s.read() == []
+    s.put()
+    s.wait(1)
+    assert s.read() == [pytest.approx(s.now_ns - MS, abs=1000)]
+    assert s.link.counters["stamps_refused"] == 0
+
+
+def test_more_than_a_batch_with_stamps_from_before_a_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No frame of the second batch is believed either: it waited when the calendar was set."""
+    s = Stamped(monkeypatch)
+    s.wait(1)
+    s.put(BATCH + 10)
+    s.calendar_ns += 50 * MS
+    assert set(s.read()) == {s.now_ns}
+    s.wait(1)
+    assert s.read() == [s.now_ns] * 10
+    assert s.link.counters["stamps_refused"] == BATCH + 10
+
+
+def test_a_calendar_that_is_set_again_and_again_never_ages_a_frame(monkeypatch: pytest.MonkeyPatch) -> None:
+    s = Stamped(monkeypatch)
+    for k in range(100):
+        s.wait(1)
+        s.put()
+        s.calendar_ns += (-70, 50, 3_600_000)[k % 3] * MS
+        assert s.read() == [s.now_ns]
+
+
+@pytest.mark.parametrize("stamp_s", [0.0, None, float("nan"), float("inf"), -5.0, 1e30, 12.5])
+def test_a_frame_without_a_usable_stamp_arrives_when_it_is_read(
+    monkeypatch: pytest.MonkeyPatch, stamp_s: float | None
+) -> None:
+    s = Stamped(monkeypatch)
+    s.bus.put(stamp_s)
+    assert s.read() == [s.now_ns]
+    assert s.link.counters["stamps_refused"] == bool(stamp_s)
 
 
 def test_a_29_bit_identifier_never_passes_for_an_11_bit_one(pair: tuple[CanLink, CanLink]) -> None:
