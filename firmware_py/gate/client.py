@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import uuid
 from pathlib import Path
 from types import TracebackType
 from typing import Final, Self, TypeVar
@@ -9,6 +10,7 @@ from typing import Final, Self, TypeVar
 import msgspec
 import zenoh
 
+from firmware_py.decoding import UNDECODABLE
 from firmware_py.errors import OrbitdError
 from firmware_py.gate import keys, session
 from firmware_py.gate.view import DeviceState
@@ -55,7 +57,8 @@ class Client:
         NoAnswerError
             The gate itself did not answer: whether the command was carried out is not known.
         """
-        payload = b"" if value is None else msgspec.json.encode(value)
+        wish = {"id": uuid.uuid4().hex} | ({} if value is None else {"value": value})
+        payload = msgspec.json.encode(wish)
         return self.query(keys.command(verb), CommandReply, payload)
 
     def status(self) -> DeviceState:
@@ -70,7 +73,7 @@ class Client:
                 continue
             try:
                 return msgspec.msgpack.decode(reply.ok.payload.to_bytes(), type=answer_type)
-            except msgspec.ValidationError as error:
+            except UNDECODABLE as error:
                 raise NoAnswerError(f"the answer on {self._prefix}/{name} cannot be understood ({error}); use the "
                                     "orbitd that the gate runs") from error
         raise NoAnswerError(f"no answer on {self._prefix}/{name} within {TIMEOUT_S:g} s; check that the gate "

@@ -1,46 +1,73 @@
 """Command intake: every wish gets exactly one answer, accepted or all reasons why not.
 
-A wish arrives as a Zenoh query on ``cmd/<verb>`` with its value as JSON.  It goes to the room that answers the verb
-with a sequence number of the gate's own; that room's :class:`CommandReply` finds its way back by that number, and a
-room that stays silent is an answer too.
+A wish arrives as a Zenoh query on the exact key ``cmd/<verb>`` with a JSON object that carries an id.  It goes to the
+room that answers the verb with a sequence number of the gate's own; that room's :class:`CommandReply` finds its way
+back by that number, and a room that stays silent is an answer too.  A wish whose id was seen before is not executed
+again but answered the same.
 """
 
 from __future__ import annotations
 
-import math
-from collections import Counter
+from collections import Counter, OrderedDict
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 import msgspec
 
-from firmware_py.records import (
-    BRAIN_VERBS,
-    COMMISSION_ACTIONS,
-    VERBS,
-    CommandReply,
-    CommandRequest,
-    Mode,
-    PlannedRamp,
-)
+from firmware_py.gate import wishes
+from firmware_py.gate.wishes import MalformedCommandError
+from firmware_py.records import BRAIN_VERBS, CommandReply, CommandRequest
 
 ANSWER_WITHIN_NS: Final = 1_000_000_000
 MAX_PENDING: Final = 64
-UNITS: Final = {"set_clearance": "um, radial", "set_pressure": "bar"}
+IDS_KEPT: Final = 1024
+"""Executed wishes whose id is remembered, the newest; at the rate below that is more than ten seconds of a flood."""
+
+RATE_HZ: Final = 10.0
+BURST: Final = 20.0
+"""Of one verb; a person and any sane program stay far below.  ``disarm`` is not limited: all that wait are one."""
 
 Answer = Callable[[CommandReply], None]
 
 
-class MalformedCommandError(ValueError):
-    """A wish that cannot be put to the guard; the text says what is wrong with it."""
+@dataclass
+class _Case:
+    """One wish on its way through a room, and everybody who waits for its answer."""
 
-
-@dataclass(frozen=True)
-class _Pending:
     deadline_ns: int
-    answer: Answer
     request: CommandRequest
+    answers: list[Answer]
+    reply: CommandReply | None = None
+    others: int = 0
+
+
+@dataclass
+class _Allowance:
+    """A token bucket."""
+
+    tokens: float = BURST
+    at_ns: int = 0
+
+    def take(self, now_ns: int) -> bool:
+        self.tokens = min(BURST, self.tokens + max(0, now_ns - self.at_ns) * 1e-9 * RATE_HZ)
+        self.at_ns = now_ns
+        if self.tokens < 1.0:
+            return False
+        self.tokens -= 1.0
+        return True
+
+
+@dataclass
+class _Memory:
+    """Executed wishes by id, the newest ``IDS_KEPT``."""
+
+    cases: OrderedDict[str, _Case] = field(default_factory=OrderedDict)
+
+    def keep(self, wish_id: str, case: _Case) -> None:
+        self.cases[wish_id] = case
+        while len(self.cases) > IDS_KEPT:
+            self.cases.popitem(last=False)
 
 
 class CommandDesk:
@@ -53,7 +80,8 @@ class CommandDesk:
 
     Notes
     -----
-    ``counters``: ``commands_asked``, ``commands_answered``, ``commands_refused_here``,
+    ``counters``: ``commands_asked``, ``commands_answered``, ``commands_refused_here``, ``commands_too_fast``,
+    ``commands_repeated`` (an id seen before), ``commands_joined`` (a ``disarm`` that shared another's request),
     ``commands_timed_out``, ``replies_unexpected``.
     """
 
@@ -61,103 +89,141 @@ class CommandDesk:
         self.counters: Counter[str] = Counter()
         self._send = send
         self._seq = 0
-        self._pending: dict[int, _Pending] = {}
+        self._others = 0  # requests sent that were no disarm: what makes an earlier disarm out of date
+        self._pending: dict[int, _Case] = {}
+        self._memory = {"disarm": _Memory(), "other": _Memory()}  # a flood of disarms forgets no other id
+        self._allowances: dict[str, _Allowance] = {}
+        self._disarm: tuple[int, _Case] | None = None
 
-    def ask(self, verb: str, payload: bytes, origin: str, answer: Answer, now_ns: int) -> CommandRequest | None:
+    def hear(self, verb: str, payload: bytes, origin: str, answer: Answer, now_ns: int) -> CommandRequest | None:
+        """Take a wish as it came from outside; else as :meth:`ask`."""
+        try:
+            wish = wishes.read(verb, payload)
+        except MalformedCommandError as error:
+            self.counters["commands_asked"] += 1
+            self._refuse(answer, str(error), "")
+            return None
+        return self.ask(verb, wish.value, origin, answer, now_ns, wish.id)
+
+    def ask(self, verb: str, value: object, origin: str, answer: Answer, now_ns: int,
+            wish_id: str = "") -> CommandRequest | None:
         """Put a wish to its room; ``answer`` is called once, now or later.
 
         Returns
         -------
-        The request that went there, or None when it was refused here.
+        The request that went there, or None when none had to go: refused here, repeated, or shared.
         """
-        self._seq += 1
         self.counters["commands_asked"] += 1
+        self._seq += 1
         try:
-            request = parse(self._seq, verb, payload, origin)
+            request = wishes.parse(self._seq, verb, value, origin, wish_id)
         except MalformedCommandError as error:
-            self._refuse(answer, str(error))
+            self._refuse(answer, str(error), wish_id)
             return None
-        if len(self._pending) >= MAX_PENDING and verb != "disarm":
-            self._refuse(answer, f"{MAX_PENDING} commands already wait for an answer; try again in a second")
+        if wish_id and self._repeated(request, answer):
             return None
-        if not self._send(request):
+        if verb == "disarm" and self._disarm and self._disarm[0] == now_ns:
+            self.counters["commands_joined"] += 1
+            self._join(self._disarm[1], answer, wish_id)
+            return None
+        reason = "" if verb == "disarm" else self._full(verb, now_ns)
+        if not reason and not self._send(request):
             room = room_of(verb)
-            self._refuse(answer, f"the {room} is not connected; start it with 'orbitd {room}' or 'orbitd run'")
+            reason = f"the {room} is not connected; start it with 'orbitd {room}' or 'orbitd run'"
+        if reason:
+            self._refuse(answer, reason, wish_id)
             return None
-        self._pending[request.seq] = _Pending(now_ns + ANSWER_WITHIN_NS, answer, request)
+        self._sent(request, _answering(answer, wish_id), now_ns)
         return request
 
     def reply(self, reply: CommandReply) -> CommandRequest | None:
         """Hand on a room's answer; the request that it answers, None when nobody waits for it any more."""
-        pending = self._pending.pop(reply.seq, None)
-        if pending is None:
+        case = self._pending.pop(reply.seq, None)
+        if case is None:
             self.counters["replies_unexpected"] += 1
             return None
         self.counters["commands_answered"] += 1
-        pending.answer(reply)
-        return pending.request
+        self._finish(case, reply)
+        return case.request
 
     def step(self, now_ns: int) -> None:
         """Answer for a room that did not."""
-        late = [seq for seq, pending in self._pending.items() if now_ns >= pending.deadline_ns]
+        late = [seq for seq, case in self._pending.items() if now_ns >= case.deadline_ns]
         for seq in late:
             self.counters["commands_timed_out"] += 1
-            pending = self._pending.pop(seq)
-            room = room_of(pending.request.verb)
+            case = self._pending.pop(seq)
+            room = room_of(case.request.verb)
             text = f"the {room} did not answer within {ANSWER_WITHIN_NS * 1e-9:g} s; see 'orbitd status'"
-            pending.answer(CommandReply(seq=seq, accepted=False, reasons=[text]))
+            self._finish(case, CommandReply(seq=seq, accepted=False, reasons=[text]))
 
-    def _refuse(self, answer: Answer, reason: str) -> None:
+    def _sent(self, request: CommandRequest, answer: Answer, now_ns: int) -> None:
+        case = _Case(now_ns + ANSWER_WITHIN_NS, request, [answer])
+        if request.verb == "disarm":
+            self._disarm = (now_ns, case)
+        else:
+            self._others += 1
+            self._disarm = None
+        case.others = self._others
+        self._pending[request.seq] = case
+        if request.id:
+            self._remembered(request.verb).keep(request.id, case)
+
+    def _repeated(self, request: CommandRequest, answer: Answer) -> bool:
+        """Whether the id was executed before: then ``answer`` gets, now or later, what the first asker got."""
+        found = [memory.cases[request.id] for memory in self._memory.values() if request.id in memory.cases]
+        if not found:
+            return False
+        case = found[0]
+        if request.verb == case.request.verb == "disarm" and case.others != self._others:
+            return False  # something was commanded since: a disarm must disarm
+        self.counters["commands_repeated"] += 1
+        if msgspec.structs.replace(request, seq=case.request.seq, origin=case.request.origin, id=case.request.id) \
+                != case.request:
+            self._refuse(answer, f"{request.verb}: the id {request.id!r} was used for another command before; "
+                                 "send a new one", request.id)
+        elif case.reply is None:
+            case.answers.append(_answering(answer, request.id))
+        else:
+            answer(msgspec.structs.replace(case.reply, id=request.id))
+        return True
+
+    def _join(self, case: _Case, answer: Answer, wish_id: str) -> None:
+        """One ``disarm`` to the guard serves all that came in the same step, with no other command between."""
+        if case.reply is None:
+            case.answers.append(_answering(answer, wish_id))
+        else:
+            answer(msgspec.structs.replace(case.reply, id=wish_id))
+        if wish_id:
+            self._remembered("disarm").keep(wish_id, case)
+
+    def _full(self, verb: str, now_ns: int) -> str:
+        """Why no more of ``verb`` is taken now; empty when it is."""
+        if not self._allowances.setdefault(verb, _Allowance(at_ns=now_ns)).take(now_ns):
+            self.counters["commands_too_fast"] += 1
+            return f"{verb}: more than {RATE_HZ:g} in a second; wait before you send the next"
+        if len(self._pending) >= MAX_PENDING:
+            return f"{MAX_PENDING} commands already wait for an answer; try again in a second"
+        return ""
+
+    def _remembered(self, verb: str) -> _Memory:
+        return self._memory["disarm" if verb == "disarm" else "other"]
+
+    def _finish(self, case: _Case, reply: CommandReply) -> None:
+        case.reply = reply
+        answers, case.answers = case.answers, []
+        for answer in answers:
+            answer(reply)
+
+    def _refuse(self, answer: Answer, reason: str, wish_id: str) -> None:
         self.counters["commands_refused_here"] += 1
-        answer(CommandReply(seq=self._seq, accepted=False, reasons=[reason]))
+        answer(CommandReply(seq=self._seq, accepted=False, reasons=[reason], id=wish_id))
+
+
+def _answering(answer: Answer, wish_id: str) -> Answer:
+    """``answer`` with the asker's own id in the reply."""
+    return lambda reply: answer(msgspec.structs.replace(reply, id=wish_id))
 
 
 def room_of(verb: str) -> str:
     """The room that answers ``verb``."""
     return "brain" if verb in BRAIN_VERBS else "guard"
-
-
-def parse(seq: int, verb: str, payload: bytes, origin: str) -> CommandRequest:
-    """The request that ``verb`` with the JSON ``payload`` means.
-
-    Raises
-    ------
-    MalformedCommandError
-        Unknown verb, no JSON, or a value that the verb does not take.
-    """
-    if verb not in (*VERBS, *BRAIN_VERBS):
-        raise MalformedCommandError(f"verb '{verb}' is unknown; use one of {', '.join((*VERBS, *BRAIN_VERBS))}")
-    try:
-        value = msgspec.json.decode(payload) if payload else None
-    except msgspec.DecodeError as error:
-        raise MalformedCommandError(f"{verb}: the payload is no JSON ({error}); send e.g. 60.0") from error
-    if verb == "mode":
-        return CommandRequest(seq=seq, verb=verb, mode=_mode(value), origin=origin)
-    if verb in UNITS:
-        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-            raise MalformedCommandError(f"{verb}: needs one finite number ({UNITS[verb]}), got {value!r}")
-        return CommandRequest(seq=seq, verb=verb, value=float(value), origin=origin)
-    if verb == "announce":
-        return CommandRequest(seq=seq, verb=verb, origin=origin, ramp=_ramp(value))
-    if verb == "commission":
-        if value not in COMMISSION_ACTIONS:
-            raise MalformedCommandError(f"commission: {value!r} is none of {', '.join(COMMISSION_ACTIONS)}")
-        return CommandRequest(seq=seq, verb=verb, origin=origin, action=str(value))
-    if value is not None:
-        raise MalformedCommandError(f"{verb}: takes no value, got {value!r}; send an empty payload")
-    return CommandRequest(seq=seq, verb=verb, origin=origin)
-
-
-def _ramp(value: object) -> PlannedRamp:
-    try:
-        return msgspec.convert(value, PlannedRamp)
-    except msgspec.ValidationError as error:
-        raise MalformedCommandError(
-            f'announce: {error}; send e.g. {{"start_s": 3, "end_s": 5, "speed_rpm": 9000, "load_N": 60}}') from error
-
-
-def _mode(value: object) -> int:
-    names = [mode.name.lower() for mode in Mode]
-    if value not in names:
-        raise MalformedCommandError(f"mode: {value!r} is none of {', '.join(names)}")
-    return Mode[str(value).upper()]

@@ -8,11 +8,10 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final
 
-import zenoh
-
 from firmware_py import __version__
 from firmware_py.config import Config
 from firmware_py.gate import keys
+from firmware_py.gate.answers import Answers
 from firmware_py.gate.commands import Answer, CommandDesk, room_of
 from firmware_py.gate.normal_file import NormalFile
 from firmware_py.gate.recorder import Recorder
@@ -20,7 +19,7 @@ from firmware_py.gate.station import GroundStation
 from firmware_py.gate.telemetry import Telemetry
 from firmware_py.gate.view import DeviceState, View
 from firmware_py.recording import Recordable, WallClock
-from firmware_py.records import CommandReply, CommandRequest, Event, EventAck, Normal, RoomRecord
+from firmware_py.records import Alarm, CommandReply, CommandRequest, Event, EventAck, Normal, RoomRecord
 from firmware_py.wire.rooms import RoomClient, RoomServer
 
 SLOW_PERIOD_NS: Final = 1_000_000_000
@@ -64,8 +63,9 @@ class Gate:
         self.counters: Counter[str] = Counter()
         self._config = config
         self._doors = doors
-        self._models = models
         self._unix_ns = unix_ns
+        self._answers = Answers({keys.CONFIG: config, keys.MODELS: models},
+                                {keys.STATE: self.state, keys.ALARMS: self._alarms}, self.view.events)
         self._unacknowledged: deque[tuple[int, int]] = deque()
         self._connections = 0
         self._brains = 0
@@ -73,7 +73,8 @@ class Gate:
         self._next_slow_ns = 0
 
     def step(self, now_ns: int) -> None:
-        """One pass over everything that waits; nothing in it blocks."""
+        """One pass over everything that waits; nothing in it blocks, and commands go first."""
+        self._hear_commands(now_ns)
         from_guard = self._doors.guard.poll(now_ns)
         self._forget_after_reconnect()
         for record in from_guard:
@@ -81,8 +82,8 @@ class Gate:
         for _, record in self._doors.brain.poll(now_ns):
             self._take(record, now_ns)
         self._greet_brain()
-        self._hear_commands(now_ns)
-        self._answer_questions(now_ns)
+        self.desk.step(now_ns)
+        self._doors.telemetry.queries.questions(lambda name, question: self._answers.encode(name, question, now_ns))
         self._acknowledge()
         self._doors.telemetry.set_alive({**self.view.rooms(now_ns), "gate": True})
         if self.station:
@@ -91,9 +92,11 @@ class Gate:
             self._next_slow_ns = now_ns + SLOW_PERIOD_NS
             self._slow_step(now_ns)
 
-    def ask(self, verb: str, payload: bytes, origin: str, answer: Answer, now_ns: int) -> None:
+    def ask(self, verb: str, value: object, origin: str, answer: Answer, now_ns: int) -> None:
         """Put a wish to its room, on the record; ``answer`` is called once, now or later."""
-        request = self.desk.ask(verb, payload, origin, answer, now_ns)
+        self._on_record(self.desk.ask(verb, value, origin, answer, now_ns), now_ns)
+
+    def _on_record(self, request: CommandRequest | None, now_ns: int) -> None:
         if request is not None:
             self._record(request, now_ns)
 
@@ -105,7 +108,7 @@ class Gate:
             now_ns=now_ns, unix_ns=self._unix_ns(), rooms={**view.rooms(now_ns), "gate": True},
             guard=view.guard, reading=view.reading, diagnosis=view.diagnosis, forecast=view.forecast,
             advice=view.advice, brain=view.brain, commission=view.commission, normal=self._doors.normal.words(),
-            alarms=view.alarms(now_ns, self._troubles),
+            alarms=self._alarms(now_ns),
             recording=str(recorder.path or "") if recorder else "", counters=self.all_counters())
 
     def all_counters(self) -> dict[str, int]:
@@ -123,6 +126,9 @@ class Gate:
         recorder = self._doors.recorder
         named = {"recorder": recorder.trouble if recorder else "", "normal_file": self._doors.normal.trouble}
         return [name for name, trouble in named.items() if trouble]
+
+    def _alarms(self, now_ns: int) -> list[Alarm]:
+        return self.view.alarms(now_ns, self._troubles)
 
     def _send(self, request: CommandRequest) -> bool:
         if room_of(request.verb) == "brain":
@@ -179,30 +185,14 @@ class Gate:
             self._doors.guard.send(EventAck(seq=last))
 
     def _hear_commands(self, now_ns: int) -> None:
-        for verb, query in self._doors.telemetry.commands():
-            payload = query.payload.to_bytes() if query.payload else b""
-            self.ask(verb, payload, "zenoh", partial(self._doors.telemetry.answer, keys.command(verb), query), now_ns)
-        self.desk.step(now_ns)
-
-    def _answer_questions(self, now_ns: int) -> None:
-        for name, query in self._doors.telemetry.questions():
-            self._doors.telemetry.answer(name, query, self._answer_to(name, query, now_ns))
-
-    def _answer_to(self, name: str, query: zenoh.Query, now_ns: int) -> Any:
-        if name == keys.STATE:
-            return self.state(now_ns)
-        if name == keys.CONFIG:
-            return self._config
-        if name == keys.MODELS:
-            return self._models
-        if name == keys.ALARMS:
-            return self.view.alarms(now_ns, self._troubles)
-        since = str(query.parameters.get("since") or "-1")
-        return self.view.events(int(since) if since.lstrip("-").isdecimal() else -1)
+        queries = self._doors.telemetry.queries
+        for asked in queries.commands():
+            answer = partial(queries.answer_command, asked.verb, asked.question)
+            self._on_record(self.desk.hear(asked.verb, asked.payload, "zenoh", answer, now_ns), now_ns)
 
     def _slow_step(self, now_ns: int) -> None:
         """Once a second: the alarm list, the pairing with the calendar, the normal state in each new recording."""
-        self._doors.telemetry.publish_alarms(self.view.alarms(now_ns, self._troubles))
+        self._doors.telemetry.publish_alarms(self._alarms(now_ns))
         self._record(WallClock(t_ns=now_ns, unix_ns=self._unix_ns()), now_ns)
         recorder, normal = self._doors.recorder, self._doors.normal.normal
         place = (str(recorder.path), str(normal.made_unix_ns)) if recorder and normal else None

@@ -18,13 +18,18 @@ event              list of ``Event``              query, ``?since=N``  applicati
 state              ``DeviceState``                query                application/json
 config             effective configuration        query                application/json
 models             manifest and file metadata     query                application/json
-cmd/<verb>         ``CommandReply``               query, payload: the  application/json
-                                                  value as JSON
+cmd/<verb>         ``CommandReply``               query, payload: see  application/json
+                                                  below
 live/<room>        liveliness token               while the room lives
 ================== ============================== ==================== ====================================
 
 Queries answer in JSON, where a number that is not finite is null; with the parameter ``as=msgpack`` in msgpack,
 exact.  ``since`` counts the guard's events from its last start.
+
+Reading is harmless: a query with any wildcard in it executes nothing.  A command names its exact key and carries a JSON
+object, ``{"id": "7f3a", "value": 60.0}``: ``id`` is any text of 1 to 64 printable characters that was not used before
+(a UUID, say), ``value`` is left away where the verb takes none.  The id comes back in the reply; a repeated id is not
+executed twice but answered the same.
 
 The payload structures are those of :mod:`firmware_py.records` and of :mod:`firmware_py.gate.view`; units
 stand in the names.  Verbs: ``mode`` ("monitor", "manual", "auto"), ``arm``, ``disarm``, ``reset``,

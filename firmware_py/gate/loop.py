@@ -18,6 +18,7 @@ import msgspec
 from firmware_py import __version__, launch, notify
 from firmware_py.clock import Clock, MonotonicClock
 from firmware_py.config import Config
+from firmware_py.decoding import FILE_LIMIT_BYTES, OutsideError, from_json, read_file
 from firmware_py.gate import keys, session
 from firmware_py.gate.core import Doors, Gate
 from firmware_py.gate.normal_file import NormalFile
@@ -133,8 +134,8 @@ def read_models(config: Config) -> Any:
     """The manifest of the model folder, as it stands; empty when there is none."""
     folder = Path(config.models.directory) if config.models.directory else SHIPPED_MODELS
     try:
-        return json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        return from_json(read_file(folder / "manifest.json"), dict[str, Any], FILE_LIMIT_BYTES)
+    except (OSError, OutsideError):
         return {}
 
 

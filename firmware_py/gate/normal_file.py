@@ -10,6 +10,7 @@ from typing import Final
 
 import msgspec
 
+from firmware_py.decoding import FILE_LIMIT_BYTES, OutsideError, from_json, read_file
 from firmware_py.records import Normal
 
 NAME: Final = "normal.json"
@@ -39,10 +40,10 @@ class NormalFile:
         self.trouble = ""
         self._unix_ns = unix_ns
         try:
-            self.normal = msgspec.json.decode(self.path.read_bytes(), type=Normal)
+            self.normal = from_json(read_file(self.path), Normal, FILE_LIMIT_BYTES)
         except FileNotFoundError:
             return
-        except (OSError, msgspec.DecodeError) as error:
+        except (OSError, OutsideError) as error:
             self.trouble = (f"{self.path}: cannot be used ({error}); commission again (`orbitd commission start`), or "
                             "forget it (`orbitd commission forget`)")
 

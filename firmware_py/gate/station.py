@@ -15,8 +15,6 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, Final
 
-import msgspec
-
 from firmware_py.config import Config
 from firmware_py.records import ArmState, CommandReply, Event, GuardState, Mode, Severity
 from firmware_py.wire import mav_dialect as mav
@@ -43,7 +41,7 @@ _SEVERITY: Final = {
     Severity.DANGER: mav.MAV_SEVERITY_CRITICAL, Severity.FAULT: mav.MAV_SEVERITY_ERROR,
 }
 
-Ask = Callable[[str, bytes, str, Callable[[CommandReply], None], int], Any]
+Ask = Callable[[str, object, str, Callable[[CommandReply], None], int], Any]
 
 
 def settings(config: Config) -> dict[str, float]:
@@ -156,8 +154,7 @@ class GroundStation:
         if not verb:
             self._acknowledge(message.command, mav.MAV_RESULT_UNSUPPORTED)
             return
-        payload = msgspec.json.encode(value) if value else b""
-        self._ask(verb, payload, "mavlink", partial(self._answer, message.command), now_ns)
+        self._ask(verb, value, "mavlink", partial(self._answer, message.command), now_ns)
 
     def _answer(self, command: int, reply: CommandReply) -> None:
         self._acknowledge(command, mav.MAV_RESULT_ACCEPTED if reply.accepted else mav.MAV_RESULT_DENIED)

@@ -26,6 +26,8 @@ class CommandRequest(Record, frozen=True, tag=True):
     origin: str = "local"
     ramp: PlannedRamp | None = None
     action: str = ""
+    id: str = ""
+    """The asker's own name for this wish; a repeated one is not executed twice."""
 
 
 VERBS: Final = ("mode", "arm", "disarm", "reset", "set_clearance", "set_pressure", "announce")
@@ -40,6 +42,8 @@ class CommandReply(Record, frozen=True, tag=True):
     seq: int
     accepted: bool
     reasons: list[str]
+    id: str = ""
+    """Of the request, filled in by the gate."""
 
 
 class EventAck(Record, frozen=True, tag=True):

@@ -11,8 +11,7 @@ from collections import Counter
 from pathlib import Path
 from typing import Final
 
-import msgspec
-
+from firmware_py.decoding import UNDECODABLE
 from firmware_py.errors import OrbitdError
 from firmware_py.records import RoomRecord, decode, encode
 
@@ -76,7 +75,7 @@ class Peer:
             return None
         try:
             return decode(bytes(self._buffer[:size]))
-        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+        except UNDECODABLE:
             self._counters[f"malformed_{self.role}"] += 1
             return None
 

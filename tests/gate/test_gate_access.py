@@ -79,11 +79,11 @@ class Device:
 
     def _serve(self) -> None:
         while not self._stop.wait(0.005):
-            for verb, query in self.telemetry.commands():
-                self.verbs.append(verb)
-                self.telemetry.answer(f"cmd/{verb}", query, CommandReply(seq=1, accepted=True, reasons=[]))
-            for name, query in self.telemetry.questions():
-                self.telemetry.answer(name, query, {})
+            for asked in self.telemetry.queries.commands():
+                self.verbs.append(asked.verb)
+                reply = CommandReply(seq=1, accepted=True, reasons=[])
+                self.telemetry.queries.answer_command(asked.verb, asked.question, reply)
+            self.telemetry.queries.questions(lambda name, question: b"{}")
 
     def close(self) -> None:
         self._stop.set()

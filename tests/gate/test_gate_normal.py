@@ -8,7 +8,7 @@ import msgspec
 import pytest
 
 from firmware_py.commands import commission
-from firmware_py.gate.commands import MalformedCommandError, parse
+from firmware_py.gate.wishes import MalformedCommandError, parse
 from firmware_py.gate.normal_file import NormalFile
 from firmware_py.records import (
     Baseline,
@@ -108,9 +108,9 @@ def test_a_state_that_the_brain_refuses_is_an_alarm(stage):
 
 
 def test_a_malformed_wish_is_named():
-    assert parse(1, "commission", b'"start"', "x") == CommandRequest(1, "commission", origin="x", action="start")
+    assert parse(1, "commission", "start", "x") == CommandRequest(1, "commission", origin="x", action="start")
     with pytest.raises(MalformedCommandError, match="'begin' is none of start, stop, cancel, forget"):
-        parse(1, "commission", b'"begin"', "x")
+        parse(1, "commission", "begin", "x")
 
 
 @pytest.mark.parametrize(("changed", "stored", "words"), [
