@@ -6,7 +6,7 @@ from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Final
+from typing import Any, Final, Protocol
 
 from firmware_py import __version__
 from firmware_py.config import Config
@@ -36,6 +36,12 @@ class Doors:
     normal: NormalFile
 
 
+class Counting(Protocol):
+    """A part that counts."""
+
+    counters: Counter[str]
+
+
 class Gate:
     """All that the gate does, one :meth:`step` at a time.
 
@@ -54,12 +60,15 @@ class Gate:
     ----------
     station
         Link to a ground station, when there is to be one.
+    page
+        The HTTP page, when there is one: here for its counters.
     """
 
     def __init__(self, config: Config, doors: Doors, models: Any, unix_ns: Callable[[], int]) -> None:
         self.view = View(config)
         self.desk = CommandDesk(self._send)
         self.station: GroundStation | None = None
+        self.page: Counting | None = None
         self.counters: Counter[str] = Counter()
         self._config = config
         self._doors = doors
@@ -115,7 +124,8 @@ class Gate:
         """Every count of the gate, by name."""
         doors = self._doors
         total = Counter(self.counters)
-        for part in (self.view, self.desk, doors.telemetry, doors.guard, doors.brain, doors.recorder, self.station):
+        for part in (self.view, self.desk, doors.telemetry, doors.guard, doors.brain, doors.recorder, self.station,
+                     self.page):
             if part is not None:
                 total.update(part.counters)
         return dict(total)

@@ -70,7 +70,7 @@ def run(started: Launch, recordings: Path, notifier: notify.Notifier, stopped: C
     gate = Gate(config, doors, models, time.time_ns)
     if ground_station:
         gate.station = GroundStation(ground_station, config, gate.ask)
-    page = Page(config.metrics.port) if config.metrics.port else None
+    page = gate.page = Page(config.metrics.port) if config.metrics.port else None
     notifier.ready()
     try:
         _loop(gate, page, notifier, stopped, clock)

@@ -1,21 +1,19 @@
 """The live page and the Prometheus text, over HTTP on the loopback, read-only.
 
-The gate's loop renders (:meth:`Page.step`); the server's threads only hand out what was rendered last.
+The gate's loop renders what was asked for of late and serves it (:meth:`Page.step`).
 """
 
 from __future__ import annotations
 
-import threading
-from http import HTTPStatus
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import msgspec
 
 from firmware_py.errors import OrbitdError
 from firmware_py.gate.core import Gate
 from firmware_py.gate.features import Features, Orbit
+from firmware_py.gate.http import HttpServer
 from firmware_py.gate.metrics import render
 from firmware_py.gate.view import DeviceState
 from firmware_py.records import Event
@@ -55,17 +53,16 @@ class Page:
     def __init__(self, port: int) -> None:
         self._content: dict[str, tuple[str, bytes]] = {"/": ("text/html; charset=utf-8", HTML.read_bytes())}
         try:
-            self._server = ThreadingHTTPServer(("127.0.0.1", port), _handler(self._content))
+            self._server = HttpServer(port, self._content)
         except OSError as error:
             raise PageError(f"metrics.port = {port}: {error.strerror}; choose another port, or 0 for none") from error
-        self._server.daemon_threads = True
-        self.port: int = self._server.server_address[1]
-        self._thread = threading.Thread(target=self._server.serve_forever, name="page", daemon=True)
-        self._thread.start()
+        self.port = self._server.port
+        self.counters = self._server.counters
         self._next_ns = 0
 
     def step(self, gate: Gate, now_ns: int) -> None:
-        """Render five times a second."""
+        """Serve who asks, and render five times a second."""
+        self._server.step(now_ns)
         if now_ns < self._next_ns:
             return
         self._next_ns = now_ns + PERIOD_NS
@@ -76,32 +73,4 @@ class Page:
 
     def close(self) -> None:
         """Stop serving."""
-        self._server.shutdown()
-        self._server.server_close()
-        self._thread.join()
-
-
-def _handler(content: dict[str, tuple[str, bytes]]) -> type[BaseHTTPRequestHandler]:
-    class Handler(BaseHTTPRequestHandler):
-        """GET of what was rendered; everything else is refused."""
-
-        timeout = 5.0
-
-        def do_GET(self) -> None:
-            found = content.get(self.path.partition("?")[0])
-            if found is None:
-                self.send_error(HTTPStatus.NOT_FOUND)
-                return
-            kind, body = found
-            self.send_response(HTTPStatus.OK)
-            self.send_header("Content-Type", kind)
-            self.send_header("Content-Length", str(len(body)))
-            self.send_header("Cache-Control", "no-store")
-            self.send_header("Content-Security-Policy", "default-src 'self' 'unsafe-inline'")
-            self.end_headers()
-            self.wfile.write(body)
-
-        def log_message(self, format: str, *args: Any) -> None:
-            """Requests are nobody's business."""
-
-    return Handler
+        self._server.close()

@@ -1,8 +1,9 @@
 """Queries on Zenoh: small rings in, bounded work, answers that wait for no reader.
 
 Reading is harmless, whatever the key expression; a command must name its exact key.  Zenoh's own threads only fill the
-rings.  A reply can block while its reader does not read, so replies leave through threads of their own (:class:`Mouth`),
-one for ``disarm``, one for the other commands, one for what is read: none of them waits for another.
+rings.  A reply can block while its reader does not read, so replies leave through threads of their own
+(:class:`Mouth`):
+one for ``disarm``, one for the other commands, one for what is read; none of them waits for another.
 """
 
 from __future__ import annotations

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import socket
+import struct
 from collections import Counter, deque
 from collections.abc import Callable
 from functools import partial
@@ -23,7 +24,13 @@ SYSTEM, COMPONENT = 1, 1
 """The device as the one system that the station looks after."""
 
 HEARTBEAT_NS: Final = 1_000_000_000
-DATAGRAMS_PER_STEP: Final = 16
+DATAGRAMS_PER_STEP: Final = 256
+HEARD_PER_STEP: Final = 8
+"""Of the datagrams that came, so many are read: those that begin with a command first, the others as they came."""
+
+DATAGRAM_BYTES: Final = 512
+"""Read of one datagram; the longest packet has 280."""
+
 PACKETS_PER_STEP: Final = 8
 """Answers that wait (a list of settings) go out at this pace, so that no receive buffer overflows."""
 
@@ -74,7 +81,8 @@ class GroundStation:
 
     Notes
     -----
-    ``counters``: ``station_packets_out``, ``station_lost`` (answers that found no room), ``station_malformed``.
+    ``counters``: ``station_packets_out``, ``station_lost`` (answers that found no room), ``station_malformed``,
+    ``station_refused`` (datagrams beyond what a step reads).
     """
 
     def __init__(self, port: int, config: Config, ask: Ask) -> None:
@@ -85,6 +93,7 @@ class GroundStation:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
         self._socket.connect(("127.0.0.1", port))
+        self._urgent: deque[bytes] = deque()  # acknowledgements
         self._waiting: deque[bytes] = deque()
         self._next_heartbeat_ns = 0
         self._text_id = 0
@@ -100,8 +109,8 @@ class GroundStation:
         if now_ns >= self._next_heartbeat_ns:
             self._next_heartbeat_ns = now_ns + HEARTBEAT_NS
             self._queue(self._heartbeat(guard))
-        for _ in range(min(PACKETS_PER_STEP, len(self._waiting))):
-            packet = self._waiting.popleft()
+        for _ in range(min(PACKETS_PER_STEP, len(self._urgent) + len(self._waiting))):
+            packet = (self._urgent or self._waiting).popleft()
             with contextlib.suppress(OSError):  # nobody listens there at present
                 self._socket.send(packet)
                 self.counters["station_packets_out"] += 1
@@ -111,28 +120,39 @@ class GroundStation:
         self._socket.close()
 
     def _received(self) -> list[bytes]:
+        """What this step reads of what came: commands before all else, however much there is."""
         data: list[bytes] = []
         with contextlib.suppress(OSError):  # nothing more waits, or nobody listens there
             while len(data) < DATAGRAMS_PER_STEP:
-                data.append(self._socket.recv(2048))
-        return data
+                data.append(self._socket.recv(DATAGRAM_BYTES))
+        data.sort(key=lambda datagram: not _is_command(datagram))
+        self.counters["station_refused"] += max(0, len(data) - HEARD_PER_STEP)
+        return data[:HEARD_PER_STEP]
 
     def _hear(self, data: bytes, now_ns: int) -> None:
-        parser = mav.MAVLink(None)
-        parser.robust_parsing = True
-        for message in parser.parse_buffer(data) or []:
+        for message in self._parsed(data):
             kind = message.get_type()
             if kind == "BAD_DATA":
                 self.counters["station_malformed"] += 1
             elif getattr(message, "target_system", SYSTEM) not in (0, SYSTEM):
                 continue
-            elif kind == "PARAM_REQUEST_LIST":
+            elif kind == "PARAM_REQUEST_LIST" and len(self._waiting) + len(self._settings) < MAX_WAITING:
                 for index in range(len(self._settings)):
                     self._queue(self._setting(index))
             elif kind in ("PARAM_REQUEST_READ", "PARAM_SET"):
                 self._answer_setting(message)
             elif kind == "COMMAND_LONG":
                 self._obey(message, now_ns)
+
+    def _parsed(self, data: bytes) -> list[Any]:
+        """The messages in ``data``; the parser was written for friendly bytes."""
+        parser = mav.MAVLink(None)
+        parser.robust_parsing = True
+        try:
+            return parser.parse_buffer(data) or []
+        except (mav.MAVError, ValueError, LookupError, TypeError, struct.error):
+            self.counters["station_malformed"] += 1
+            return []
 
     def _answer_setting(self, message: Any) -> None:
         """The asked setting; a wish to change one gets its unchanged value, as the protocol wants it."""
@@ -149,7 +169,7 @@ class GroundStation:
         verb, value = "", None
         if message.command == mav.MAV_CMD_COMPONENT_ARM_DISARM:
             verb = "arm" if message.param1 == 1.0 else "disarm"
-        elif message.command == mav.MAV_CMD_DO_SET_MODE and message.param2 in set(Mode):
+        elif message.command == mav.MAV_CMD_DO_SET_MODE and message.param2 in tuple(Mode):
             verb, value = "mode", Mode(int(message.param2)).name.lower()
         if not verb:
             self._acknowledge(message.command, mav.MAV_RESULT_UNSUPPORTED)
@@ -162,7 +182,8 @@ class GroundStation:
             self._text(mav.MAV_SEVERITY_WARNING, reason)
 
     def _acknowledge(self, command: int, result: int) -> None:
-        self._queue(self._mav.command_ack_encode(command, result))
+        if len(self._urgent) < MAX_WAITING:
+            self._urgent.append(bytes(self._mav.command_ack_encode(command, result).pack(self._mav)))
 
     def _heartbeat(self, guard: GuardState | None) -> Any:
         flags = mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
@@ -190,3 +211,10 @@ class GroundStation:
             self.counters["station_lost"] += 1
         else:
             self._waiting.append(bytes(message.pack(self._mav)))
+
+
+def _is_command(datagram: bytes) -> bool:
+    """Whether a MAVLink 2 or 1 packet with a command begins it."""
+    number = mav.MAVLINK_MSG_ID_COMMAND_LONG
+    return (datagram[:1] == b"\xfd" and datagram[7:10] == number.to_bytes(3, "little")) or (
+        datagram[:1] == b"\xfe" and datagram[5:6] == bytes([number]))

@@ -26,7 +26,8 @@ class Answers(list):
 
 @pytest.mark.parametrize(("verb", "payload", "value", "mode"), [
     ("arm", b'{"id": "a"}', None, None), ("disarm", b'{"id": "a", "value": null}', None, None),
-    ("mode", b'{"id": "a", "value": "auto"}', None, Mode.AUTO), ("set_clearance", b'{"id": "a", "value": 60}', 60.0, None),
+    ("mode", b'{"id": "a", "value": "auto"}', None, Mode.AUTO),
+    ("set_clearance", b'{"id": "a", "value": 60}', 60.0, None),
     ("set_pressure", b'{"value": 1.5, "id": "a"}', 1.5, None)])
 def test_a_wish_becomes_a_request(verb, payload, value, mode):
     wish = read(verb, payload)

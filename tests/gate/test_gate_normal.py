@@ -8,8 +8,8 @@ import msgspec
 import pytest
 
 from firmware_py.commands import commission
-from firmware_py.gate.wishes import MalformedCommandError, parse
 from firmware_py.gate.normal_file import NormalFile
+from firmware_py.gate.wishes import MalformedCommandError, parse
 from firmware_py.records import (
     Baseline,
     Belonging,
