@@ -11,7 +11,11 @@ from sim_hil.duty import RAD_S_PER_RPM, Duty
 from sim_hil.rigs import Drive as DriveData
 from sim_hil.rotor.parameters import Floats
 
-SILENCE_US: Final = 500_000
+HEARTBEAT_LIMIT_S: Final = (0.5, 5.0)
+"""Least and greatest heartbeat limit that a drive may have: a guard that was killed is back within 1 to 2 s, and
+nothing protects the machine for longer than the limit and the time it takes to stop."""
+
+HEARTBEAT_LIMIT_DEFAULT_S: Final = 3.0
 
 
 class Drive:
@@ -25,9 +29,21 @@ class Drive:
         What to follow from time 0 on.
     coast_on_silence
         Whether a lost heartbeat stops the machine once a session has granted ``run_permit``.
+    heartbeat_limit_s
+        How long that session may be silent.
+
+    Raises
+    ------
+    ValueError
+        The heartbeat limit lies outside :data:`HEARTBEAT_LIMIT_S`.
     """
 
-    def __init__(self, data: DriveData, duty: Duty, *, coast_on_silence: bool = True) -> None:
+    def __init__(self, data: DriveData, duty: Duty, *, coast_on_silence: bool = True,
+                 heartbeat_limit_s: float = HEARTBEAT_LIMIT_DEFAULT_S) -> None:
+        low_s, high_s = HEARTBEAT_LIMIT_S
+        if not low_s <= heartbeat_limit_s <= high_s:
+            raise ValueError(f"heartbeat limit {heartbeat_limit_s:g} s: outside {low_s:g} .. {high_s:g} s")
+        self._silence_us = round(heartbeat_limit_s * 1e6)
         self._data = data
         self._coast_on_silence = coast_on_silence
         self.coasting = False
@@ -58,6 +74,8 @@ class Drive:
         """One intact heartbeat of a device."""
         if heartbeat.trip_request:
             self._coast("trip request")
+        elif heartbeat.session == self._granted and not heartbeat.run_permit:
+            self._coast("run permit withdrawn")
         self._permit = heartbeat.run_permit and not heartbeat.trip_request
         if heartbeat.run_permit:
             self._granted = heartbeat.session
@@ -66,7 +84,7 @@ class Drive:
 
     def watch(self, tick_us: int) -> None:
         """Coast down when the session that granted the run has fallen silent."""
-        silent = self._granted is not None and tick_us - self._heard_us > SILENCE_US
+        silent = self._granted is not None and tick_us - self._heard_us > self._silence_us
         if silent:
             self._permit = False
             if self._coast_on_silence:

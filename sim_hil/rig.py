@@ -24,7 +24,7 @@ from firmware_py.records import (
 from firmware_py.wire.fields import SCHEMA, SampleFlag
 from firmware_py.wire.link import Codec
 from sim_hil.build import Build
-from sim_hil.drive import Drive
+from sim_hil.drive import HEARTBEAT_LIMIT_DEFAULT_S, Drive
 from sim_hil.duty import Duty
 from sim_hil.machine import Batch, Machine, Readings
 from sim_hil.node import Node, NodeLimits
@@ -81,6 +81,8 @@ class Rig:
         Sampling rate.
     coast_on_silence
         Whether a lost device heartbeat stops the drive.
+    heartbeat_limit_s
+        How long the device may be silent before it does.
     fed
         Whether the supply pressure acts in the film (``Machine``).
 
@@ -93,11 +95,13 @@ class Rig:
     def __init__(
         self, rig: RigData, codec: Codec, limits: NodeLimits, seed: int, *, build: Build | None = None,
         duty: Duty | None = None, rate_hz: int = 5000, coast_on_silence: bool = True, fed: bool = False,
+        heartbeat_limit_s: float = HEARTBEAT_LIMIT_DEFAULT_S,
     ) -> None:
         self._rng = np.random.default_rng([seed, 2])
         self._codec = codec
         self.node = Node(limits)
-        self.drive = Drive(rig.drive, duty or _START, coast_on_silence=coast_on_silence)
+        self.drive = Drive(rig.drive, duty or _START, coast_on_silence=coast_on_silence,
+                           heartbeat_limit_s=heartbeat_limit_s)
         self.machine = Machine(
             rig, Build.nominal(rig) if build is None else build, seed, rate_hz=rate_hz,
             clearance_m=limits.boot_clearance_um * 1e-6, pressure_Pa=limits.boot_pressure_bar * 1e5, fed=fed,

@@ -6,6 +6,7 @@ It speaks only the wires that a rig of steel would.  Everything is compiled befo
 from __future__ import annotations
 
 import argparse
+import math
 import signal
 from collections.abc import Callable
 
@@ -17,6 +18,7 @@ from firmware_py.wire.link import Link, codec_for, open_link
 from sim_hil.build import Build
 from sim_hil.console import SOCKET_NAME, Console
 from sim_hil.domain import describe
+from sim_hil.drive import HEARTBEAT_LIMIT_DEFAULT_S, HEARTBEAT_LIMIT_S
 from sim_hil.duty import Duty
 from sim_hil.rig import Rig, node_limits
 from sim_hil.rigs import RIGS, load_rig
@@ -27,7 +29,8 @@ WARM_UP_STEPS = 1200
 
 
 def make_rig(
-    config: Config, name: str, seed: int, *, nominal: bool = False, duty: Duty | None = None, fed: bool = False
+    config: Config, name: str, seed: int, *, nominal: bool = False, duty: Duty | None = None, fed: bool = False,
+    heartbeat_limit_s: float = HEARTBEAT_LIMIT_DEFAULT_S,
 ) -> Rig:
     """The rig ``name`` on the wire of ``config``; its build is drawn from ``seed`` unless ``nominal``."""
     data = load_rig(name)
@@ -35,7 +38,7 @@ def make_rig(
     return Rig(
         data, codec_for(config), node_limits(data, config), seed, build=build, duty=duty,
         rate_hz=config.sampling.rate_hz, coast_on_silence=config.drive.coast_down_on_lost_heartbeat,
-        fed=fed,
+        fed=fed, heartbeat_limit_s=heartbeat_limit_s,
     )  # fmt: skip
 
 
@@ -73,6 +76,10 @@ def main(argv: list[str]) -> int:
         "--film", choices=("periodic", "fed"), default="periodic",
         help="unfed film, or fed from the rig's groove, where the supply pressure carries load (default periodic)",
     )
+    parser.add_argument(
+        "--heartbeat-limit", type=_heartbeat_limit_s, default=HEARTBEAT_LIMIT_DEFAULT_S, metavar="SECONDS",
+        help="the drive coasts down after so long without the device's heartbeat (0.5 to 5, default 3)",
+    )
     options = parser.parse_args(argv)
     started = launch.from_options(options)
     name = options.rig or started.config.device.rig
@@ -80,10 +87,23 @@ def main(argv: list[str]) -> int:
     fed = options.film == "fed"
     print("\n".join(describe(load_rig(name))), flush=True)
     warm_up(started.config, name, fed)
-    rig = make_rig(started.config, name, options.seed, nominal=options.nominal, duty=duty, fed=fed)
+    rig = make_rig(started.config, name, options.seed, nominal=options.nominal, duty=duty, fed=fed,
+                   heartbeat_limit_s=options.heartbeat_limit)
     _run(started, rig)
     print(f"rig ended: {rig.time_s:.1f} s, worst lag {rig.lag_ms_max:.1f} ms, {rig.periods_left_out} periods left out")
     return 0
+
+
+def _heartbeat_limit_s(text: str) -> float:
+    """A heartbeat limit as argparse reads it."""
+    low_s, high_s = HEARTBEAT_LIMIT_S
+    try:
+        value_s = float(text)
+    except ValueError:
+        value_s = math.nan
+    if not low_s <= value_s <= high_s:
+        raise argparse.ArgumentTypeError(f"{text}: not a number of seconds from {low_s:g} to {high_s:g}")
+    return value_s
 
 
 def _run(started: Launch, rig: Rig) -> None:

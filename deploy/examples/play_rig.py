@@ -22,7 +22,7 @@ RANGE = {"clearance": (40.0, 160.0), "pressure": (0.5, 3.0)}
 RATE = {"clearance": 50.0, "pressure": 1.0}  # um/s, bar/s
 TIME_TO_LIVE_US = 100_000
 SESSION_HOLD_US = 1_000_000
-HEARTBEAT_LIMIT_US = 500_000
+HEARTBEAT_LIMIT_US = 3_000_000
 SPEED_RPM = 3000.0
 
 
@@ -57,6 +57,8 @@ class Node:
             self.coasting = True
         if values["run_permit"]:
             self.permit_session = session
+        elif session == self.permit_session:
+            self.coasting = True
         if session == self.permit_session:
             self.heartbeat_us = now_us
         if session == self.session:

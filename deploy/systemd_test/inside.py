@@ -187,7 +187,7 @@ def strangers() -> None:
 
 def breaks() -> None:
     """Kill and hang each room: it comes back, nobody else notices."""
-    for name in ("brain", "gate", "guard"):  # without a guard for 0.5 s the drive coasts down: last
+    for name in ("brain", "gate", "guard"):  # a guard that hangs is away for longer than the drive waits: last
         others = pids(*(room(other) for other in ROOMS if other != name), RIG)
         hub = hubs()
         for sig, within_s in ((signal.SIGKILL, 30), (signal.SIGSTOP, WATCHDOG_S[name] + 30)):

@@ -218,6 +218,8 @@ class Drive(Section, frozen=True):
 
     trip_on_danger: bool = True
     coast_down_on_lost_heartbeat: bool = True
+    blind_max_s: Annotated[float, Meta(ge=0.5, le=60)] = 3.0
+    """The run permit is withdrawn after so long without fresh samples; on probation after a restart, 2 s at most."""
 
 
 class Zenoh(Section, frozen=True):

@@ -13,8 +13,10 @@ from firmware_py.guard.alarm import Notice
 from firmware_py.guard.announcements import Announced, Announcements
 from firmware_py.guard.arming import Arming, ArmingState, Target
 from firmware_py.guard.authority import is_ahead
+from firmware_py.guard.condition import Condition, ConditionState
 from firmware_py.guard.failsafe import Situation, node_reasons
 from firmware_py.guard.load_estimate import LoadEstimator, LoadInterval, LoadState, Look
+from firmware_py.guard.permit import Permit, PermitFacts, PermitState, Start
 from firmware_py.guard.protection import Protection, ProtectionState, zone
 from firmware_py.guard.shield import PERIOD_S, Shield
 from firmware_py.guard.speaker import Codec, Speaker, SpeakerState
@@ -77,6 +79,8 @@ class CoreState(msgspec.Struct):
     memory: MemoryState
     announced: list[Announced]
     load: LoadState
+    permit: PermitState = msgspec.field(default_factory=PermitState)
+    unwritable: ConditionState = msgspec.field(default_factory=ConditionState)
 
 
 class GuardCore:
@@ -92,9 +96,12 @@ class GuardCore:
         Nonce of this run, in every frame that the guard sends.
     latched
         Danger alarms that stood latched when the guard last ended.
+    start, timers
+        How this run began, and how long danger limits had been exceeded when the last one ended, ns.
     """
 
-    def __init__(self, config: Config, codec: Codec, session: int, latched: list[str] | None = None) -> None:
+    def __init__(self, config: Config, codec: Codec, session: int, latched: list[str] | None = None,
+                 start: Start | None = None, timers: dict[str, int] | None = None) -> None:
         self._config = config
         self._session = session
         self._ttl_ns = config.actuator.time_to_live_ms * 1_000_000
@@ -102,6 +109,9 @@ class GuardCore:
         self._speeds = (config.operating.speed_min_rpm * pi / 30, config.operating.speed_max_rpm * pi / 30)
         self._acquire = Acquire(config, codec)
         self._protection = Protection(config, latched or [])
+        self._protection.resume(timers or {})
+        self._permit = Permit(config.drive, start or Start())
+        self._unwritable = Condition("trip_file_unwritable", "trip_file_written")
         self._arming = Arming(config)
         self._speaker = Speaker(config, codec, session)
         self._shield = Shield(config)
@@ -130,14 +140,16 @@ class GuardCore:
         if cycle.advice is not None:
             m.advice = cycle.advice
             m.advices_ahead += is_ahead(cycle.advice, now_ns)
-        if now_ns >= m.shield_due_ns or cycle.commands or self._about_to_command(now_ns):
+        if now_ns >= m.shield_due_ns or self._command_due(cycle):
             self._look_around(now_ns)
         situation = self._situation(cycle, gap)
         replies = self._obey(cycle.commands, situation, notices)
         before = (self._arming.state.arm_state, self._arming.state.mode)
         m.target, told = self._arming.step(situation, m.advice)
         notices += told
-        if (self._arming.state.arm_state, self._arming.state.mode) != before or replies:
+        permit = self._judge_permit(situation, bool(acquired.blocks))
+        notices += permit + self._unwritable.step(bool(cycle.memory_fault), cycle.memory_fault, now_ns)
+        if (self._arming.state.arm_state, self._arming.state.mode) != before or replies or permit:
             self._speaker.hurry()
         m.last_ns = now_ns
         events = [self._event(notice, now_ns) for notice in notices]
@@ -147,7 +159,8 @@ class GuardCore:
     def snapshot(self, seq: int, now_ns: int) -> Snapshot:
         """The whole state before cycle ``seq``."""
         state = CoreState(self._acquire.state, self._protection.state, self._arming.state, self._speaker.state,
-                          self._memory, self._announcements.state, self._load.state)
+                          self._memory, self._announcements.state, self._load.state, self._permit.state,
+                          self._unwritable.state)
         return Snapshot(seq, now_ns, msgspec.msgpack.encode(state))
 
     def restore(self, snapshot: Snapshot) -> None:
@@ -156,11 +169,27 @@ class GuardCore:
         self._acquire.state, self._protection.state = state.acquire, state.protection
         self._arming.state, self._speaker.state, self._memory = state.arming, state.speaker, state.memory
         self._announcements.state, self._load.state = state.announced, state.load
+        self._permit.state, self._unwritable.state = state.permit, state.unwritable
 
     @property
     def tripped(self) -> list[str]:
         """Names of latched danger alarms: what the loop keeps over a restart."""
         return self._protection.tripped
+
+    @property
+    def timers(self) -> dict[str, int]:
+        """How long each danger limit has been exceeded whose delay is not over, ns: kept over a restart as well."""
+        return self._protection.timers()
+
+    @property
+    def barred(self) -> bool:
+        """Whether a second restart has withdrawn the permit and nobody has looked since."""
+        return self._permit.state.barred
+
+    @property
+    def probation(self) -> bool:
+        """Whether this run began as a restart, nobody has looked since, and 10 min are not over."""
+        return self._permit.state.probation
 
     @property
     def counters(self) -> dict[str, int]:
@@ -274,6 +303,7 @@ class GuardCore:
             if request.verb == "reset":
                 left = self._protection.reset()
                 self._arming.reset(left)
+                self._permit.reset()
                 situation.tripped = self._protection.tripped
                 replies.append(CommandReply(request.seq, not left, left))
                 notices.append(Notice(Severity.INFO, "command", f"reset from {request.origin}: {len(left)} trips left"))
@@ -284,22 +314,37 @@ class GuardCore:
                     f"announce accepted from {request.origin}: {len(self._announcements.state)} ramps ahead"))]
             else:
                 reply, told = self._arming.request(request, situation)
+                if request.verb == "arm" and reply.accepted:
+                    self._permit.reset()
                 replies.append(reply)
                 notices += told
         return replies
 
-    def _about_to_command(self, now_ns: int) -> bool:
+    def _judge_permit(self, situation: Situation, blocks: bool) -> list[Notice]:
+        """The permit of this cycle, after arming has judged it."""
+        tripped = self._arming.state.arm_state == ArmState.TRIPPED and self._config.drive.trip_on_danger
+        return self._permit.step(PermitFacts(
+            situation.now_ns, situation.samples_fresh, blocks and situation.samples_fresh and situation.displacement_ok,
+            situation.tripped if tripped else []))
+
+    def _command_due(self, cycle: Cycle) -> bool:
+        """Whether a command is due that can really be sent: it rests on an interval of its own."""
+        fresh = self._acquire.sample_age_ns(cycle.now_ns) < self._fresh_ns
+        return self._speaker.command_due(cycle.now_ns) and self._may_command(fresh, cycle.link_up)
+
+    def _may_command(self, fresh: bool, link_up: bool) -> bool:
+        """Whether a command that is due may be sent: armed (or tripped from armed), not monitor, samples, a link."""
         arming = self._arming.state
-        return arming.commanding and arming.mode != Mode.MONITOR and self._speaker.command_due(now_ns)
+        return arming.commanding and arming.mode != Mode.MONITOR and fresh and link_up
 
     def _speak(self, situation: Situation) -> list[RawFrame]:
         """Heartbeat always; command only while armed (or tripped from armed), fresh, and not in monitor mode."""
-        m, arming = self._memory, self._arming.state
-        trip = arming.arm_state == ArmState.TRIPPED and self._config.drive.trip_on_danger
+        m, arming, permit = self._memory, self._arming.state, self._permit.state
         frames = []
-        if arming.commanding and arming.mode != Mode.MONITOR and situation.samples_fresh and situation.link_up:
+        if self._may_command(situation.samples_fresh, situation.link_up):
             frames += self._speaker.command(situation.now_ns, m.target, self._acquire.newest_tick_us)
-        return frames + self._speaker.heartbeat(situation.now_ns, arming.mode, arming.arm_state, not trip, trip)
+        return frames + self._speaker.heartbeat(situation.now_ns, arming.mode, arming.arm_state, permit.granted,
+                                                permit.trip_request)
 
     def _event(self, notice: Notice, now_ns: int) -> Event:
         self._memory.event_seq += 1
@@ -311,7 +356,7 @@ class GuardCore:
         m, arming, a = self._memory, self._arming.state, self._acquire
         m.state_due_ns = now_ns + STATE_PERIOD_NS
         m.state_seq += 1
-        trip = arming.arm_state == ArmState.TRIPPED and self._config.drive.trip_on_danger
+        permit = self._permit.state
         low_m, high_m = m.interval_m or (0.0, 0.0)
         p2p_um = self._protection.motion.peak_to_peak_um
         node = a.node
@@ -322,10 +367,11 @@ class GuardCore:
             clearance_low_um=low_m * 1e6, clearance_high_um=high_m * 1e6,
             target_clearance_um=m.target.clearance_um, target_pressure_bar=m.target.pressure_bar,
             clearance_actual_um=a.status.clearance_actual_um if a.status else 0.0, peak_to_peak_um=p2p_um,
-            run_permit=not trip, trip_request=trip,
+            run_permit=permit.granted, trip_request=permit.trip_request,
             node_following=node is not None and node.mode == NodeMode.FOLLOWING and node.session == self._session,
-            alarms=self._protection.standing(), counters=self.counters,
-            zone=zone(max(p2p_um), a.speed.speed_rad_s * 30 / pi),
+            alarms=[*self._protection.standing(), *self._permit.standing(), *self._unwritable.standing()],
+            counters=self.counters,
+            zone=zone(max(p2p_um), a.speed.speed_rad_s * 30 / pi), permit_reasons=permit.reasons,
         )
 
 

@@ -18,10 +18,10 @@ from firmware_py import launch
 from firmware_py.clock import Clock, MonotonicClock
 from firmware_py.config import Config
 from firmware_py.guard.core import GuardCore
+from firmware_py.guard.memory import Memory, complain
 from firmware_py.guard.outbox import Outbox
 from firmware_py.guard.shield import check_safe
 from firmware_py.guard.timing import Grid, Lateness
-from firmware_py.guard.trips import TripFile
 from firmware_py.notify import Notifier, from_environment
 from firmware_py.records import (
     Advice,
@@ -53,15 +53,15 @@ class Guard:
         Bus or serial port to the node.
     server
         Socket on which brain and gate call.
-    trips
-        Where latched trips survive a restart.
+    memory
+        Where trips, timers and starts survive a restart.
     """
 
-    def __init__(self, core: GuardCore, link: Link, server: RoomServer, trips: TripFile) -> None:
+    def __init__(self, core: GuardCore, link: Link, server: RoomServer, memory: Memory) -> None:
         self._core = core
         self._link = link
         self._server = server
-        self._trips = trips
+        self._memory = memory
         self._outbox = Outbox()
         self._gate_known = False
         self.timing = Lateness(PERIOD_NS)
@@ -81,12 +81,13 @@ class Guard:
         for frame in decision.frames_out:
             self._link.send(frame)
         self._tell(cycle, decision)
-        self._trips.write(self._core.tripped)
+        self._memory.note(now_ns, self._core.tripped, self._core.timers, self._core.barred, self._core.probation)
         self.seq += 1
 
     def close(self) -> None:
-        """Give link and socket back."""
+        """Told to stop: give link and socket back, and note that it was no crash."""
         self._link.close()
+        self._memory.close()
         self._server.close()
 
     def _read(self, now_ns: int) -> Cycle:
@@ -102,7 +103,7 @@ class Guard:
                 self._outbox.acknowledge(record.seq)
         frames = self._link.receive(now_ns)
         return Cycle(self.seq, now_ns, frames, advice, commands, self._server.connected("brain"),
-                     self._server.connected("gate"), self._link.up)
+                     self._server.connected("gate"), self._link.up, self._memory.fault)
 
     def _tell(self, cycle: Cycle, decision: Decision) -> None:
         """Send what the rooms want to know; a slow reader loses its own, counted by the server."""
@@ -125,7 +126,7 @@ class Guard:
         counters |= {f"link_{name}": count for name, count in self._link.counters.items()}
         counters |= {f"room_{name}": count for name, count in self._server.counters.items()}
         counters |= {"periods_skipped": self.skipped, "events_dropped": self._outbox.dropped,
-                     "trip_file_failures": self._trips.failures}
+                     "trip_file_failures": self._memory.failures}
         return msgspec.structs.replace(state, counters=counters)
 
 
@@ -147,10 +148,11 @@ def run(guard: Guard, clock: Clock, notifier: Notifier, running: Callable[[], bo
 
 def build(config: Config, runtime: Path, state: Path, peers: Mapping[str, int | None]) -> Guard:
     """The guard of ``config`` on its real link and sockets; ``peers`` tells who may call."""
-    trips = TripFile(state)
-    core = GuardCore(config, codec_for(config), secrets.randbits(32) | 1, trips.read())
-    server = RoomServer(runtime / "guard.sock", peers)
-    return Guard(core, open_link(config, "device"), server, trips)
+    server = RoomServer(runtime / "guard.sock", peers)  # first: nobody else is the guard of this instance from here on
+    memory = Memory(state, prepare=_first_in_line)
+    complain(memory)
+    core = GuardCore(config, codec_for(config), secrets.randbits(32) | 1, memory.latched, memory.start, memory.timers)
+    return Guard(core, open_link(config, "device"), server, memory)
 
 
 def main(argv: list[str]) -> int:
@@ -173,8 +175,13 @@ def main(argv: list[str]) -> int:
 
 def _real_time() -> None:
     """First in line for the processor where that is allowed, and no garbage collection in the loop."""
-    with contextlib.suppress(PermissionError):  # on a laptop; the lateness histogram shows what that costs
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(FIFO_PRIORITY))
+    _first_in_line()
     gc.collect()
     gc.freeze()
     gc.disable()
+
+
+def _first_in_line() -> None:
+    """The calling thread before all others, where that is allowed."""
+    with contextlib.suppress(PermissionError):  # on a laptop; the lateness histogram shows what that costs
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(FIFO_PRIORITY))

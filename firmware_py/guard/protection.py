@@ -13,7 +13,7 @@ from typing import Final
 import msgspec
 
 from firmware_py.config import Config
-from firmware_py.guard.alarm import AlarmState, Notice
+from firmware_py.guard.alarm import QUIET_NS, AlarmState, Notice
 from firmware_py.guard.motion import ACCELERATIONS, DISPLACEMENTS, BlockSums, Motion, MotionMeter
 from firmware_py.records import CHANNELS, N_CHANNELS, Alarm, Block, Severity
 
@@ -103,6 +103,17 @@ class Protection:
     def _latched(self) -> list[str]:
         """Names of latched danger alarms (kept in ``tripped``, which is asked for in every cycle)."""
         return [a.name for a in self._state.alarms.values() if a.latching and a.standing]
+
+    def timers(self) -> dict[str, int]:
+        """How long each danger limit has been exceeded whose delay is not over, ns."""
+        return {a.name: a.over_ns for a in self._state.alarms.values()
+                if a.latching and not a.standing and a.over_ns != QUIET_NS}
+
+    def resume(self, timers: dict[str, int]) -> None:
+        """Go on counting delays that ran when the guard last ended; names of another version are left out."""
+        for name, over_ns in timers.items():
+            if (alarm := self._state.alarms.get(name)) is not None and alarm.latching:
+                alarm.over_ns = over_ns
 
     @property
     def displacement_ok(self) -> bool:

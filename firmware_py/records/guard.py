@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import enum
 
+import msgspec
+
 from firmware_py.records.base import Record
 
 
@@ -62,3 +64,5 @@ class GuardState(Record, frozen=True, tag=True):
     alarms: list[Alarm]
     counters: dict[str, int]
     zone: str = ""
+    permit_reasons: list[str] = msgspec.field(default_factory=list)
+    """Why ``run_permit`` is withheld; empty while it is granted."""

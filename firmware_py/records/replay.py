@@ -21,6 +21,8 @@ class Cycle(Record, frozen=True, tag=True):
     brain_connected: bool
     gate_connected: bool
     link_up: bool
+    memory_fault: str = ""
+    """Why the files that survive the guard cannot be written; empty while they can."""
 
 
 class Decision(Record, frozen=True, tag=True):

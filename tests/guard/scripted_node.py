@@ -12,6 +12,7 @@ import msgspec
 
 from firmware_py.config import SHIPPED, Config, load
 from firmware_py.guard.core import GuardCore
+from firmware_py.guard.permit import Start
 from firmware_py.records import (
     Advice,
     Command,
@@ -186,13 +187,21 @@ class ScriptedNode:
 class Bench:
     """Guard core and scripted node on one simulated clock, one millisecond a cycle."""
 
-    def __init__(self, config: Config | None = None, latched: list[str] | None = None, drift_ppm: int = 0) -> None:
+    def __init__(
+        self,
+        config: Config | None = None,
+        latched: list[str] | None = None,
+        drift_ppm: int = 0,
+        start: Start | None = None,
+        timers: dict[str, int] | None = None,
+    ) -> None:
         self.config = config or bench()
         self.node = ScriptedNode(self.config, drift_ppm)
-        self.core = GuardCore(self.config, CanCodec(), SESSION, latched)
+        self.core = GuardCore(self.config, CanCodec(), SESSION, latched, start, timers)
         self.now_ns = 1_000 * MS
         self.seq = 0
         self.link_up = self.brain = self.gate = True
+        self.memory_fault = ""
         self.advise_um: float | None = None
         self.advice_seq = 0
         self.events: list[Event] = []
@@ -208,7 +217,17 @@ class Bench:
         sent = self.node.step(self.now_ns)
         frames = (self.tamper(sent) if self.link_up else []) + self.extra
         self.extra = []
-        cycle = Cycle(self.seq, self.now_ns, frames, self.advice(), commands or [], self.brain, self.gate, self.link_up)
+        cycle = Cycle(
+            self.seq,
+            self.now_ns,
+            frames,
+            self.advice(),
+            commands or [],
+            self.brain,
+            self.gate,
+            self.link_up,
+            self.memory_fault,
+        )
         self.cycles.append(cycle)
         decision = self.core.step(cycle)
         self.node.hear(decision.frames_out)

@@ -275,8 +275,8 @@ def test_a_good_start_raises_no_alarm_and_a_bad_one_does() -> None:
     bad.link_up = False
     good.run(3.5)
     bad.run(3.5)
-    assert set(good.names()) == {"gate_back", "brain_back"}
-    assert {"link_lost", "link_down", "samples_stale"} <= set(bad.names())
+    assert set(good.names()) == {"gate_back", "brain_back", "run_permit_granted"}
+    assert {"link_lost", "link_down", "samples_stale", "no_samples"} <= set(bad.names())
 
 
 def test_a_trip_is_told_once_and_so_is_one_from_an_earlier_run() -> None:

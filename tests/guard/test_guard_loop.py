@@ -13,9 +13,9 @@ from firmware_py.clock import SimClock
 from firmware_py.config import SHIPPED
 from firmware_py.guard.core import GuardCore
 from firmware_py.guard.loop import Guard, run
+from firmware_py.guard.memory import Memory
 from firmware_py.guard.outbox import Outbox
 from firmware_py.guard.timing import Grid, Lateness
-from firmware_py.guard.trips import TripFile, TripFileError
 from firmware_py.notify import Notifier
 from firmware_py.records import (
     Advice,
@@ -83,29 +83,6 @@ def test_events_wait_for_their_acknowledgement_and_overflow_is_counted() -> None
     assert outbox.waiting() == []
 
 
-def test_trips_survive_and_a_damaged_file_is_refused(tmp_path: Path) -> None:
-    trips = TripFile(tmp_path)
-    assert trips.read() == []
-    trips.write(["disp_x_danger"])
-    assert TripFile(tmp_path).read() == ["disp_x_danger"]
-    trips.write([])
-    assert TripFile(tmp_path).read() == []
-    (tmp_path / "trips.json").write_text("[")
-    with pytest.raises(TripFileError, match="look at the machine"):
-        TripFile(tmp_path).read()
-
-
-def test_an_unwritable_trip_file_is_counted_and_tried_again(tmp_path: Path) -> None:
-    folder = tmp_path / "absent"
-    trips = TripFile(folder)
-    trips.write(["a"])
-    trips.write(["a"])
-    assert trips.failures == 2
-    folder.mkdir()
-    trips.write(["a"])
-    assert TripFile(folder).read() == ["a"]
-
-
 # ------------------------------------------------------------------ the shell on real rooms, simulated time
 
 
@@ -140,7 +117,7 @@ class House:
         path = folder / "guard.sock"
         self.server = RoomServer(path, {"brain": None, "gate": None})
         core = GuardCore(bench(), CanCodec(), SESSION)
-        self.guard = Guard(core, self.link, self.server, TripFile(folder))
+        self.guard = Guard(core, self.link, self.server, Memory(folder))
         self.brain, self.gate = RoomClient(path, "brain"), RoomClient(path, "gate")
         self.clock = SimClock(1_000 * MS)
         self.heard: dict[str, list[RoomRecord]] = {"brain": [], "gate": []}

@@ -111,21 +111,43 @@ def test_drive_ignores_silence_until_somebody_granted_the_run() -> None:
     assert not d.coasting
 
 
-@pytest.mark.parametrize(("silence_us", "coasting"), [(500 * MS, False), (500 * MS + 1, True)])
-def test_drive_coasts_when_its_session_falls_silent(silence_us: int, coasting: bool) -> None:
-    d = drive()
+@pytest.mark.parametrize("limit_s", [None, 0.5, 5.0])
+@pytest.mark.parametrize(("beyond_us", "coasting"), [(0, False), (1, True)])
+def test_drive_coasts_when_its_session_falls_silent(limit_s: float | None, beyond_us: int, coasting: bool) -> None:
+    d = drive() if limit_s is None else Drive(
+        load_rig("bench").drive, Duty.hold(6000, 100), heartbeat_limit_s=limit_s
+    )
+    silence_us = round((limit_s or 3.0) * 1000) * MS + beyond_us
     d.hear(heartbeat(), 0)
     d.hear(heartbeat(session=9, permit=False), silence_us)  # a stranger is no comfort
     d.watch(silence_us)
     assert d.coasting is coasting
 
 
+@pytest.mark.parametrize("limit_s", [0.0, 0.49, 5.01, -1.0, float("nan"), float("inf")])
+def test_a_heartbeat_limit_that_protects_nothing_or_stops_everything_is_refused(limit_s: float) -> None:
+    with pytest.raises(ValueError, match=r"0\.5 \.\. 5 s"):
+        Drive(load_rig("bench").drive, Duty.hold(6000, 100), heartbeat_limit_s=limit_s)
+
+
+def test_a_session_that_withdraws_its_permit_stops_the_machine_and_one_that_never_granted_does_not() -> None:
+    d = drive()
+    d.hear(heartbeat(), 0)
+    d.hear(heartbeat(session=9, permit=False), 0)
+    assert not d.coasting
+    d.hear(heartbeat(session=9), 0)  # a guard that was started again takes over
+    d.hear(heartbeat(permit=False), 0)
+    assert not d.coasting
+    d.hear(heartbeat(session=9, permit=False), 0)
+    assert (d.coasting, d.reason) == (True, "run permit withdrawn")
+
+
 def test_drive_may_be_configured_to_run_on() -> None:
     d = Drive(load_rig("bench").drive, Duty.hold(6000, 100), coast_on_silence=False)
     d.hear(heartbeat(), 0)
-    d.watch(600 * MS)
+    d.watch(6000 * MS)
     assert not d.coasting
-    d.hear(heartbeat(trip=True), 700 * MS)
+    d.hear(heartbeat(trip=True), 7000 * MS)
     assert d.coasting
 
 

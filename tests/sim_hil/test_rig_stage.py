@@ -154,7 +154,7 @@ def test_trip_coasts_down_and_the_samples_say_so() -> None:
 def test_lost_heartbeat_coasts_down() -> None:
     b = Bench()
     b.step(1, b.heartbeat())
-    b.run(499)
+    b.run(2999)
     assert not b.rig.drive.coasting
     b.run(20)
     assert b.rig.drive.coasting
