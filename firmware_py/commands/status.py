@@ -10,7 +10,7 @@ from firmware_py import launch
 from firmware_py.commands import commission
 from firmware_py.commands.authority import connect
 from firmware_py.gate.view import DeviceState
-from firmware_py.records import ArmState, GuardState, Mode, Severity
+from firmware_py.records import Alarm, ArmState, GuardState, Mode, Severity
 
 RAD_S_TO_RPM = 9.549296585513721
 
@@ -39,11 +39,19 @@ def _lines(state: DeviceState) -> list[str]:
         power, film = state.forecast.power_W[1], state.forecast.min_film_um[1]
         lines.append(f"forecast    {power:.0f} W, film {film:.1f} um in {state.forecast.horizon_s:g} s")
     lines += commission.lines(state.commission if state.rooms.get("brain") else None, state.normal)
-    alarms = [f"{Severity(alarm.severity).name.lower()} {alarm.name}" for alarm in state.alarms]
-    lines.append(f"alarms      {', '.join(alarms) or 'none'}")
+    alarms = [_alarm(alarm, state.now_ns) for alarm in state.alarms] or ["none"]
+    lines += [f"{'alarms' if number == 0 else '':<12}{text}" for number, text in enumerate(alarms)]
     if state.recording:
         lines.append(f"recording   {state.recording}")
     return lines
+
+
+def _alarm(alarm: Alarm, now_ns: int) -> str:
+    """One standing alarm: severity, name, since when, and its text or its value."""
+    since_s = max(0.0, (now_ns - alarm.since_ns) * 1e-9)
+    said = f": {alarm.text}" if alarm.text else f": {alarm.value:.3g} (limit {alarm.limit:.3g})" if alarm.limit else ""
+    latched = ", latched" if alarm.latched else ""
+    return f"{Severity(alarm.severity).name.lower()} {alarm.name} for {since_s:.0f} s{latched}{said}"
 
 
 def _guard_lines(guard: GuardState) -> list[str]:

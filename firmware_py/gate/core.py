@@ -131,11 +131,10 @@ class Gate:
         return dict(total)
 
     @property
-    def _troubles(self) -> list[str]:
-        """Names of what is wrong at the gate itself."""
+    def _troubles(self) -> dict[str, str]:
+        """What is wrong at the gate itself, by name; empty texts are no trouble."""
         recorder = self._doors.recorder
-        named = {"recorder": recorder.trouble if recorder else "", "normal_file": self._doors.normal.trouble}
-        return [name for name, trouble in named.items() if trouble]
+        return {"recorder": recorder.trouble if recorder else "", "normal_file": self._doors.normal.trouble}
 
     def _alarms(self, now_ns: int) -> list[Alarm]:
         return self.view.alarms(now_ns, self._troubles)
@@ -202,6 +201,8 @@ class Gate:
 
     def _slow_step(self, now_ns: int) -> None:
         """Once a second: the alarm list, the pairing with the calendar, the normal state in each new recording."""
+        guard = self.view.guard
+        self.view.losses.step(self.all_counters() | (guard.counters if guard else {}), now_ns)
         self._doors.telemetry.publish_alarms(self._alarms(now_ns))
         self._record(WallClock(t_ns=now_ns, unix_ns=self._unix_ns()), now_ns)
         recorder, normal = self._doors.recorder, self._doors.normal.normal

@@ -6,13 +6,14 @@ Telemetry, queries, metrics and the page all read this one view; only the gate's
 from __future__ import annotations
 
 from collections import Counter, deque
-from collections.abc import Iterable
+from collections.abc import Mapping
 from typing import Final
 
 import msgspec
 
 from firmware_py.config import Config
 from firmware_py.gate.features import Decimator, Features
+from firmware_py.gate.losses import Losses
 from firmware_py.records import (
     Advice,
     Alarm,
@@ -29,6 +30,10 @@ from firmware_py.records import (
 )
 
 EVENTS_KEPT: Final = 1000
+SAME_WITHIN_NS: Final = 60_000_000_000
+LOOKED_BACK: Final = 8
+"""An event that says the same as one of so many before it, within so long, is one event with a count."""
+
 SILENT_AFTER_NS: Final = 1_000_000_000
 """A room whose heartbeat (guard: ``GuardState``, brain: ``Advice``, both 10 Hz) is older is not alive."""
 
@@ -82,6 +87,7 @@ class View:
         self._events: deque[Event] = deque(maxlen=EVENTS_KEPT)
         self._heard_ns: dict[str, int] = {}
         self._since_ns: dict[str, int] = {}
+        self.losses = Losses()
 
     def step(self, record: RoomRecord, now_ns: int) -> None:
         """Take in ``record``."""
@@ -104,7 +110,18 @@ class View:
             case Forecast():
                 self.forecast = record
             case Event():
-                self._events.append(record)
+                self._keep(record)
+
+    def _keep(self, event: Event) -> None:
+        """Keep ``event``; one that says the same as the newest of its name shortly before takes its place, counted."""
+        for place in range(len(self._events) - 1, max(-1, len(self._events) - 1 - LOOKED_BACK), -1):
+            old = self._events[place]
+            if (old.name, old.text, old.severity) == (event.name, event.text, event.severity) \
+                    and 0 <= event.t_ns - old.t_ns < SAME_WITHIN_NS and event.name != "command":
+                del self._events[place]
+                event = msgspec.structs.replace(event, count=event.count + old.count)
+                break
+        self._events.append(event)
 
     def rooms(self, now_ns: int) -> dict[str, bool]:
         """Which rooms are alive by their heartbeat."""
@@ -115,16 +132,18 @@ class View:
         """Kept events with a sequence number above ``since``, oldest first."""
         return [event for event in self._events if event.seq > since]
 
-    def alarms(self, now_ns: int, troubles: Iterable[str] = ()) -> list[Alarm]:
-        """Every active alarm: the guard's while it lives, silent rooms, and the gate's own ``troubles``.
+    def alarms(self, now_ns: int, troubles: Mapping[str, str] | None = None) -> list[Alarm]:
+        """Every active alarm: the guard's while it lives, silent rooms, and the gate's own ``troubles`` (text by name).
 
         A normal state that the brain refuses to use is one: the machine is not judged as its owner thinks.
         """
         alive = self.rooms(now_ns)
-        standing = {f"{room}_silent": Severity.FAULT for room, lives in alive.items() if not lives}
-        refused = alive["brain"] and self.commission is not None and self.commission.phase == "refused"
-        standing |= dict.fromkeys((*troubles, *(("normal_refused",) if refused else ())), Severity.ALERT)
+        standing = {f"{room}_silent": (Severity.FAULT, f"the {room} does not answer; see its log, or `orbitd run`")
+                    for room, lives in alive.items() if not lives}
+        standing |= {name: (Severity.ALERT, text) for name, text in (troubles or {}).items() if text}
+        if alive["brain"] and self.commission is not None and self.commission.phase == "refused":
+            standing["normal_refused"] = (Severity.ALERT, self.commission.text)
         self._since_ns = {name: self._since_ns.get(name, now_ns) for name in standing}
-        own = [Alarm(name=name, severity=severity, since_ns=self._since_ns[name], value=0.0, limit=0.0,
-                     latched=False) for name, severity in standing.items()]
-        return own + (self.guard.alarms if self.guard and alive["guard"] else [])
+        own = [Alarm(name, severity, self._since_ns[name], 0.0, 0.0, False, text)
+               for name, (severity, text) in standing.items()]
+        return own + (self.guard.alarms if self.guard and alive["guard"] else []) + self.losses.standing()

@@ -15,13 +15,21 @@ from firmware_py.config import Config
 from firmware_py.guard.alarm import Notice
 from firmware_py.guard.authority import Authority, AuthorityState
 from firmware_py.guard.failsafe import Action, Failsafe, Situation, active
-from firmware_py.records import VERBS, Advice, ArmState, CommandReply, CommandRequest, Mode, Severity
+from firmware_py.records import VERBS, Advice, Alarm, ArmState, CommandReply, CommandRequest, Mode, Severity
 
 RECOVERY_MAX_NS: Final = 60_000_000_000
 """A recovery that takes longer ends disarmed: nobody expects a machine to move by itself by then."""
 
 CHECK_PATIENCE_NS: Final = 3_000_000_000
 """While checking, what is not there *yet* is no event before this time has passed."""
+
+
+ALARMING: Final = (Action.RECOVER, Action.DISARM)
+"""Failsafes with these actions are alarms while they hold; a trip's are the danger alarms that latched it."""
+
+ALSO_ALARMS: Final = ("foreign_heartbeat", "mark_lost")
+"""Faults that take authority alone; the other conditions of that kind are operating states or have alarms of their
+own."""
 
 
 class Target(msgspec.Struct, frozen=True):
@@ -43,6 +51,7 @@ class ArmingState(msgspec.Struct):
     trouble_ns: int = 0
     check_ns: int = 0
     active: list[str] = []
+    standing: dict[str, Alarm] = {}
 
 
 class Arming:
@@ -131,6 +140,11 @@ class Arming:
         before, self._state.active = self._state.active, names
         if names == before:
             return []
+        self._state.standing = {
+            f.name: self._state.standing.get(f.name) or Alarm(
+                f.name, Severity.FAULT if f.action >= Action.RECOVER else Severity.ALERT, situation.now_ns, 0.0, 0.0,
+                False, f.text)
+            for f in failsafes if f.action in ALARMING or f.name in ALSO_ALARMS}
         return [Notice(Severity.FAULT if f.action >= Action.RECOVER else Severity.ALERT, f.name,
                        "; ".join([f.text, *situation.node_reasons]) if f.name == "node_mismatch" else f.text)
                 for f in failsafes if f.name not in before and f.action != Action.TRIP]
@@ -153,6 +167,14 @@ class Arming:
             return self.safe
         low_m, high_m = situation.interval_m
         return Target(_clamp(wish.clearance_um, low_m * 1e6, high_m * 1e6), _clamp(wish.pressure_bar, *self._pressures))
+
+    def standing(self) -> list[Alarm]:
+        """Failsafes that hold, and authority that a model had and lost."""
+        s, authority = self._state, self._authority.state
+        lost = s.mode == Mode.AUTO and s.commanding and authority.regain and not authority.held
+        alarm = Alarm("authority_lost", Severity.ALERT, authority.lost_ns, 0.0, 0.0, False,
+                      "; ".join(authority.reasons))
+        return [*s.standing.values(), *([alarm] if lost else [])]
 
     # ------------------------------------------------------------------ requests
 

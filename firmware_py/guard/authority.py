@@ -34,6 +34,7 @@ class AuthorityState(msgspec.Struct):
     regains_ns: list[int] = []
     exhausted: bool = False
     reasons: list[str] = []
+    lost_ns: int = 0
 
 
 class Authority:
@@ -102,7 +103,7 @@ class Authority:
         s.good, s.doubt_ns, s.reasons = 0, now_ns, reasons
         if not s.held:
             return []
-        s.held, s.regain = False, True
+        s.held, s.regain, s.lost_ns = False, True, now_ns
         return [Notice(Severity.ALERT, "authority_lost", "; ".join(reasons))]
 
     def _waiting(self, now_ns: int) -> list[str]:

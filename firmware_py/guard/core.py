@@ -20,8 +20,10 @@ from firmware_py.guard.permit import Permit, PermitFacts, PermitState, Start
 from firmware_py.guard.protection import Protection, ProtectionState, zone
 from firmware_py.guard.shield import PERIOD_S, Shield
 from firmware_py.guard.speaker import Codec, Speaker, SpeakerState
+from firmware_py.guard.telling import Telling, Told
 from firmware_py.records import (
     Advice,
+    Alarm,
     ArmState,
     Command,
     CommandReply,
@@ -67,6 +69,8 @@ class MemoryState(msgspec.Struct):
     advices_ahead: int = 0
     node_reasons: list[str] = []
     vibration_high: bool = False
+    link_fault: str = ""
+    link_fault_ns: int = 0
 
 
 class CoreState(msgspec.Struct):
@@ -81,6 +85,7 @@ class CoreState(msgspec.Struct):
     load: LoadState
     permit: PermitState = msgspec.field(default_factory=PermitState)
     unwritable: ConditionState = msgspec.field(default_factory=ConditionState)
+    telling: dict[str, Told] = {}
 
 
 class GuardCore:
@@ -117,6 +122,7 @@ class GuardCore:
         self._shield = Shield(config)
         self._load = LoadEstimator(config)
         self._announcements = Announcements(config, self._shield.lead_s)
+        self._telling = Telling()
         self._memory = MemoryState(self._arming.safe, self._load.declared())
 
     # ------------------------------------------------------------------ the cycle
@@ -152,7 +158,7 @@ class GuardCore:
         if (self._arming.state.arm_state, self._arming.state.mode) != before or replies or permit:
             self._speaker.hurry()
         m.last_ns = now_ns
-        events = [self._event(notice, now_ns) for notice in notices]
+        events = [self._event(notice, count, now_ns) for notice, count in self._telling.step(notices, now_ns)]
         state = self._state(now_ns) if now_ns >= m.state_due_ns or replies else None
         return Decision(cycle.seq, self._speak(situation), acquired.blocks, acquired.readings, events, replies, state)
 
@@ -160,7 +166,7 @@ class GuardCore:
         """The whole state before cycle ``seq``."""
         state = CoreState(self._acquire.state, self._protection.state, self._arming.state, self._speaker.state,
                           self._memory, self._announcements.state, self._load.state, self._permit.state,
-                          self._unwritable.state)
+                          self._unwritable.state, self._telling.state)
         return Snapshot(seq, now_ns, msgspec.msgpack.encode(state))
 
     def restore(self, snapshot: Snapshot) -> None:
@@ -170,6 +176,7 @@ class GuardCore:
         self._arming.state, self._speaker.state, self._memory = state.arming, state.speaker, state.memory
         self._announcements.state, self._load.state = state.announced, state.load
         self._permit.state, self._unwritable.state = state.permit, state.unwritable
+        self._telling.state = state.telling
 
     @property
     def tripped(self) -> list[str]:
@@ -202,10 +209,10 @@ class GuardCore:
     def _connections(self, cycle: Cycle) -> list[Notice]:
         """Rooms and link that came or went."""
         m = self._memory
+        notices = self._link_health(cycle)
         now = (cycle.link_up, cycle.gate_connected, cycle.brain_connected)
         if (m.link_up, m.gate_connected, m.brain_connected) == now:
-            return []
-        notices = []
+            return notices
         for name, before, after in (
             ("link", m.link_up, cycle.link_up),
             ("gate", m.gate_connected, cycle.gate_connected),
@@ -214,13 +221,26 @@ class GuardCore:
             if after and not before:
                 notices.append(Notice(Severity.INFO, f"{name}_back", f"{name} connected"))
             elif before and not after:
-                notices.append(Notice(Severity.ALERT, f"{name}_lost", f"{name} gone"))
+                notices.append(Notice(Severity.ALERT, f"{name}_lost", _gone(name, cycle)))
         if cycle.link_up and not m.link_up:
             self._acquire.reset_clock()
         if not cycle.brain_connected:
             m.advice = None
         m.link_up, m.gate_connected, m.brain_connected = now
         return notices
+
+    def _link_health(self, cycle: Cycle) -> list[Notice]:
+        """What the link says is wrong with it (bus-off, queue full, no such port), when that changes."""
+        m, fault = self._memory, cycle.link_fault
+        if fault == m.link_fault:
+            return []
+        if not m.link_fault:
+            m.link_fault_ns = cycle.now_ns
+        m.link_fault = fault
+        if fault:
+            return [Notice(Severity.FAULT, "link_fault", fault)]
+        lasted_s = (cycle.now_ns - m.link_fault_ns) * 1e-9
+        return [Notice(Severity.INFO, "link_well", f"the link is well again, after {lasted_s:.1f} s")]
 
     def _discard(self) -> None:
         """Guard or host was away for longer than the time to live: nothing that was computed is valid.
@@ -346,10 +366,18 @@ class GuardCore:
         return frames + self._speaker.heartbeat(situation.now_ns, arming.mode, arming.arm_state, permit.granted,
                                                 permit.trip_request)
 
-    def _event(self, notice: Notice, now_ns: int) -> Event:
+    def _event(self, notice: Notice, count: int, now_ns: int) -> Event:
         self._memory.event_seq += 1
         return Event(self._memory.event_seq, now_ns, int(notice.severity), notice.name, notice.text, notice.value,
-                     notice.limit)
+                     notice.limit, count)
+
+    def _standing(self) -> list[Alarm]:
+        """Every alarm that stands, one of each name: protection's, the failsafes', the link's."""
+        m = self._memory
+        link = [Alarm("link_fault", Severity.FAULT, m.link_fault_ns, 0.0, 0.0, False, m.link_fault)]
+        found = [*self._protection.standing(), *self._permit.standing(), *self._unwritable.standing(),
+                 *(link if m.link_fault else []), *self._arming.standing()]
+        return list({alarm.name: alarm for alarm in reversed(found)}.values())[::-1]
 
     def _state(self, now_ns: int) -> GuardState:
         """Everything the guard says about itself."""
@@ -369,8 +397,7 @@ class GuardCore:
             clearance_actual_um=a.status.clearance_actual_um if a.status else 0.0, peak_to_peak_um=p2p_um,
             run_permit=permit.granted, trip_request=permit.trip_request,
             node_following=node is not None and node.mode == NodeMode.FOLLOWING and node.session == self._session,
-            alarms=[*self._protection.standing(), *self._permit.standing(), *self._unwritable.standing()],
-            counters=self.counters,
+            alarms=self._standing(), counters=self.counters,
             zone=zone(max(p2p_um), a.speed.speed_rad_s * 30 / pi), permit_reasons=permit.reasons,
         )
 
@@ -386,3 +413,8 @@ def _clock_notice(acquired: AcquireOutput) -> Notice:
     return Notice(Severity.FAULT, "clock_jump", (
         "the node's clock does not agree with its frame counter: the node was stopped or its clock was set; "
         "nothing from before counts"))
+
+
+def _gone(name: str, cycle: Cycle) -> str:
+    """That a room or the link has gone, and why where that is known."""
+    return f"link gone: {cycle.link_fault}" if name == "link" and cycle.link_fault else f"{name} gone"

@@ -103,7 +103,7 @@ class Guard:
                 self._outbox.acknowledge(record.seq)
         frames = self._link.receive(now_ns)
         return Cycle(self.seq, now_ns, frames, advice, commands, self._server.connected("brain"),
-                     self._server.connected("gate"), self._link.up, self._memory.fault)
+                     self._server.connected("gate"), self._link.up, self._memory.fault, self._link.fault)
 
     def _tell(self, cycle: Cycle, decision: Decision) -> None:
         """Send what the rooms want to know; a slow reader loses its own, counted by the server."""

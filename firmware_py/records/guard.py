@@ -19,7 +19,10 @@ class Severity(enum.IntEnum):
 
 
 class Event(Record, frozen=True, tag=True):
-    """Something that happened once: it stays with the guard until the gate acknowledges ``seq``."""
+    """Something that changed: it stays with the guard until the gate acknowledges ``seq``.
+
+    ``count`` is how often it happened since it was last told: what flutters is told now and then.
+    """
 
     seq: int
     t_ns: int
@@ -28,10 +31,11 @@ class Event(Record, frozen=True, tag=True):
     text: str
     value: float = 0.0
     limit: float = 0.0
+    count: int = 1
 
 
 class Alarm(Record, frozen=True, tag=True):
-    """An alarm that stands now (published as a full cyclic list)."""
+    """An alarm that stands now (published as a full cyclic list); ``text`` says more than the name, where it can."""
 
     name: str
     severity: int
@@ -39,6 +43,7 @@ class Alarm(Record, frozen=True, tag=True):
     value: float
     limit: float
     latched: bool
+    text: str = ""
 
 
 class GuardState(Record, frozen=True, tag=True):

@@ -23,6 +23,8 @@ class Cycle(Record, frozen=True, tag=True):
     link_up: bool
     memory_fault: str = ""
     """Why the files that survive the guard cannot be written; empty while they can."""
+    link_fault: str = ""
+    """What is wrong with the link, up or not."""
 
 
 class Decision(Record, frozen=True, tag=True):

@@ -14,6 +14,7 @@ import can
 
 from firmware_py.records import RawFrame
 from firmware_py.wire.arrival import ArrivalStamps
+from firmware_py.wire.can_health import CanHealth
 from firmware_py.wire.hub_bus import OrbitdHubBus
 
 BATCH: Final = 256
@@ -63,7 +64,9 @@ class CanLink:
         self._retry_ns = 0
         self._hub_lost = 0
         self._stamps = ArrivalStamps()
-        self.fault = ""
+        self._absent = ""
+        self._now_ns = 0
+        self.health = CanHealth()
         self.counters = {
             "frames_in": 0, "frames_out": 0, "send_failed": 0, "error_frames": 0, "queue_overflow": 0,
             "link_lost": 0, "stamps_refused": 0,
@@ -72,8 +75,13 @@ class CanLink:
 
     @property
     def up(self) -> bool:
-        """False while the bus is away."""
-        return self._bus is not None
+        """False while the bus is away, and while the controller takes no part in it (bus-off)."""
+        return self._bus is not None and not self.health.bus_off
+
+    @property
+    def fault(self) -> str:
+        """Why the bus is away, or what is wrong with it; empty while it is well."""
+        return self._absent or self.health.text
 
     def fileno(self) -> int:
         """Descriptor that polls readable with a frame, -1 while the bus is away."""
@@ -82,15 +90,19 @@ class CanLink:
     def receive(self, now_ns: int) -> list[RawFrame]:
         """Everything waiting, at most 256 frames; never blocks, never raises for a lost bus."""
         frames: list[RawFrame] = []
-        was_up = self.up
+        was_up = self._bus is not None
+        self._now_ns = now_ns
+        self.health.step(now_ns)
         bus = self._bus or self._reopen(now_ns)
         if bus is not None:
             try:
                 self._drain(bus, now_ns, frames)
             except can.CanError as error:
                 self.close()
-                self.fault = _explain(error, error.error_code)
+                self._absent = _explain(error, error.error_code)
                 self.counters["link_lost"] += was_up
+        if frames:
+            self.health.frame()
         self.counters["frames_in"] += len(frames)
         return frames
 
@@ -105,6 +117,8 @@ class CanLink:
                 break
             if message.is_error_frame or message.is_remote_frame:
                 self.counters["error_frames"] += 1
+                if message.is_error_frame:
+                    self.health.error_frame(message.arbitration_id, bytes(message.data), now_ns)
                 continue
             frame_id = message.arbitration_id | (EXTENDED_ID if message.is_extended_id else 0)
             frames.append(RawFrame(stamps.arrival_ns(message.timestamp), frame_id, bytes(message.data)))
@@ -117,13 +131,14 @@ class CanLink:
         try:
             self._bus = self._open_bus(wait_s)
         except can.CanError as error:
-            self.fault = _explain(error, error.error_code)
+            self._absent = _explain(error, error.error_code)
             return None
         except OSError as error:
-            self.fault = _explain(error, error.errno)
+            self._absent = _explain(error, error.errno)
             return None
-        self.fault = ""
+        self._absent = ""
         self._hub_lost = 0
+        self.health.reset()
         self._stamps.forget()
         return self._bus
 
@@ -140,8 +155,9 @@ class CanLink:
                 raise can.CanOperationError("link down")
             self._bus.send(can.Message(arbitration_id=frame.frame_id, is_extended_id=False, is_fd=True,
                                        bitrate_switch=True, data=frame.data), timeout=0)
-        except can.CanError:
+        except can.CanError as error:
             self.counters["send_failed"] += 1
+            self.health.refused(error.error_code, self._now_ns)
             return False
         self.counters["frames_out"] += 1
         return True

@@ -31,7 +31,7 @@ class Link(Protocol):
 
     @property
     def fault(self) -> str:
-        """Why the link is not up; empty while it is."""
+        """What is wrong with the link and what to do, up or not; empty while it is well."""
 
     def receive(self, now_ns: int) -> list[RawFrame]:
         """Everything waiting, at most 256 frames; never blocks."""

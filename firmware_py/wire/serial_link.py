@@ -18,6 +18,8 @@ BATCH: Final = 256
 READ_BYTES: Final = 4096
 READS_PER_CALL: Final = 16
 RETRY_NS: Final = 500_000_000
+QUIET_NS: Final = 1_000_000_000
+"""A node sends hundreds of packets a second; a port without one for so long is named in ``fault``."""
 
 _ADVICE: Final = {
     errno.ENOENT: "no such port; plug the adapter in or correct bus.serial_port",
@@ -54,7 +56,8 @@ class SerialLink:
         self._framer = Framer()
         self._unsent = b""
         self._retry_ns = 0
-        self.fault = ""
+        self._absent = ""
+        self._now_ns = self._data_ns = self._packet_ns = -1
         self.counters = {
             "frames_in": 0, "frames_out": 0, "send_failed": 0, "bytes_skipped": 0, "crc_failed": 0,
             "link_lost": 0,
@@ -66,6 +69,16 @@ class SerialLink:
         """False while the port is away."""
         return self._port is not None
 
+    @property
+    def fault(self) -> str:
+        """Why the port is away, or what is wrong with what comes; empty while packets come."""
+        if self._absent or self._now_ns - self._packet_ns < QUIET_NS:
+            return self._absent
+        if self._now_ns - self._data_ns < QUIET_NS:
+            return (f"serial port {self._path}: bytes but no whole packet; set bus.serial_baud = {self._baud} at both "
+                    "ends, and check the cable")
+        return f"serial port {self._path}: no data; check that the node is powered, connected and sends"
+
     def fileno(self) -> int:
         """Descriptor that polls readable with bytes, -1 while the port is away."""
         return self._port.fd if self._port else -1
@@ -75,8 +88,14 @@ class SerialLink:
         if self._port is None and now_ns >= self._retry_ns:
             self._retry_ns = now_ns + RETRY_NS
             self._open()
-        packets = self._framer.feed(self._read(), BATCH)
+        data = self._read()
+        packets = self._framer.feed(data, BATCH)
         self._flush()
+        self._now_ns = now_ns
+        if data or self._data_ns < 0 or not self.up:
+            self._data_ns = now_ns
+        if packets or self._packet_ns < 0 or not self.up:
+            self._packet_ns = now_ns
         self.counters["frames_in"] += len(packets)
         self.counters["bytes_skipped"] = self._framer.skipped_bytes
         self.counters["crc_failed"] = self._framer.crc_failed
@@ -108,7 +127,7 @@ class SerialLink:
         try:
             port = serial.Serial(self._path, self._baud, timeout=0, write_timeout=0, exclusive=True)
         except (OSError, ValueError, termios.error) as error:
-            self.fault = f"serial port {self._path}: {_advice(error)}"
+            self._absent = f"serial port {self._path}: {_advice(error)}"
             return
         # USB adapters hold input back for 16 ms unless told; a port without the setting says ValueError.
         with contextlib.suppress(ValueError):
@@ -116,7 +135,7 @@ class SerialLink:
         self._port = port
         self._unsent = b""
         self._poll.register(port.fd, select.POLLIN)
-        self.fault = ""
+        self._absent = ""
 
     def _read(self) -> bytes:
         """The bytes that wait, unless more than a call's worth wait already."""
@@ -158,7 +177,7 @@ class SerialLink:
 
     def _drop(self, cause: str) -> None:
         self.close()
-        self.fault = f"serial port {self._path}: {cause}; plug the adapter in again"
+        self._absent = f"serial port {self._path}: {cause}; plug the adapter in again"
         self.counters["link_lost"] += 1
 
 

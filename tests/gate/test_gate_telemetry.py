@@ -77,7 +77,7 @@ def test_state_config_models_events_and_alarms_answer_queries(stage, client, mak
     alarm = Alarm(name="disp_x_danger", severity=Severity.DANGER, since_ns=5, value=80.0, limit=70.0, latched=True)
     stage.guard.send("gate", make_state(alarms=[alarm]))
     for seq in (1, 2, 3):
-        stage.guard.send("gate", Event(seq=seq, t_ns=seq, severity=Severity.INFO, name="armed", text="armed"))
+        stage.guard.send("gate", Event(seq=seq, t_ns=seq, severity=Severity.INFO, name="armed", text=f"armed {seq}"))
     stage.brain.send(ADVICE)
     stage.until(lambda: stage.gate.view.guard is not None and stage.gate.view.advice is not None)
 

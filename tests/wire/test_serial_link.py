@@ -228,3 +228,19 @@ def test_the_cable_wants_a_directory(capsys: pytest.CaptureFixture[str]) -> None
 
     assert main(["/nonexistent"]) == 2
     assert "DIRECTORY" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("sent", "words"), [(b"", "no data"), (b"\x00\x55" * 40, "bytes but no whole packet")])
+def test_a_line_without_packets_is_named_by_what_comes(sent, words) -> None:
+    controller, port = os.openpty()
+    link = SerialLink(os.ttyname(port), 115200)
+    link.receive(1)
+    assert (link.up, link.fault) == (True, "")
+    for tenths in range(1, 15):
+        os.write(controller, sent)
+        link.receive(tenths * 100_000_000)
+    assert link.up
+    assert words in link.fault
+    link.close()
+    os.close(controller)
+    os.close(port)
