@@ -3,25 +3,22 @@
 Records that only programs read again (cycles, snapshots, blocks) are msgpack, exact to the bit; those that
 people look at are JSON, so that any MCAP viewer shows them.  Log times are the host's monotonic nanoseconds;
 one :class:`WallClock` a second ties them to the calendar.  The ``orbitd`` metadata record at the start of
-each file holds the configuration text and the versions that made it.
+each file, repeated on the way and at its end, holds the configuration and the versions that made it.
 """
 
 from __future__ import annotations
 
-import os
-import struct
-from collections.abc import Iterator
+import contextlib
+import hashlib
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import IO, Final, Literal, NamedTuple, TypeVar
+from typing import Final, Literal, NamedTuple, TypeVar
 
 import msgspec
-import zstandard
-from mcap.exceptions import EndOfFile, McapError
-from mcap.records import Channel, McapRecord, Message, Metadata
-from mcap.stream_reader import CRCValidationError, StreamReader
-from mcap.writer import MCAP0_MAGIC
+from mcap.records import Channel, Message, Metadata
 
 from firmware_py.errors import OrbitdError
+from firmware_py.mcap_scan import Content, End, Skipped, scan
 from firmware_py.records import (
     Advice,
     Block,
@@ -45,6 +42,8 @@ from firmware_py.records import (
 METADATA_NAME: Final = "orbitd"
 FORMAT: Final = "1"
 """Version of this layout; a reader refuses another one."""
+NOTES_MAX: Final = 20
+"""Damaged places of a recording that are named one by one."""
 
 
 class WallClock(Record, frozen=True, tag=True):
@@ -107,83 +106,179 @@ class Stored(NamedTuple):
 
 
 class Recording:
-    """A recording on disk, read front to back, so that an interrupted one is as good as a finished one.
+    """A recording on disk, read front to back; what is whole in a damaged or interrupted one is as good as ever.
 
     Parameters
     ----------
     path
         MCAP file.
 
+    Attributes
+    ----------
+    interrupted
+        The end is missing; known once the messages were read.
+    damage
+        What the last reading of the messages passed over.
+
     Raises
     ------
     RecordingError
-        The file cannot be read, is not MCAP, or does not start with our metadata.
+        The file cannot be read, or no whole record of our metadata is in it.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.interrupted = False
+        self.damage = Damage()
         self.metadata = self._read_metadata()
+        self._topics = self._read_topics()
 
     def messages(self) -> Iterator[Stored]:
-        """Every stored message in the order of writing; ``interrupted`` is set when the end is missing."""
-        topics: dict[int, str] = {}
-        for record in self._records():
-            if isinstance(record, Channel):
-                topics[record.id] = record.topic
-            elif isinstance(record, Message):
-                yield Stored(topics[record.channel_id], record.log_time, record.data)
+        """Every whole message in the order of writing.
+
+        Raises
+        ------
+        RecordingError
+            The file cannot be read.
+        """
+        self.damage = damage = Damage()
+        for item in self._scanned():
+            if isinstance(item, Message):
+                damage.resume(item.log_time)
+                topic = self._topics.get(item.channel_id)
+                if topic is None:
+                    damage.messages_without_topic += 1
+                else:
+                    yield Stored(topic, item.log_time, item.data)
+            elif isinstance(item, Skipped):
+                damage.add(item)
+            elif isinstance(item, Metadata) and item.metadata != self.metadata:
+                if _is_ours(item):
+                    damage.note(f"another recording follows in the same file: left out ({item.metadata.get('orbitd')})")
+                    return
+                damage.note("a copy of the configuration is damaged")
+            elif isinstance(item, End):
+                self.interrupted = not item.finished
 
     def _read_metadata(self) -> dict[str, str]:
-        for record in self._records():
-            if isinstance(record, Metadata) and record.name == METADATA_NAME:
-                found = dict(record.metadata)
-                if found.get("format") != FORMAT:
-                    raise RecordingError(f"{self.path.name}: format {found.get('format')}, this program reads "
-                                         f"{FORMAT}; use the orbitd {found.get('orbitd')} that wrote it")
-                return found
-        raise RecordingError(f"{self.path.name}: no '{METADATA_NAME}' metadata; give a file that orbitd recorded")
+        """The first copy that is proven; a file of before the digest gives the first that is there."""
+        unproven: dict[str, str] | None = None
+        for item in self._scanned():
+            if isinstance(item, Metadata) and _is_ours(item):
+                return self._of_this_format(dict(item.metadata))
+            if unproven is None and isinstance(item, Metadata) and _is_old(item):
+                unproven = dict(item.metadata)
+        if unproven is None:
+            raise RecordingError(f"{self.path.name}: no MCAP file, or damaged all through: no whole '{METADATA_NAME}' "
+                                 "metadata is in it; give a file that orbitd recorded")
+        return self._of_this_format(unproven)
 
-    def _is_finished(self) -> bool:
-        """Whether the closing magic is there."""
-        with self.path.open("rb") as stream:
-            stream.seek(-min(len(MCAP0_MAGIC), self.path.stat().st_size), os.SEEK_END)
-            return bool(stream.read() == MCAP0_MAGIC)
+    def _of_this_format(self, found: dict[str, str]) -> dict[str, str]:
+        if found.get("format") != FORMAT:
+            raise RecordingError(f"{self.path.name}: format {found.get('format')}, this program reads {FORMAT}; use "
+                                 f"the orbitd {found.get('orbitd')} that wrote it")
+        return found
 
-    def _records(self) -> Iterator[McapRecord]:
+    def _read_topics(self) -> dict[int, str]:
+        """Topic of every channel number; files of before this stood in the metadata are searched for it."""
+        if "topics" in self.metadata:
+            with contextlib.suppress(msgspec.DecodeError):
+                return msgspec.json.decode(self.metadata["topics"], type=dict[int, str])
+        return {item.id: item.topic for item in self._scanned() if isinstance(item, Channel)}
+
+    def _scanned(self) -> Iterator[Content | Skipped | End]:
         try:
-            with self.path.open("rb") as stream:
-                yield from StreamReader(_WholeReads(stream, self.path), validate_crcs=True).records
-        except EndOfFile as error:
-            if self._is_finished():
-                raise RecordingError(f"{self.path.name}: damaged MCAP file (a length points past its end); "
-                                     "use another recording") from error
-            self.interrupted = True
-        except (McapError, CRCValidationError, zstandard.ZstdError, struct.error, ValueError) as error:
-            raise RecordingError(f"{self.path.name}: damaged MCAP file ({error!r}); nothing after the damage "
-                                 "can be trusted, use another recording") from error
+            yield from scan(self.path, METADATA_NAME)
         except OSError as error:
             raise RecordingError(f"{self.path}: cannot be read ({error.strerror}); give the path of a "
                                  "recording") from error
 
 
-class _WholeReads:
-    """A stream that ends instead of giving less than was asked for: half a chunk is no chunk."""
+class Damage:
+    """What a reading of a recording passed over, for people; at most :data:`NOTES_MAX` places are named."""
 
-    def __init__(self, stream: IO[bytes], path: Path) -> None:
-        self._stream = stream
-        self._left = path.stat().st_size
+    def __init__(self) -> None:
+        self.places = 0
+        self.skipped_bytes = 0
+        self.messages_without_topic = 0
+        self._notes: list[str] = []
+        self._first_ns: int | None = None
+        self._last_ns: int | None = None
+        self._open = ""
 
-    def read(self, size: int) -> bytes:
-        if size > self._left:
-            raise EndOfFile
-        self._left -= size
-        return self._stream.read(size)
+    def add(self, skipped: Skipped) -> None:
+        """Take a place that was skipped; its time span is known at the next message."""
+        self._close("the end")
+        self.places += 1
+        self.skipped_bytes += skipped.end - skipped.start
+        self._open = (f"bytes {skipped.start} to {skipped.end} skipped ({skipped.cause}), "
+                      f"from {self._after(self._last_ns)} to ")
+
+    def resume(self, t_ns: int) -> None:
+        """A message that is whole was written at ``t_ns``."""
+        self._first_ns = t_ns if self._first_ns is None else self._first_ns
+        self._last_ns = t_ns
+        if self._open:
+            self._close(self._after(t_ns))
+
+    def note(self, text: str) -> None:
+        """Keep ``text`` for the report."""
+        if len(self._notes) < NOTES_MAX:
+            self._notes.append(text)
+
+    @property
+    def notes(self) -> list[str]:
+        """Every place with its cause and the time that is missing, in the order of the file."""
+        self._close("the end")
+        more = [f"and {self.places - NOTES_MAX} places more"] if self.places > NOTES_MAX else []
+        lost = self.messages_without_topic
+        return [*self._notes, *more, *([f"{lost} messages of an unknown channel left out"] if lost else [])]
+
+    def _close(self, until: str) -> None:
+        if self._open:
+            self.note(self._open + until)
+            self._open = ""
+
+    def _after(self, t_ns: int | None) -> str:
+        if t_ns is None or self._first_ns is None:
+            return "the start"
+        return f"{(t_ns - self._first_ns) * 1e-9:.3f} s"
+
+
+def with_digest(pairs: Mapping[str, str]) -> dict[str, str]:
+    """Metadata with a digest of all its pairs: MCAP protects only chunks."""
+    return {**pairs, "digest": _digest(pairs)}
+
+
+def _digest(pairs: Mapping[str, str]) -> str:
+    every = sorted((key, value) for key, value in pairs.items() if key != "digest")
+    return hashlib.sha256(msgspec.json.encode(every)).hexdigest()
+
+
+def _is_ours(record: Metadata) -> bool:
+    """Whether ``record`` is a whole head of a recording."""
+    return record.name == METADATA_NAME and record.metadata.get("digest") == _digest(record.metadata)
+
+
+def _is_old(record: Metadata) -> bool:
+    """Whether ``record`` may be the head of a recording of before the digest."""
+    return record.name == METADATA_NAME and "digest" not in record.metadata
 
 
 T = TypeVar("T", bound=Record)
 
 
 def decode_exact(stored: Stored, record_type: type[T]) -> T:
-    """The record in a message of a msgpack topic."""
-    return msgspec.msgpack.decode(stored.data, type=record_type)
+    """The record in a message.
+
+    Raises
+    ------
+    RecordingError
+        Another version wrote it, and this one does not know its fields.
+    """
+    decode = msgspec.msgpack.decode if TOPICS[record_type].encoding == "msgpack" else msgspec.json.decode
+    try:
+        return decode(stored.data, type=record_type)
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        raise RecordingError(f"a {record_type.__name__} in the recording does not fit this version ({error}); use the "
+                             "orbitd that wrote it") from error

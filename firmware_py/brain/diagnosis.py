@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from firmware_py.acquire.features import GROUPS, at_one_rate, from_orders
 from firmware_py.acquire.orders import Orders, analyse
 from firmware_py.acquire.windows import Window
+from firmware_py.brain.baseline import FirstOrderBaseline
 from firmware_py.brain.errors import ModelAnswerError
 from firmware_py.brain.normal import Detector, baseline_at, digest, first_order_distance, operating_point, prior_of
 from firmware_py.brain.store import HEADS, Model
@@ -90,7 +91,7 @@ class Diagnoser:
         self.normal_name = ""
         self.answer: Answer | None = None
         self._detector = Detector(self.prior) if self.prior else None
-        self._normal_1x_m: complex | None = None
+        self._baseline = FirstOrderBaseline()
         self._heard: deque[tuple[int, Floats]] = deque(maxlen=WINDOWS)
         self._held = ("none", 0)
         self._seq = 0
@@ -197,29 +198,33 @@ class Diagnoser:
             evidence |= {f"normal_{part}": value for part, value in answer.own.items()}
             evidence |= drivers(answer.drivers, verdict) | departures(answer.departures, verdict)
         if orders is None:
+            self._baseline.drop()
             return evidence
-        first_order = self._first_order(window, orders, verdict, held_ns >= CONFIRM_NS)
-        return evidence | amplitudes(orders) | first_order
+        return evidence | amplitudes(orders) | self._first_order(window, orders, verdict)
 
-    def _first_order(self, window: Window, orders: Orders, verdict: str, confirmed: bool) -> dict[str, float]:
+    def _first_order(self, window: Window, orders: Orders, verdict: str) -> dict[str, float]:
         """The orbit's forward first order without the runout, its baseline, and its move from there.
 
-        The baseline is the commissioned one at this operating point; without it, the last confirmed normal.
+        The baseline is the commissioned one at this operating point; without it, what stayed normal near here.  Where
+        neither is known no move is told.
         """
         forward_m = forward_first_order(orders) - self._slow_roll_m
         found = {"shaft_1x_compensated_um": abs(forward_m) * 1e6,
                  "shaft_1x_phase_deg": math.degrees(cmath.phase(forward_m))}
-        base_m = self._normal_1x_m
+        if not (math.isfinite(window.clearance_m) and window.clearance_m > 0.0):
+            self._baseline.drop()
+            return found
+        point = operating_point(window, orders)
+        self._baseline.note(window.end_ns, point, forward_m, normal=verdict == "normal")
+        base_m = self._baseline.at(point)
         if self.normal is not None:
-            um = baseline_at(self.normal.baseline, operating_point(window, orders))
+            um = baseline_at(self.normal.baseline, point)
             base_m = um * 1e-6 if um is not None else None
             found["shaft_1x_baseline_scatter_um"] = self.normal.baseline.scatter_um
         if base_m is not None:
             found |= {"shaft_1x_baseline_um": abs(base_m) * 1e6,
                       "shaft_1x_baseline_phase_deg": math.degrees(cmath.phase(base_m)),
                       "shaft_1x_move_um": abs(forward_m - base_m) * 1e6}
-        if verdict == "normal" and confirmed:
-            self._normal_1x_m = forward_m
         return found
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import threading
 from collections import Counter, deque
 from collections.abc import Callable, Mapping
@@ -19,7 +20,7 @@ from typing import IO, Final, NamedTuple
 import msgspec
 from mcap.writer import CompressionType, IndexType, Writer
 
-from firmware_py.recording import FORMAT, METADATA_NAME, TOPICS, Recordable, serialise
+from firmware_py.recording import FORMAT, METADATA_NAME, TOPICS, Recordable, serialise, with_digest
 from firmware_py.records import Block, CycleRecord, Record
 
 QUEUE_RECORDS: Final = 20_000
@@ -29,8 +30,13 @@ CHUNK_BYTES: Final = 16_384
 FILES_KEPT: Final = 8
 """The allowance is spread over about this many files; the oldest goes first."""
 
+METADATA_EVERY_BYTES: Final = 1 << 19
+"""The head of the file is repeated after so much: a file whose first blocks are lost is still replayed."""
+
 DRAIN_PERIOD_S: Final = 0.05
 RETRY_AFTER_S: Final = 2.0
+_LAST_DAY_S: Final = 253_402_300_799.0
+"""End of the year 9999."""
 
 
 class _Ticketed(NamedTuple):
@@ -40,14 +46,16 @@ class _Ticketed(NamedTuple):
 
 
 class Recorder:
-    """Writes records to ``directory`` in files ``orbitd-<name>-<UTC>.mcap``.
+    """Writes records to ``directory`` in files ``orbitd-<name>-<number>-<UTC>.mcap``.
+
+    The number grows with every file, across restarts too: it says which was written first when the calendar does not.
 
     Parameters
     ----------
     directory
         Made when absent.
     name
-        Part of the file names; only files with this name are ever removed.
+        Part of the file names; only files that are named by this recorder's rule are ever removed.
     metadata
         Text pairs for the head of each file (configuration, versions, models).
     max_bytes
@@ -60,9 +68,9 @@ class Recorder:
 
     Notes
     -----
-    ``counters``: ``recorder_lost`` (records), ``recorder_failures`` (attempts that failed).  ``trouble`` is
-    empty, or the reason why nothing is being stored now.  What an error of the disk left unstored goes into
-    the next file.
+    ``counters``: ``recorder_lost`` (records), ``recorder_failures`` (attempts that failed),
+    ``recorder_not_removed`` (old files that could not be removed to make room).  ``trouble`` is empty, or
+    the reason why nothing is being stored now.  What an error of the disk left unstored goes into the next file.
     """
 
     def __init__(self, directory: Path, name: str, metadata: Mapping[str, str], max_bytes: int,
@@ -73,6 +81,8 @@ class Recorder:
         self._directory = directory
         self._name = name
         self._metadata = {**metadata, "format": FORMAT}
+        self._names = re.compile(rf"orbitd-{re.escape(name)}-(?:(\d{{8,}})-)?\d{{8}}T\d{{6}}\.\d{{6}}Z\.mcap")
+        self._number = 0
         self._max_bytes = max_bytes
         self._unix_ns = unix_ns
         self._kept = set(TOPICS) - {Block if raw_frames else CycleRecord}
@@ -132,7 +142,10 @@ class Recorder:
     def _drain(self) -> None:
         while self._queue:
             file = self._file or self._open()
-            file.add(self._queue.popleft())
+            try:
+                file.add(self._queue.popleft())
+            except (ValueError, OverflowError):  # a number or text that no file can hold
+                self.counters["recorder_lost"] += 1
             if file.size >= self._max_bytes // FILES_KEPT:
                 self._finish()
         if self._file:
@@ -146,17 +159,44 @@ class Recorder:
     def _open(self) -> _McapFile:
         self._directory.mkdir(parents=True, exist_ok=True)
         self._make_room()
-        stamp = datetime.fromtimestamp(self._unix_ns() * 1e-9, UTC).strftime("%Y%m%dT%H%M%S.%fZ")
-        self._file = _McapFile(self._directory / f"orbitd-{self._name}-{stamp}.mcap", self._metadata)
-        return self._file
+        while True:
+            self._number += 1
+            name = f"orbitd-{self._name}-{self._number:08d}-{_stamp(self._unix_ns())}.mcap"
+            with contextlib.suppress(FileExistsError):
+                self._file = _McapFile(self._directory / name, self._metadata)
+                return self._file
 
     def _make_room(self) -> None:
-        """Remove the oldest files of this name until a new one fits into the allowance."""
-        files = sorted(self._directory.glob(f"orbitd-{self._name}-*.mcap"))
-        sizes = [file.stat().st_size for file in files]
-        while files and sum(sizes) > self._max_bytes - self._max_bytes // FILES_KEPT:
-            files.pop(0).unlink()
-            sizes.pop(0)
+        """Remove what was written first until a new file fits; the next number is above every one that is there.
+
+        The number in a name says which file was written first, whatever the calendar was.  Names of before there were
+        numbers come first, in their order.  What cannot be removed is not part of the allowance, counted.
+        """
+        found: list[tuple[int, str, int]] = []
+        for entry in os.scandir(self._directory):
+            matched = self._names.fullmatch(entry.name)
+            if matched is None:
+                continue
+            number = int(matched[1] or 0)
+            self._number = max(self._number, number)
+            with contextlib.suppress(FileNotFoundError):
+                if entry.is_file(follow_symlinks=False):
+                    found.append((number, entry.name, entry.stat(follow_symlinks=False).st_size))
+        total = sum(size for _, _, size in found)
+        for _, file, size in sorted(found):
+            if total <= self._max_bytes - self._max_bytes // FILES_KEPT:
+                return
+            total -= size
+            try:
+                (self._directory / file).unlink(missing_ok=True)
+            except OSError:
+                self.counters["recorder_not_removed"] += 1
+
+
+def _stamp(unix_ns: int) -> str:
+    """The calendar's time in a file name; a clock beyond what a calendar holds stands at its nearest end."""
+    seconds = min(max(unix_ns * 1e-9, 0.0), _LAST_DAY_S)
+    return datetime.fromtimestamp(seconds, UTC).strftime("%Y%m%dT%H%M%S.%fZ")
 
 
 class _McapFile:
@@ -168,27 +208,46 @@ class _McapFile:
         self._stream: IO[bytes] = path.open("xb")
         self._unstored: deque[_Ticketed] = deque()
         self._complete = 0
+        self._next_metadata = 0
+        self._channels = {record_type: number for number, record_type in enumerate(TOPICS, 1)}
+        topics = {str(number): TOPICS[kind].name for kind, number in self._channels.items()}
+        self._metadata = with_digest({**metadata, "topics": msgspec.json.encode(topics).decode()})
         self._writer = Writer(self._stream, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD,
                               index_types=IndexType.CHUNK | IndexType.METADATA, enable_data_crcs=True)
-        self._writer.start(profile="orbitd", library="orbitd")
-        self._writer.add_metadata(METADATA_NAME, dict(metadata))
-        self._channels = {record_type: self._register(record_type) for record_type in TOPICS}
+        try:
+            self._begin()
+        except OSError:
+            self.abandon()
+            raise
 
-    def _register(self, record_type: type[Record]) -> int:
+    def _begin(self) -> None:
+        """Head of the file: metadata, schemas, channels in the order of their numbers."""
+        self._writer.start(profile="orbitd", library="orbitd")
+        self._repeat_metadata()
+        for record_type in self._channels:
+            self._register(record_type)
+
+    def _register(self, record_type: type[Record]) -> None:
         topic = TOPICS[record_type]
         schema = self._writer.register_schema(
             record_type.__name__, "jsonschema", msgspec.json.encode(msgspec.json.schema(record_type)))
-        channel: int = self._writer.register_channel(topic.name, topic.encoding, schema)
-        return channel
+        self._writer.register_channel(topic.name, topic.encoding, schema)
+
+    def _repeat_metadata(self) -> None:
+        self._writer.add_metadata(METADATA_NAME, self._metadata)
+        self.size = self._stream.tell()
+        self._next_metadata = self.size + METADATA_EVERY_BYTES
 
     def add(self, item: _Ticketed) -> None:
         """Append a record; when that completes a chunk, all records so far are in the stream."""
+        data = serialise(item.record)
         self._unstored.append(item)
-        self._writer.add_message(self._channels[type(item.record)], item.now_ns, serialise(item.record),
-                                 item.now_ns)
+        self._writer.add_message(self._channels[type(item.record)], item.now_ns, data, item.now_ns)
         position = self._stream.tell()
         if position != self.size:
             self.size, self._complete = position, item.ticket
+            if position >= self._next_metadata:
+                self._repeat_metadata()
 
     def flush(self) -> int:
         """Hand completed chunks to the operating system; the last ticket in them."""
@@ -198,7 +257,8 @@ class _McapFile:
         return self._complete
 
     def finish(self) -> int:
-        """Write the last chunk and the summary, down to the disk; the last ticket."""
+        """Write the last chunk, the head again and the summary, down to the disk; the last ticket."""
+        self._writer.add_metadata(METADATA_NAME, self._metadata)
         self._writer.finish()
         self._stream.flush()
         os.fsync(self._stream.fileno())
@@ -206,7 +266,10 @@ class _McapFile:
         return self._unstored[-1].ticket if self._unstored else self._complete
 
     def abandon(self) -> list[_Ticketed]:
-        """Close after an error of the disk; the records that may not have reached it."""
+        """Close after an error of the disk; the records that may not have reached it.  An empty file goes."""
         with contextlib.suppress(OSError):
             self._stream.close()
+        if not self._complete:
+            with contextlib.suppress(OSError):
+                self.path.unlink()
         return list(self._unstored)

@@ -28,10 +28,12 @@ class Report(msgspec.Struct):
     decisions: DecisionReport
     diagnoses: DiagnosisReport | None
     diagnoses_left_out: str
+    skipped_bytes: int = 0
+    damage: list[str] = msgspec.field(default_factory=list)
 
 
 def main(argv: list[str]) -> int:
-    """Replay the file; 0 when everything agreed, 1 when not, 2 when it is no recording."""
+    """Replay the file; 0 when all that is whole agreed, 1 when not, 2 when nothing in it can be replayed."""
     parser = argparse.ArgumentParser(prog="orbitd replay", description=__doc__)
     parser.add_argument("file", type=Path, help="MCAP file of the flight recorder")
     parser.add_argument("--json", action="store_true", help="the report as JSON")
@@ -47,7 +49,7 @@ def replay(path: Path) -> Report:
     Raises
     ------
     RecordingError
-        It is no recording, is damaged, or was made with a configuration that this version does not know.
+        It is no recording, nothing in it can be replayed, or this version does not know its configuration or records.
     """
     recording = Recording(path)
     config = _config(recording)
@@ -59,10 +61,22 @@ def replay(path: Path) -> Report:
         first_ns, last_ns = first_ns or cycle.cycle.now_ns, cycle.cycle.now_ns
         if diagnoses:
             diagnoses.step(cycle.decision, cycle.new_segment)
+    damage = recording.damage
+    if not decisions.report.cycles:
+        raise RecordingError("; ".join([_why_nothing(path, decisions.report), *damage.notes]))
     judged = diagnoses.finish() if diagnoses else None
     return Report(
         file=path.name, ok=decisions.report.ok and (judged is None or judged.ok), interrupted=recording.interrupted,
-        seconds=(last_ns - first_ns) * 1e-9, decisions=decisions.report, diagnoses=judged, diagnoses_left_out=left_out)
+        seconds=(last_ns - first_ns) * 1e-9, decisions=decisions.report, diagnoses=judged, diagnoses_left_out=left_out,
+        skipped_bytes=damage.skipped_bytes, damage=damage.notes)
+
+
+def _why_nothing(path: Path, report: DecisionReport) -> str:
+    if report.cycles_outside_segments:
+        return (f"{path.name}: none of its {report.cycles_outside_segments} guard cycles follows a snapshot of the "
+                "guard; use a longer recording, there is a snapshot every second")
+    return (f"{path.name}: no guard cycle is in it: recorder.raw_frames was off, the guard did not run, or the file "
+            "ends before; use another recording")
 
 
 def _config(recording: Recording) -> Config:
@@ -75,9 +89,11 @@ def _config(recording: Recording) -> Config:
 
 def _why_no_diagnoses(recording: Recording, config: Config) -> str:
     """Empty when the model files here are those of the recording."""
-    if json.loads(recording.metadata.get("models", "{}")) != read_models(config):
-        return "the model files here are not those of the recording"
-    return ""
+    try:
+        same = json.loads(recording.metadata.get("models", "{}")) == read_models(config)
+    except ValueError:
+        same = False
+    return "" if same else "the model files here are not those of the recording"
 
 
 def words(report: Report) -> list[str]:
@@ -90,6 +106,7 @@ def words(report: Report) -> list[str]:
     lines.append(_diagnosis_words(report.diagnoses) if report.diagnoses
                  else f"diagnoses   not compared: {report.diagnoses_left_out}")
     firsts: list[Any] = [d.first_difference, report.diagnoses.first_difference if report.diagnoses else ""]
+    lines += [f"damage      {note}" for note in report.damage]
     return [*lines, *(f"first difference: {text}" for text in firsts if text),
             f"same decisions{' and diagnoses' if report.diagnoses else ''}" if report.ok else "NOT the same"]
 

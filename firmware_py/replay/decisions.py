@@ -14,7 +14,7 @@ import msgspec
 
 from firmware_py.config import Config
 from firmware_py.guard.core import GuardCore
-from firmware_py.recording import TOPICS, Recording, decode_exact
+from firmware_py.recording import TOPICS, Recording, RecordingError, decode_exact
 from firmware_py.records import Cycle, CycleRecord, Decision, DeviceHeartbeat, Snapshot
 from firmware_py.wire.link import codec_for
 
@@ -75,7 +75,7 @@ class DecisionReplay:
             record = decode_exact(message, CycleRecord)
             seq = record.cycle.seq
             follows = core is not None and seq == expected
-            starts_here = pending is not None and pending.seq == seq
+            starts_here = pending is not None and (pending.seq, pending.now_ns) == (seq, record.cycle.now_ns)
             if expected is not None and not follows and seq > expected:
                 self.report.cycles_missing += seq - expected
             expected = seq + 1
@@ -93,7 +93,11 @@ class DecisionReplay:
     def _restored(self, snapshot: Snapshot, session: int) -> GuardCore:
         self.report.segments += 1
         core = GuardCore(self._config, self._codec, session)
-        core.restore(snapshot)
+        try:
+            core.restore(snapshot)
+        except msgspec.DecodeError as error:
+            raise RecordingError(f"the guard's state before cycle {snapshot.seq} does not fit this version "
+                                 f"({error}); use the orbitd that wrote it") from error
         return core
 
     def _compare(self, record: CycleRecord, decision: Decision) -> None:

@@ -20,7 +20,7 @@ from firmware_py.brain.normal import digest
 from firmware_py.brain.prediction import slow_roll_forward
 from firmware_py.brain.store import Models
 from firmware_py.config import Config
-from firmware_py.recording import TOPICS, Recording, decode_exact
+from firmware_py.recording import TOPICS, Recording, RecordingError, Stored, decode_exact
 from firmware_py.records import N_CHANNELS, Block, Decision, Diagnosis, Normal, RigReading, WindowRecord
 
 PROBABILITY_TOLERANCE: Final = 0.02
@@ -85,14 +85,15 @@ class DiagnosisReplay:
         told: dict[int, dict[str, Any]] = {}
         for message in recording.messages():
             if message.topic == TOPICS[Diagnosis].name:
-                diagnosis = msgspec.json.decode(message.data)
+                diagnosis = _decoded(message)
                 told[diagnosis["seq"]] = diagnosis
             elif message.topic == TOPICS[Normal].name:
                 normal = decode_exact(message, Normal)
                 self._normals[digest(normal)] = normal
             elif message.topic == TOPICS[WindowRecord].name:
-                window = msgspec.json.decode(message.data, type=WindowRecord)
-                if window.diagnosis_seq in told:
+                window = decode_exact(message, WindowRecord)
+                paired = told.get(window.diagnosis_seq)
+                if paired is not None and paired["t_acq_ns"] == window.last_t_acq_ns:
                     self._due[window.last_block_seq].append((window, told.pop(window.diagnosis_seq)))
                     self.report.recorded += 1
                     self.report.exact &= window.cpu_features == cpu_features
@@ -186,6 +187,15 @@ class DiagnosisReplay:
         if not same:
             self.report.different += 1
             self.report.first_difference = self.report.first_difference or f"recorded {told}, replayed {found}"
+
+
+def _decoded(message: Stored) -> dict[str, Any]:
+    """A stored diagnosis as plain fields: its numbers are compared as they were written, nan as null."""
+    try:
+        fields: dict[str, Any] = msgspec.json.decode(message.data, type=dict[str, Any])
+        return fields if {"seq", "t_acq_ns"} <= fields.keys() else {"seq": 0, "t_acq_ns": 0}
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        raise RecordingError(f"a diagnosis in the recording is no JSON of this version ({error})") from error
 
 
 def _rows(block: Block) -> int:
