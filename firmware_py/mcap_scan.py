@@ -12,7 +12,7 @@ import zlib
 from collections.abc import Iterator
 from io import BytesIO
 from pathlib import Path
-from typing import IO, Final, NamedTuple
+from typing import IO, Final, NamedTuple, TypeAlias
 
 import zstandard
 from mcap.data_stream import ReadDataStream
@@ -38,7 +38,7 @@ _ZSTD_AT: Final = _HEAD.size + _CHUNK.size
 _UNREADABLE: Final = (McapError, zstandard.ZstdError, struct.error, ValueError, OverflowError, MemoryError)
 """What bytes that are no record raise while they are read as one."""
 
-Content = Channel | Message | Metadata
+Content: TypeAlias = Channel | Message | Metadata
 
 
 class Skipped(NamedTuple):

@@ -257,12 +257,12 @@ def _digest(pairs: Mapping[str, str]) -> str:
 
 def _is_ours(record: Metadata) -> bool:
     """Whether ``record`` is a whole head of a recording."""
-    return record.name == METADATA_NAME and record.metadata.get("digest") == _digest(record.metadata)
+    return bool(record.name == METADATA_NAME and record.metadata.get("digest") == _digest(record.metadata))
 
 
 def _is_old(record: Metadata) -> bool:
     """Whether ``record`` may be the head of a recording of before the digest."""
-    return record.name == METADATA_NAME and "digest" not in record.metadata
+    return bool(record.name == METADATA_NAME and "digest" not in record.metadata)
 
 
 T = TypeVar("T", bound=Record)
