@@ -41,6 +41,9 @@ from firmware_py.records import (
 
 SHIELD_PERIOD_NS: Final = round(PERIOD_S * 1e9)
 STATE_PERIOD_NS: Final = 100_000_000
+STATE_GAP_NS: Final = 20_000_000
+"""A request brings the next state forward, to so long after the one before."""
+
 NODE_SILENT_NS: Final = 500_000_000
 FOREIGN_HOLD_NS: Final = 5_000_000_000
 """How long another device counts as present after it was last heard."""
@@ -58,6 +61,7 @@ class MemoryState(msgspec.Struct):
     interval_m: tuple[float, float] | None = None
     shield_due_ns: int = 0
     state_due_ns: int = 0
+    state_ns: int = 0
     foreign_command_ns: int = NEVER_NS
     foreign_heartbeat_ns: int = NEVER_NS
     link_up: bool = True
@@ -156,10 +160,12 @@ class GuardCore:
         permit = self._judge_permit(situation, bool(acquired.blocks))
         notices += permit + self._unwritable.step(bool(cycle.memory_fault), cycle.memory_fault, now_ns)
         if (self._arming.state.arm_state, self._arming.state.mode) != before or replies or permit:
-            self._speaker.hurry()
+            self._speaker.hurry(urgent=not replies or self._arming.state.arm_state == ArmState.TRIPPED)
         m.last_ns = now_ns
         events = [self._event(notice, count, now_ns) for notice, count in self._telling.step(notices, now_ns)]
-        state = self._state(now_ns) if now_ns >= m.state_due_ns or replies else None
+        if replies:
+            m.state_due_ns = min(m.state_due_ns, m.state_ns + STATE_GAP_NS)
+        state = self._state(now_ns) if now_ns >= m.state_due_ns else None
         return Decision(cycle.seq, self._speak(situation), acquired.blocks, acquired.readings, events, replies, state)
 
     def snapshot(self, seq: int, now_ns: int) -> Snapshot:
@@ -382,7 +388,7 @@ class GuardCore:
     def _state(self, now_ns: int) -> GuardState:
         """Everything the guard says about itself."""
         m, arming, a = self._memory, self._arming.state, self._acquire
-        m.state_due_ns = now_ns + STATE_PERIOD_NS
+        m.state_ns, m.state_due_ns = now_ns, now_ns + STATE_PERIOD_NS
         m.state_seq += 1
         permit = self._permit.state
         low_m, high_m = m.interval_m or (0.0, 0.0)

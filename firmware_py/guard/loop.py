@@ -17,6 +17,7 @@ import msgspec
 from firmware_py import launch
 from firmware_py.clock import Clock, MonotonicClock
 from firmware_py.config import Config
+from firmware_py.guard.budget import EVENTS_PER_CYCLE, REASON_CHARS_MAX, REASONS_MAX, ROOM_LIMITS
 from firmware_py.guard.core import GuardCore
 from firmware_py.guard.memory import Memory, complain
 from firmware_py.guard.outbox import Outbox
@@ -74,8 +75,7 @@ class Guard:
         if cycle.gate_connected and (not self._gate_known or self.seq % SNAPSHOT_CYCLES == 0):
             self._server.send("gate", self._core.snapshot(self.seq, now_ns))
         if cycle.gate_connected and not self._gate_known:
-            for event in self._outbox.waiting():
-                self._server.send("gate", event)
+            self._outbox.again()
         self._gate_known = cycle.gate_connected
         decision = self._core.step(cycle)
         for frame in decision.frames_out:
@@ -91,12 +91,12 @@ class Guard:
         self._server.close()
 
     def _read(self, now_ns: int) -> Cycle:
-        """Everything that is waiting, by role: advice from the brain alone, requests from the gate alone."""
+        """What is waiting, up to the limits: advice from the brain alone, requests from the gate alone."""
         advice: Advice | None = None
         commands: list[CommandRequest] = []
         for role, record in self._server.poll(now_ns):
             if role == "brain" and isinstance(record, Advice):
-                advice = record
+                advice = _bounded(record)
             elif role == "gate" and isinstance(record, CommandRequest):
                 commands.append(record)
             elif role == "gate" and isinstance(record, EventAck):
@@ -107,16 +107,19 @@ class Guard:
 
     def _tell(self, cycle: Cycle, decision: Decision) -> None:
         """Send what the rooms want to know; a slow reader loses its own, counted by the server."""
-        shared: list[RoomRecord] = [*decision.events, *decision.blocks, *decision.readings]
+        shared: list[RoomRecord] = [*decision.blocks, *decision.readings]
         if decision.state is not None:
             shared.append(self._with_counters(decision.state))
         for event in decision.events:
             self._outbox.put(event)
         if cycle.brain_connected:
-            for record in shared:
+            for record in [*decision.events, *shared]:
                 self._server.send("brain", record)
         if cycle.gate_connected:
-            for record in [*decision.replies, *shared]:
+            for record in decision.replies:
+                self._server.send("gate", record)
+            self._outbox.tell(lambda event: self._server.send("gate", event), EVENTS_PER_CYCLE)
+            for record in shared:
                 self._server.send("gate", record)
             self._server.send("gate", CycleRecord(cycle, decision.frames_out, decision.events))
 
@@ -148,7 +151,7 @@ def run(guard: Guard, clock: Clock, notifier: Notifier, running: Callable[[], bo
 
 def build(config: Config, runtime: Path, state: Path, peers: Mapping[str, int | None]) -> Guard:
     """The guard of ``config`` on its real link and sockets; ``peers`` tells who may call."""
-    server = RoomServer(runtime / "guard.sock", peers)  # first: nobody else is the guard of this instance from here on
+    server = RoomServer(runtime / "guard.sock", peers, ROOM_LIMITS)  # first: from here on this one is the guard
     memory = Memory(state, prepare=_first_in_line)
     complain(memory)
     core = GuardCore(config, codec_for(config), secrets.randbits(32) | 1, memory.latched, memory.start, memory.timers)
@@ -171,6 +174,14 @@ def main(argv: list[str]) -> int:
     run(guard, MonotonicClock(), from_environment(), lambda: not stop)
     guard.close()
     return 0
+
+
+def _bounded(advice: Advice) -> Advice:
+    """``advice`` with no more reasons, and no longer ones, than a person can use."""
+    reasons = advice.reasons
+    if len(reasons) <= REASONS_MAX and all(len(text) <= REASON_CHARS_MAX for text in reasons):
+        return advice
+    return msgspec.structs.replace(advice, reasons=[text[:REASON_CHARS_MAX] for text in reasons[:REASONS_MAX]])
 
 
 def _real_time() -> None:

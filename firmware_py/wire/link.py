@@ -34,7 +34,7 @@ class Link(Protocol):
         """What is wrong with the link and what to do, up or not; empty while it is well."""
 
     def receive(self, now_ns: int) -> list[RawFrame]:
-        """Everything waiting, at most 256 frames; never blocks."""
+        """Everything waiting, at most 32 frames; never blocks."""
 
     def send(self, frame: RawFrame) -> bool:
         """True when the frame was taken; never blocks."""

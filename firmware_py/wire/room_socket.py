@@ -9,7 +9,7 @@ import socket
 import struct
 from collections import Counter
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 from firmware_py.decoding import UNDECODABLE
 from firmware_py.errors import OrbitdError
@@ -21,7 +21,18 @@ MAX_RECORD_BYTES: Final = 128 * 1024
 SOCKET_BUFFER_BYTES: Final = 4 * 1024 * 1024
 """Asked for; the kernel grants up to ``net.core.wmem_max`` (212 kB by default, some 250 blocks)."""
 
-RECORDS_PER_POLL: Final = 256
+
+class Limit(NamedTuple):
+    """What one peer may put in per poll; the rest waits in the kernel."""
+
+    records: int
+    record_bytes: int
+
+
+ANY_PEER: Final = Limit(records=256, record_bytes=MAX_RECORD_BYTES)
+NEWCOMER: Final = Limit(records=1, record_bytes=1024)
+"""Who has not said who it is may say just that."""
+
 MAX_WAITING: Final = 8
 SOCKET_PATH_BYTES: Final = 107
 SOCKET_MODE: Final = 0o660
@@ -40,7 +51,8 @@ class RoomBusyError(RoomError):
 class Peer:
     """One connected socket: records in, records out, every loss counted under ``<what>_<role>``."""
 
-    def __init__(self, sock: socket.socket, counters: Counter[str], role: str = "newcomer") -> None:
+    def __init__(self, sock: socket.socket, counters: Counter[str], role: str = "newcomer",
+                 limit: Limit = ANY_PEER) -> None:
         sock.setblocking(False)
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SOCKET_BUFFER_BYTES)
         self.sock = sock
@@ -48,12 +60,17 @@ class Peer:
         self.alive = True
         self.heard = False
         self._counters = counters
-        self._buffer = memoryview(bytearray(MAX_RECORD_BYTES))
+        self.admit(role, limit)
 
-    def receive(self, limit: int = RECORDS_PER_POLL) -> list[RoomRecord]:
-        """What is waiting, at most ``limit`` packets; ``alive`` turns False at the end of the connection."""
+    def admit(self, role: str, limit: Limit) -> None:
+        """From now on it plays ``role`` and may put in so much."""
+        self.role, self._limit = role, limit
+        self._buffer = memoryview(bytearray(limit.record_bytes))
+
+    def receive(self) -> list[RoomRecord]:
+        """What is waiting, up to the peer's limit; ``alive`` turns False at the end of the connection."""
         records: list[RoomRecord] = []
-        for _ in range(limit):
+        for _ in range(self._limit.records):
             try:
                 size = self.sock.recv_into(self._buffer, 0, socket.MSG_TRUNC)
             except BlockingIOError:
@@ -70,7 +87,7 @@ class Peer:
         return records
 
     def _decode(self, size: int) -> RoomRecord | None:
-        if size > MAX_RECORD_BYTES:
+        if size > self._limit.record_bytes:
             self._counters[f"oversized_{self.role}"] += 1
             return None
         try:

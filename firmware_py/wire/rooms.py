@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Final
 
 from firmware_py.records import Hello, RoomRecord
-from firmware_py.wire.room_socket import MAX_WAITING, Peer, RoomError, listen, own, peer_uid
+from firmware_py.wire.room_socket import ANY_PEER, MAX_WAITING, NEWCOMER, Limit, Peer, RoomError, listen, own, peer_uid
 
 HELLO_WITHIN_NS: Final = 1_000_000_000
 RECONNECT_AFTER_NS: Final = 200_000_000
@@ -61,6 +61,8 @@ class RoomServer:
         Socket path; its directory exists.  ``<path>.lock`` beside it says who owns it.
     allowed
         Roles that may connect, each with the user id that it must have; None is the server's own.
+    limits
+        What a role may put in per :meth:`poll`, where that is less than a socket holds.
 
     Raises
     ------
@@ -75,8 +77,10 @@ class RoomServer:
     newcomers: ``refused_role``, ``refused_uid``, ``refused_second``, ``refused_hello``, ``refused_crowd``.
     """
 
-    def __init__(self, path: Path, allowed: Mapping[str, int | None]) -> None:
+    def __init__(self, path: Path, allowed: Mapping[str, int | None],
+                 limits: Mapping[str, Limit] | None = None) -> None:
         self.counters: Counter[str] = Counter()
+        self._limits = limits or {}
         self._allowed = {role: os.geteuid() if uid is None else uid for role, uid in allowed.items()}
         self.path = path
         self._lock = own(path)
@@ -96,7 +100,7 @@ class RoomServer:
         return self._epoll.fileno()
 
     def poll(self, now_ns: int) -> list[tuple[str, RoomRecord]]:
-        """Every record that is waiting, with its sender's role; also admits and dismisses peers."""
+        """What is waiting, up to each peer's limit, with its sender's role; also admits and dismisses peers."""
         received: list[tuple[str, RoomRecord]] = []
         ready = [fd for fd, _ in self._epoll.poll(0, 16)]
         # Peers before newcomers: who replaces a dead peer must find its place free.
@@ -140,7 +144,7 @@ class RoomServer:
 
     def _accept(self, now_ns: int) -> None:
         """Let waiting connections into the hall; they have one second to say who they are."""
-        while True:
+        for _ in range(MAX_WAITING):  # who connects in an endless loop must not keep us here
             try:
                 sock, _ = self._listener.accept()
             except OSError:
@@ -149,14 +153,14 @@ class RoomServer:
                 self.counters["refused_crowd"] += 1
                 sock.close()
                 continue
-            peer = Peer(sock, self.counters)
+            peer = Peer(sock, self.counters, limit=NEWCOMER)
             self._newcomers[sock.fileno()] = (peer, now_ns)
             self._epoll.register(sock, select.EPOLLIN)
 
     def _question(self, now_ns: int) -> None:
         """Read the first packet of each newcomer: admit it to its role, or refuse it."""
         for fd, (peer, since_ns) in list(self._newcomers.items()):
-            first = peer.receive(limit=1)
+            first = peer.receive()
             if peer.alive and not peer.heard and now_ns - since_ns < HELLO_WITHIN_NS:
                 continue
             del self._newcomers[fd]
@@ -178,7 +182,7 @@ class RoomServer:
         return "second" if first.role in self._peers else None
 
     def _admit(self, peer: Peer, role: str) -> None:
-        peer.role = role
+        peer.admit(role, self._limits.get(role, ANY_PEER))
         self._peers[role] = peer
         self._by_fd[peer.sock.fileno()] = peer
         self.counters[f"connected_{role}"] += 1

@@ -129,9 +129,9 @@ def test_a_brain_that_hangs_loses_authority_when_its_advice_expires() -> None:
     b = working()
     stale = Advice(10_000, b.now_ns, b.now_ns, 300 * MS, 70.0, None, True, [], None)
     b.advice = lambda: stale  # type: ignore[method-assign]
-    b.run(0.25)
+    b.run(0.15)
     assert state(b).authority
-    b.run(0.2)
+    b.run(0.3)
     found = state(b)
     assert not found.authority
     assert "the advice has expired" in found.authority_reasons

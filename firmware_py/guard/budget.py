@@ -1,0 +1,49 @@
+"""The budget of one guard cycle: what it may take in, and what it may cost, in every state.
+
+The guard runs 1000 times a second.  Everything that comes from outside is bounded per cycle, so that neither a sick
+peer nor a busy bus can hold it up; what is left over waits in the kernel's queues, and a sender whose queue is full
+loses the newest.  ``tests/guard/test_budget.py`` measures every state beside a reference in the same run.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from firmware_py.wire.room_socket import Limit
+
+ROOM_LIMITS: Final = {
+    "brain": Limit(records=2, record_bytes=16 * 1024),
+    "gate": Limit(records=8, record_bytes=4 * 1024),
+}
+"""Per cycle and peer.  An advice has 0.2 to 2 kB, ten a second; a request or an acknowledgement less than 1 kB.
+Of several advices in one cycle the newest counts.  A larger record is counted (``room_oversized_<role>``) and dropped
+before it is decoded: decoding costs up to 13 us per kB."""
+
+REASONS_MAX: Final = 16
+REASON_CHARS_MAX: Final = 200
+"""Of an advice; the rest is cut off, for every reason is carried on in each state and event."""
+
+EVENTS_PER_CYCLE: Final = 16
+"""To a gate that comes back and must be told again what it has not acknowledged (up to 1000 events)."""
+
+CYCLE_US: Final = {
+    "disarmed": 110,
+    "armed": 120,
+    "tripped": 100,
+    "samples gone": 80,
+    "link down": 80,
+    "node gone, samples left": 160,
+    "brain gone": 160,
+    "requests, 8 a cycle": 350,
+    "advices, 1 a cycle": 180,
+    "frames of nobody, 32 a cycle": 250,
+    "forged frames, 32 a cycle": 400,
+    "sample frames, 32 a cycle": 950,
+}
+"""Mean cost of a cycle of :class:`~firmware_py.guard.core.GuardCore`, where the reference takes
+:data:`REFERENCE_US`: about twice what was measured.
+
+The last four cannot last on a real bus: 1 Mbit/s and 5 Mbit/s carry some 8 frames of 64 bytes in a millisecond."""
+
+REFERENCE_US: Final = 255.0
+"""The reference: 1000 rounds of packing, unpacking and summing eight 16-bit numbers (see the test)."""
