@@ -6,8 +6,10 @@ Without options, a person who may reach the system service gets the service: its
 from __future__ import annotations
 
 import argparse
+import importlib
 import os
 import pwd
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,12 +17,16 @@ from typing import Final
 
 import msgspec
 
-from firmware_py.config import SHIPPED, Config, ConfigFile, load
+from firmware_py.config import SHIPPED, Check, Config, ConfigFile, Device, load, read_device
+from firmware_py.config.schema import NAME_PATTERN, WORDS
 from firmware_py.wire.rooms import runtime_dir
 
 SERVICE_RUNTIME: Final = Path("/run/orbitd")
 SERVICE_CONFIG: Final = Path("/etc/orbitd/orbitd.toml")
 """Where `orbitd install` puts the system service."""
+
+LAWS: Final = ("firmware_py.guard.shield:check_safe",)
+"""What else every process asks of a configuration, by name as entry points are: this module lies below the guard."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +47,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="TOML configuration (default: the running service's, else the shipped bench.toml)",
     )
-    parser.add_argument("--instance", metavar="NAME", help="name of this device on this machine")
+    parser.add_argument("--instance", type=instance_name, metavar="NAME", help="name of this device on this machine")
     parser.add_argument("--runtime-dir", type=Path, metavar="DIR", help="folder of this instance's sockets")
     parser.set_defaults(peers=())
 
@@ -55,6 +61,13 @@ def add_peers(parser: argparse.ArgumentParser, *roles: str) -> None:
         )
 
 
+def instance_name(name: str) -> str:
+    """``name`` if it may be one of a device, and so of a folder; else a refusal of argparse."""
+    if not re.search(NAME_PATTERN, name):
+        raise argparse.ArgumentTypeError(f"{name!r} is not {WORDS[NAME_PATTERN]}")
+    return name
+
+
 def user_id(name: str) -> int:
     """The id of user ``name``; a refusal of argparse when there is none."""
     try:
@@ -64,21 +77,69 @@ def user_id(name: str) -> int:
         raise argparse.ArgumentTypeError(cause) from error
 
 
+def verified(path: Path) -> tuple[Config, ConfigFile]:
+    """The configuration as every process of the device, and ``orbitd check``, reads it.
+
+    Raises
+    ------
+    ConfigError
+        With every fault of the file, its values and the guard's laws.
+    """
+    return load(path, laws())
+
+
+def laws() -> list[Check]:
+    """The checks of :data:`LAWS`."""
+    parts = [name.partition(":") for name in LAWS]
+    return [getattr(importlib.import_module(module), function) for module, _, function in parts]
+
+
 def from_options(options: argparse.Namespace) -> Launch:
-    """Read the configuration and make the runtime directory.
+    """Read and verify the configuration and make the runtime directory.
 
     Raises
     ------
     ConfigError, RoomError
         The configuration is wrong, or the directory is not safe to use.
     """
-    chosen = options.instance or options.runtime_dir or "RUNTIME_DIRECTORY" in os.environ
-    service = not chosen and service_runs(SERVICE_RUNTIME)
-    loaded, source = load(options.config or (SERVICE_CONFIG if service else SHIPPED / "bench.toml"))
+    path, service = _chosen(options)
+    loaded, source = verified(path)
     if options.instance:
         loaded = as_instance(loaded, options.instance)
     folder = SERVICE_RUNTIME if service else _folder(options.runtime_dir, loaded.device.instance)
     return Launch(loaded, source, folder, {role: getattr(options, f"{role}_user") for role in options.peers})
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a device runs, and what it is called."""
+
+    device: Device
+    runtime: Path
+
+
+def place(options: argparse.Namespace) -> Place:
+    """As :func:`from_options`, for whoever only speaks to a device: of a file with faults the names are enough.
+
+    A running device has read its configuration long ago; one that was edited badly since bars nobody from `disarm`.
+
+    Raises
+    ------
+    ConfigError, RoomError
+        The file does not name the device, or the directory is not safe to use.
+    """
+    path, service = _chosen(options)
+    device = read_device(path)
+    if options.instance:
+        device = msgspec.structs.replace(device, instance=options.instance)
+    return Place(device, SERVICE_RUNTIME if service else _folder(options.runtime_dir, device.instance))
+
+
+def _chosen(options: argparse.Namespace) -> tuple[Path, bool]:
+    """The configuration that the options mean, and whether the system service is meant."""
+    chosen = options.instance or options.runtime_dir or "RUNTIME_DIRECTORY" in os.environ
+    service = not chosen and service_runs(SERVICE_RUNTIME)
+    return options.config or (SERVICE_CONFIG if service else SHIPPED / "bench.toml"), service
 
 
 def as_instance(loaded: Config, instance: str) -> Config:
@@ -97,6 +158,11 @@ def _folder(given: Path | None, instance: str) -> Path:
         return runtime_dir(instance, runtime_base())
     given.mkdir(mode=0o770, parents=True, exist_ok=True)
     return given
+
+
+def folder_of(config: Config) -> Path:
+    """Where the sockets of the device of ``config`` lie; nothing is made."""
+    return runtime_base() / config.device.instance
 
 
 def service_runs(folder: Path) -> bool:

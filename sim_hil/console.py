@@ -220,7 +220,7 @@ def main(argv: list[str]) -> int:
     parser.add_argument("--json", action="store_true", help="the answer as JSON")
     launch.add_options(parser)
     options = parser.parse_args(argv)
-    reply = ask(launch.from_options(options).runtime, _request(parser, options))
+    reply = ask(launch.place(options).runtime, _request(parser, options))
     print(json.dumps(reply) if options.json else _words(options.what, reply))
     return 0
 

@@ -72,9 +72,8 @@ def connect(options: argparse.Namespace) -> Client:
     SessionError
         No gate runs there.
     """
-    started = launch.from_options(options)
-    device = started.config.device
-    return Client(started.runtime, keys.prefix(device.site, device.rig))
+    found = launch.place(options)
+    return Client(found.runtime, keys.prefix(found.device.site, found.device.rig))
 
 
 def _ask(options: argparse.Namespace, verb: str, value: float | str | PlannedRamp | None = None) -> int:

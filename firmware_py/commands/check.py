@@ -1,52 +1,71 @@
-"""``orbitd check CONFIG``: everything the device would refuse at start, found before it starts."""
+"""``orbitd check CONFIG``: everything the device would refuse at start, found before it starts.
+
+All faults at once, each with file, line, key, value, limit and next step.  Exit code 0: good; 1: good, but a model is
+not used; 2: refused.
+"""
 
 from __future__ import annotations
 
 import argparse
+import os
 from pathlib import Path
 
 import msgspec
 
-from firmware_py.brain.store import Models, load_models
-from firmware_py.config import Config, load
-from firmware_py.guard.shield import Shield, check_safe
+from firmware_py import launch
+from firmware_py.brain.store import Models
+from firmware_py.commands.building import build, surroundings
+from firmware_py.config import Config, ConfigError
 
 
 def main(argv: list[str]) -> int:
-    """Check the configuration, the safe value over the declared range, and the models."""
+    """Verify the configuration as the processes do, build what they build, and look at what they need around them."""
     parser = argparse.ArgumentParser(prog="orbitd check", description=__doc__)
     parser.add_argument("config", type=Path, help="TOML configuration")
-    parser.add_argument("--json", action="store_true", help="the effective configuration and findings as JSON")
+    parser.add_argument("--json", action="store_true", help="the effective configuration, or the faults, as JSON")
     options = parser.parse_args(argv)
-    config, source = load(options.config)
-    check_safe(config, source)
-    low_um, high_um = (1e6 * bound for bound in Shield(config).fixed_range() or (float("nan"), float("nan")))
-    models = load_models(config)
-    if options.json:
-        found = {"config": config, "admissible_everywhere_um": [low_um, high_um], "models": _labels(models)}
-        print(msgspec.json.encode({**found, "refused_models": models.refusals}).decode())
+    try:
+        return _check(options.config, options.json)
+    except ConfigError as error:
+        if options.json:
+            print(msgspec.json.encode({"good": False, "faults": error.faults}).decode())
+            return error.exit_code
+        raise
+
+
+def _check(path: Path, as_json: bool) -> int:
+    config, source = launch.verified(path)
+    missing = [source.fault(*found) for found in surroundings(config, launch.folder_of(config), os.environ)]
+    if missing:
+        raise ConfigError(missing)
+    built = build(config)
+    low_um, high_um = built.admissible_um
+    if as_json:
+        found = {"good": True, "config": config, "admissible_everywhere_um": [low_um, high_um],
+                 "models": _labels(built.models), "refused_models": built.models.refusals}
+        print(msgspec.json.encode(found).decode())
     else:
-        print(f"{options.config.name}: good")
+        print(f"{path.name}: good")
         print(f"  safe radial clearance {config.actuator.safe_radial_clearance_um:g} um; {low_um:.1f} .. {high_um:.1f}"
               " um is admissible over the whole declared range")
-        print("\n".join(f"  model {label}" for label in _labels(models)))
-        for kind, reason in models.refusals.items():
+        print("\n".join(f"  model {label}" for label in _labels(built.models)))
+        for kind, reason in built.models.refusals.items():
             print(f"  REFUSED {kind}: {reason}")
-        for line in _defaults(config, source.text):
+        for line in _defaults(config, source.lines):
             print(f"  default {line}")
-    return 1 if models.refusals else 0
+    return 1 if built.models.refusals else 0
 
 
 def _labels(models: Models) -> list[str]:
     return [model.label for model in (models.classifier, models.actor, models.surrogate) if model]
 
 
-def _defaults(config: Config, text: str) -> list[str]:
+def _defaults(config: Config, written: dict[str, int]) -> list[str]:
     """Every setting that the file leaves to its default, with the value in force."""
     return [
         f"{section}.{key} = {value!r}"
         for section, table in msgspec.structs.asdict(config).items()
         if isinstance(table, msgspec.Struct)
         for key, value in msgspec.structs.asdict(table).items()
-        if f"{key} =" not in text
+        if f"{section}.{key}" not in written
     ]

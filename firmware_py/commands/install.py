@@ -12,7 +12,7 @@ import sysconfig
 from dataclasses import dataclass
 from pathlib import Path
 
-from firmware_py import config
+from firmware_py import config, launch
 from firmware_py.config import Bus
 from firmware_py.errors import OrbitdError
 
@@ -94,7 +94,7 @@ def _install(target: Target, wanted: Path) -> int:
     _check_python(target.python)
     place = target.prefix / CONFIG
     kept = place.exists()
-    settings, _ = config.load(place if kept else wanted)
+    settings, _ = launch.verified(place if kept else wanted)
     source = source_folder()
     words = _words(target, source, settings.bus)
     for name, path in FILES.items():

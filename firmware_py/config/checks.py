@@ -1,163 +1,161 @@
-"""Values that contradict each other, or that the link cannot carry: refused with the arithmetic."""
+"""Values that contradict each other: each check yields key, value, and the cause with its limit and the next step.
+
+A check reads what it needs from the configuration; where that has a fault of its own it is left out.  A new one is a
+generator and its name in :data:`RELATED`: all run, and all that they find is told at once.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from math import pi
+from operator import attrgetter
+from typing import Any, Final
 
+from firmware_py.config.checks_bus import BUS_CHECKS
+from firmware_py.config.checks_channel import CHANNEL_CHECKS
+from firmware_py.config.checks_network import NETWORK_CHECKS
+from firmware_py.config.convert import Found
 from firmware_py.config.schema import Config
-from firmware_py.config.source import ConfigFile
-from firmware_py.records import CHANNELS, INSTANTS_PER_FRAME
 
-Fault = tuple[str, object, str]
-"""Key, value, cause with limit and next step."""
+ORDERED: Final = (
+    ("bearing.radial_clearance_min_um", "bearing.radial_clearance_max_um", True),
+    ("bearing.radial_clearance_min_um", "bearing.radial_clearance_nominal_um", False),
+    ("bearing.radial_clearance_nominal_um", "bearing.radial_clearance_max_um", False),
+    ("bearing.radial_clearance_min_um", "actuator.safe_radial_clearance_um", False),
+    ("actuator.safe_radial_clearance_um", "bearing.radial_clearance_max_um", False),
+    ("feed.pressure_min_bar", "feed.pressure_max_bar", False),
+    ("feed.pressure_min_bar", "actuator.safe_pressure_bar", False),
+    ("actuator.safe_pressure_bar", "feed.pressure_max_bar", False),
+    ("feed.groove_area_min_mm2", "feed.groove_area_max_mm2", False),
+    ("operating.speed_min_rpm", "operating.speed_max_rpm", True),
+    ("operating.load_min_N", "operating.load_max_N", False),
+    ("operating.speed_ramp_unannounced_rpm_s", "operating.speed_ramp_max_rpm_s", False),
+    ("limits.min_speed_rpm", "operating.speed_min_rpm", False),
+    ("oil.inlet_min_C", "oil.inlet_max_C", False),
+    ("oil.inlet_max_C", "oil.film_max_C", False),
+    ("limits.displacement_alert_um", "limits.displacement_danger_um", True),
+    ("limits.acceleration_alert_m_s2", "limits.acceleration_danger_m_s2", True),
+    ("bus.nominal_bitrate", "bus.data_bitrate", False),
+)
+"""Key, key that it must not exceed, and whether they must differ."""
 
-SERIAL_BYTES_PER_SAMPLE_FRAME = 74
-"""One MAVLink 2 sample packet: 62 bytes of payload in a frame of 12."""
+CLEARANCE_RATIO_MAX: Final = 0.02
+CLEARANCE_RATIO_MIN: Final = 1e-4
+"""Of the journal radius: thin-film theory ends above, and below heat takes up what is left."""
 
-SERIAL_OVERHEAD_BYTES_S = 1350
-"""The rig's other packets: node state and rig status 20 times a second, node info once."""
+DIAMETRAL_SHARE_MAX: Final = 0.7
+"""Of the diametral clearance: a danger limit above is hardly reached before the shaft touches."""
 
-BUS_LOAD_LIMIT = 0.8
-"""Share of the bus that sample frames may take."""
+FILM_SHARE_MAX: Final = 0.8
+"""Of the narrowest bearing: a film limit above leaves the shaft no place to be."""
 
+RETREAT_MAX_S: Final = 10.0
+"""Time to the safe clearance from anywhere.  The guard looks this far ahead in steps of 0.05 to 0.1 s."""
 
-def check_related(config: Config, source: ConfigFile) -> None:
-    """Raise :class:`~firmware_py.config.source.ConfigError` for the first contradiction found."""
-    for check in (_geometry, _ranges, _limits, _timing, _channels, _capacity):
-        for key, value, cause in check(config):
-            raise source.error(key, value, cause)
+UNBALANCE_SHARE_MAX: Final = 10.0
+"""Of the largest load: an unbalance force above is no normal unbalance."""
 
+WINDAGE_MAX_W: Final = 1e6
 
-def _geometry(config: Config) -> Iterator[Fault]:
-    bearing, feed, actuator = config.bearing, config.feed, config.actuator
-    low, high = bearing.radial_clearance_min_um, bearing.radial_clearance_max_um
-    if low >= high:
-        yield "bearing.radial_clearance_max_um", high, f"not above radial_clearance_min_um ({low:g})"
-    for key, value in (
-        ("bearing.radial_clearance_nominal_um", bearing.radial_clearance_nominal_um),
-        ("actuator.safe_radial_clearance_um", actuator.safe_radial_clearance_um),
-    ):
-        if not low <= value <= high:
-            yield key, value, f"outside the bearing's range {low:g} .. {high:g} um; choose one inside"
-    if not feed.pressure_min_bar <= actuator.safe_pressure_bar <= feed.pressure_max_bar:
-        span = f"{feed.pressure_min_bar:g} .. {feed.pressure_max_bar:g} bar"
-        yield "actuator.safe_pressure_bar", actuator.safe_pressure_bar, f"outside the feed's range {span}"
-    if feed.groove_area_min_mm2 > feed.groove_area_max_mm2:
-        yield "feed.groove_area_min_mm2", feed.groove_area_min_mm2, (
-            f"above groove_area_max_mm2 ({feed.groove_area_max_mm2:g}); exchange them")
-
-
-def _ranges(config: Config) -> Iterator[Fault]:
-    operating, oil = config.operating, config.oil
-    for low_key, low, high_key, high in (
-        (
-            "operating.speed_min_rpm",
-            operating.speed_min_rpm,
-            "operating.speed_max_rpm",
-            operating.speed_max_rpm,
-        ),
-        ("operating.load_min_N", operating.load_min_N, "operating.load_max_N", operating.load_max_N),
-        ("oil.inlet_min_C", oil.inlet_min_C, "oil.inlet_max_C", oil.inlet_max_C),
-        ("oil.inlet_max_C", oil.inlet_max_C, "oil.film_max_C", oil.film_max_C),
-    ):
-        if low > high:
-            yield high_key, high, f"below {low_key} ({low:g}); raise it"
+OIL_NODE_S: Final = (0.1, 3600.0)
+"""Time constant of the oil behind the thermometer."""
 
 
-def _limits(config: Config) -> Iterator[Fault]:
-    limits = config.limits
-    diametral_um = 2 * config.bearing.radial_clearance_nominal_um
-    for low_key, low, high_key, high in (
-        (
-            "displacement_alert_um",
-            limits.displacement_alert_um,
-            "displacement_danger_um",
-            limits.displacement_danger_um,
-        ),
-        (
-            "acceleration_alert_m_s2",
-            limits.acceleration_alert_m_s2,
-            "acceleration_danger_m_s2",
-            limits.acceleration_danger_m_s2,
-        ),
-    ):
-        if low >= high:
-            yield f"limits.{low_key}", low, f"not below {high_key} ({high:g}); lower it"
-    if limits.displacement_danger_um > 0.7 * diametral_um:
-        yield (
-            "limits.displacement_danger_um",
-            limits.displacement_danger_um,
-            (
-                f"above 0.7 x diametral clearance ({diametral_um:g} um); lower it or set "
-                "bearing.radial_clearance_nominal_um"
-            ),
-        )
+def _ordered(low_key: str, high_key: str, differ: bool) -> Callable[[Config], Iterator[Found]]:
+    """The check of one row of :data:`ORDERED`."""
+
+    def check(config: Config) -> Iterator[Found]:
+        low, high = attrgetter(low_key)(config), attrgetter(high_key)(config)
+        if low > high or (differ and low == high):
+            word = "not above" if differ else "below"
+            yield high_key, high, f"{word} {low_key} = {low:g}; raise it, or lower the other"
+
+    return check
 
 
-def _timing(config: Config) -> Iterator[Fault]:
-    actuator, rate_hz = config.actuator, config.sampling.rate_hz
-    if actuator.command_period_ms * 3 > actuator.time_to_live_ms:
-        yield (
-            "actuator.command_period_ms",
-            actuator.command_period_ms,
-            (
-                f"more than a third of time_to_live_ms ({actuator.time_to_live_ms}): two lost frames "
-                "would expire the command; shorten it"
-            ),
-        )
-    if 1_000_000 % rate_hz:
-        yield "sampling.rate_hz", rate_hz, "its period is no whole number of us; use 5000 or 10000"
+def _shape(config: Config) -> Iterator[Found]:
+    """Clearances beside the size of the journal."""
+    bearing = config.bearing
+    low_um, high_um = (share * bearing.journal_radius_m * 1e6 for share in (CLEARANCE_RATIO_MIN, CLEARANCE_RATIO_MAX))
+    if bearing.radial_clearance_min_um < low_um:
+        yield "bearing.radial_clearance_min_um", bearing.radial_clearance_min_um, (
+            f"below {low_um:g} um, {CLEARANCE_RATIO_MIN:g} of bearing.journal_radius_m; widen it")
+    if bearing.radial_clearance_max_um > high_um:
+        yield "bearing.radial_clearance_max_um", bearing.radial_clearance_max_um, (
+            f"above {high_um:g} um, {CLEARANCE_RATIO_MAX:g} of bearing.journal_radius_m; narrow it")
 
 
-def _channels(config: Config) -> Iterator[Fault]:
-    names = [channel.name for channel in config.channel]
-    if names != list(CHANNELS):
-        yield "channel", names, f"must be exactly {', '.join(CHANNELS)}, in this order"
-    for index, channel in enumerate(config.channel):
-        if channel.ok_low >= channel.ok_high:
-            yield f"channel[{index}].ok_low", channel.ok_low, f"not below ok_high ({channel.ok_high:g})"
-        if channel.scale == 0.0:
-            yield f"channel[{index}].scale", channel.scale, "zero; give the SI value of one count"
+def _built(config: Config) -> Iterator[Found]:
+    """What a lift check may find leaves a bearing."""
+    b = config.bearing
+    narrowest_um = b.radial_clearance_min_um + b.radial_clearance_offset_um - b.radial_clearance_error_um
+    film_um = config.limits.min_film_um
+    if film_um > FILM_SHARE_MAX * narrowest_um:
+        yield "limits.min_film_um", film_um, (
+            f"above {FILM_SHARE_MAX:g} of the narrowest bearing, {narrowest_um:g} um (bearing.radial_clearance_min_um "
+            "+ offset - error); lower it or widen the bearing")
 
 
-def _capacity(config: Config) -> Iterator[Fault]:
-    """Sampling rates that the link cannot carry."""
-    rate_hz, bus = config.sampling.rate_hz, config.bus
-    frames_s = rate_hz / INSTANTS_PER_FRAME
-    if bus.link == "serial":
-        if not bus.serial_port:
-            yield "bus.serial_port", '""', 'empty with link = "serial"; name the port, e.g. "/dev/ttyUSB0"'
-        needed = frames_s * SERIAL_BYTES_PER_SAMPLE_FRAME + SERIAL_OVERHEAD_BYTES_S
-        room = bus.serial_baud / 10 * 0.95
-        if needed > room:
-            yield (
-                "sampling.rate_hz",
-                rate_hz,
-                (
-                    f"needs {frames_s:.0f} packets/s x {SERIAL_BYTES_PER_SAMPLE_FRAME} bytes + "
-                    f"{SERIAL_OVERHEAD_BYTES_S} = {needed:.0f} bytes/s, but {bus.serial_baud} baud carries "
-                    f"{room:.0f} (10 bits a byte, 95 %); lower the rate or raise bus.serial_baud"
-                ),
-            )
-        return
-    load = frames_s * can_frame_seconds(bus.nominal_bitrate, bus.data_bitrate)
-    if load > BUS_LOAD_LIMIT:
-        yield (
-            "sampling.rate_hz",
-            rate_hz,
-            (
-                f"{frames_s:.0f} CAN FD frames/s of 64 bytes take {100 * load:.0f} % of a bus at "
-                f"{bus.nominal_bitrate}/{bus.data_bitrate} bit/s (limit {100 * BUS_LOAD_LIMIT:.0f} %); "
-                "lower the rate or raise bus.data_bitrate"
-            ),
-        )
+def _groove(config: Config) -> Iterator[Found]:
+    bearing, area_mm2 = config.bearing, config.feed.groove_area_max_mm2
+    projected_mm2 = 2.0 * bearing.journal_radius_m * bearing.length_m * 1e6
+    if area_mm2 > projected_mm2:
+        yield "feed.groove_area_max_mm2", area_mm2, (
+            f"above the whole projected bearing, {projected_mm2:g} mm2; lower it")
 
 
-def can_frame_seconds(nominal_bitrate: int, data_bitrate: int) -> float:
-    """Longest time of one 64-byte CAN FD frame with an 11-bit identifier, stuff bits included.
+def _oil_node(config: Config) -> Iterator[Found]:
+    """A thermal node whose forecast neither jumps nor stands still."""
+    capacity, cooling = config.oil.thermal_capacity_J_K, config.oil.cooling_W_K
+    low_s, high_s = OIL_NODE_S
+    if capacity > 0.0 and not low_s * cooling <= capacity <= high_s * cooling:
+        yield "oil.thermal_capacity_J_K", capacity, (
+            f"its time constant over oil.cooling_W_K = {cooling:g} is outside {low_s:g} .. {high_s:g} s; correct "
+            "one of them, or set 0 for no forecast of the oil")
 
-    ISO 11898-1: 30 bits at the nominal rate (start, identifier, flags, acknowledge, end, interframe) and
-    5 + 512 + 28 at the data rate (flags, length, data, counted CRC); one stuff bit in five at worst.
-    """
-    nominal_bits, data_bits, stuffing = 30, 5 + 64 * 8 + 28, 1.2
-    return stuffing * (nominal_bits / nominal_bitrate + data_bits / data_bitrate)
+
+def _displacement(config: Config) -> Iterator[Found]:
+    """A danger limit that the shaft reaches before it touches."""
+    limit_um = config.limits.displacement_danger_um
+    diametral_um = 2.0 * config.bearing.radial_clearance_nominal_um
+    if limit_um > DIAMETRAL_SHARE_MAX * diametral_um:
+        yield "limits.displacement_danger_um", limit_um, (
+            f"above {DIAMETRAL_SHARE_MAX:g} x diametral clearance ({diametral_um:g} um); lower it or set "
+            "bearing.radial_clearance_nominal_um")
+
+
+def _retreat(config: Config) -> Iterator[Found]:
+    """The way back to the safe clearance ends in time."""
+    b, a = config.bearing, config.actuator
+    safe_um = a.safe_radial_clearance_um
+    way_um = max(b.radial_clearance_max_um - safe_um, safe_um - b.radial_clearance_min_um)
+    if way_um > RETREAT_MAX_S * a.rate_um_s:
+        yield "actuator.rate_um_s", a.rate_um_s, (
+            f"{way_um:g} um to the safe clearance take {way_um / a.rate_um_s:.3g} s, at most {RETREAT_MAX_S:g}; narrow "
+            "bearing.radial_clearance_min_um .. max_um or take a faster actuator")
+
+
+def _unbalance(config: Config) -> Iterator[Found]:
+    rotor, o = config.rotor, config.operating
+    w = o.speed_max_rpm * pi / 30.0
+    force_N, most_N = rotor.unbalance_normal_kg_m * w * w, UNBALANCE_SHARE_MAX * o.load_max_N
+    if force_N > most_N:
+        yield "rotor.unbalance_normal_kg_m", rotor.unbalance_normal_kg_m, (
+            f"turns with {force_N:.3g} N at operating.speed_max_rpm, more than {UNBALANCE_SHARE_MAX:g} times "
+            f"load_max_N ({most_N:.3g} N); balance the rotor or lower the speed")
+
+
+def _windage(config: Config) -> Iterator[Found]:
+    """Windage that leaves the shaft power something of the film."""
+    w = config.operating.speed_max_rpm * pi / 30.0
+    power_W = config.rotor.windage_W_s3 * w * w * w
+    if power_W > WINDAGE_MAX_W:
+        yield "rotor.windage_W_s3", config.rotor.windage_W_s3, (
+            f"{power_W:.3g} W at operating.speed_max_rpm, at most {WINDAGE_MAX_W:g}; correct its unit")
+
+
+RELATED: Final[tuple[Callable[[Any], Iterator[Found]], ...]] = (
+    *(_ordered(*row) for row in ORDERED), _shape, _built, _groove, _oil_node, _displacement, _retreat, _unbalance,
+    _windage, *CHANNEL_CHECKS, *BUS_CHECKS, *NETWORK_CHECKS,
+)  # fmt: skip
+"""Every check of values together."""

@@ -3,16 +3,57 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 import msgspec
 from msgspec import Meta
 
 from firmware_py.records import Mode
 
-Positive = Annotated[float, Meta(gt=0)]
-NonNegative = Annotated[float, Meta(ge=0)]
-Name = Annotated[str, Meta(pattern=r"^[a-z0-9_-]{1,32}$")]
+NAME_PATTERN: Final = r"^[a-z0-9][a-z0-9_-]{0,31}\Z"
+_CHANNEL: Final = r"^[A-Za-z0-9_][A-Za-z0-9_.-]{0,39}\Z"
+_PATH: Final = r"^(/[^\x00-\x1f\x7f]{1,250})?\Z"
+_ENDPOINT: Final = r"^[\x21-\x7e]{1,250}\Z"
+_KEY: Final = r"^[A-Za-z0-9+/]{1,250}={0,2}\Z"
+_WORD: Final = r"^[A-Za-z0-9_/]{1,32}\Z"
+WORDS: Final = {
+    NAME_PATTERN: "a name of 1 to 32 small letters, digits, - and _, the first no sign",
+    _CHANNEL: "a name of 1 to 40 letters, digits, - . and _, the first a letter, a digit or _",
+    _PATH: "an absolute path, /.., of at most 250 characters",
+    _ENDPOINT: "an endpoint of at most 250 characters without blanks",
+    _KEY: "the base64 of a key",
+    _WORD: "one word",
+}
+"""Each pattern for people."""
+
+Name = Annotated[str, Meta(pattern=NAME_PATTERN)]
+BusChannel = Annotated[str, Meta(pattern=_CHANNEL)]
+FilePath = Annotated[str, Meta(pattern=_PATH)]
+"""Absolute, or empty: services start in another folder than people."""
+Endpoint = Annotated[str, Meta(pattern=_ENDPOINT)]
+PublicKey = Annotated[str, Meta(pattern=_KEY)]
+Word = Annotated[str, Meta(pattern=_WORD)]
+
+# Every number has a least and a greatest value.  They are the ends of what any machine of this kind has, not what one
+# machine should have: relations between values are in ``checks``.
+ClearanceUm = Annotated[float, Meta(ge=5.0, le=600.0)]
+"""Below 5 um roughness and runout are as large as the film; the wire carries up to 655.35 um."""
+PressureBar = Annotated[float, Meta(ge=0.0, le=60.0)]
+"""The wire carries up to 65.535 bar."""
+TemperatureC = Annotated[float, Meta(ge=-40.0, le=200.0)]
+"""The range of the guard's viscosity table; beyond it oil is solid or burns."""
+SpeedRpm = Annotated[float, Meta(ge=60.0, le=60_000.0)]
+"""Below 60 rpm one turn takes over a second: no protection by turns.  Film bearings end below 60 000 rpm."""
+LoadN = Annotated[float, Meta(ge=0.1, le=1e6)]
+Share = Annotated[float, Meta(ge=0.0, le=0.9)]
+"""An uncertainty; at 1 nothing would be known."""
+AnySI = Annotated[float, Meta(ge=-1e5, le=1e5)]
+"""A value of any of the eight channels in SI."""
+AngleDeg = Annotated[float, Meta(ge=-360.0, le=360.0)]
+DisplacementUm = Annotated[float, Meta(ge=1.0, le=655.0)]
+"""Peak-to-peak; the wire carries +-327.68 um."""
+AccelerationMS2 = Annotated[float, Meta(ge=0.1, le=3000.0)]
+"""Rms; no housing that shakes by 300 g stays whole."""
 
 
 class Section(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -38,10 +79,10 @@ class Bus(Section, frozen=True):
 
     link: Literal["can", "serial"] = "can"
     interface: Literal["orbitd_hub", "socketcan"] = "orbitd_hub"
-    channel: str = "orbitd0"
+    channel: BusChannel = "orbitd0"
     nominal_bitrate: Annotated[int, Meta(ge=10_000, le=1_000_000)] = 1_000_000
     data_bitrate: Annotated[int, Meta(ge=10_000, le=8_000_000)] = 5_000_000
-    serial_port: str = ""
+    serial_port: FilePath = ""
     serial_baud: Annotated[int, Meta(ge=9600, le=12_000_000)] = 3_000_000
 
 
@@ -50,7 +91,8 @@ class Sampling(Section, frozen=True):
 
     rate_hz: Annotated[int, Meta(ge=100, le=10_000)] = 5000
     frames_per_block: Annotated[int, Meta(ge=1, le=100)] = 10
-    fresh_age_ms: Positive = 20.0
+    fresh_age_ms: Annotated[float, Meta(ge=1.0, le=500.0)] = 20.0
+    """Older samples are no ground for a command: below the time to live in the node."""
 
     @property
     def period_us(self) -> int:
@@ -61,16 +103,16 @@ class Sampling(Section, frozen=True):
 class Channel(Section, frozen=True):
     """One sensor channel: SI = ``counts * scale + offset``; outside ``ok_low .. ok_high`` it is not OK."""
 
-    name: str
-    unit: str
-    scale: float
-    ok_low: float
-    ok_high: float
-    offset: float = 0.0
-    angle_deg: float = 0.0
-    slow_roll_um: float = 0.0
+    name: Word
+    unit: Word
+    scale: Annotated[float, Meta(ge=-1.0, le=1.0)]
+    ok_low: AnySI
+    ok_high: AnySI
+    offset: AnySI = 0.0
+    angle_deg: AngleDeg = 0.0
+    slow_roll_um: Annotated[float, Meta(ge=0.0, le=100.0)] = 0.0
     """Runout: amplitude of the first order at slow roll; the predictor takes it off."""
-    slow_roll_deg: float = 0.0
+    slow_roll_deg: AngleDeg = 0.0
     """Its phase: the argument of the complex amplitude counted from the mark."""
     zeroed: bool = False
     """The zero and slow-roll procedure was done: the smaller errors after it hold."""
@@ -79,16 +121,17 @@ class Channel(Section, frozen=True):
 class Bearing(Section, frozen=True):
     """The journal bearing; every clearance says radial or diametral."""
 
-    journal_radius_m: Positive
-    length_m: Positive
-    radial_clearance_min_um: Positive
-    radial_clearance_max_um: Positive
-    radial_clearance_nominal_um: Positive
-    radial_clearance_offset_um: float = 0.0
+    journal_radius_m: Annotated[float, Meta(ge=0.001, le=0.5)]
+    """Watch-sized shafts to the largest turbines."""
+    length_m: Annotated[float, Meta(ge=0.001, le=1.0)]
+    radial_clearance_min_um: ClearanceUm
+    radial_clearance_max_um: ClearanceUm
+    radial_clearance_nominal_um: ClearanceUm
+    radial_clearance_offset_um: Annotated[float, Meta(ge=-100.0, le=100.0)] = 0.0
     """This bearing is so much wider than the actuator tells: from a lift check."""
-    radial_clearance_error_um: Positive = 2.0
+    radial_clearance_error_um: Annotated[float, Meta(ge=0.05, le=50.0)] = 2.0
     """And is known within this."""
-    load_error_share: Annotated[float, Meta(ge=0, lt=1)] = 0.21
+    load_error_share: Share = 0.21
     """The film carries this much less or more than the unfed Reynolds film there: rupture, inlet, unknown groove."""
     attitude_error_deg: Annotated[float, Meta(ge=0, le=45)] = 15.0
     """And stands this much off in direction."""
@@ -99,18 +142,20 @@ class Bearing(Section, frozen=True):
 class Oil(Section, frozen=True):
     """Viscosity law ``mu = mu_40 exp(-k (T - 40))`` and the inlet range that the safe value must cover."""
 
-    viscosity_at_40C_Pa_s: Positive
-    viscosity_slope_per_K: NonNegative
-    inlet_min_C: float
-    inlet_max_C: float
-    film_max_C: float
-    viscosity_error_share: Annotated[float, Meta(ge=0, lt=1)] = 0.1
+    viscosity_at_40C_Pa_s: Annotated[float, Meta(ge=2e-4, le=1.5)]
+    """Thinner than petrol up to ISO VG 1500."""
+    viscosity_slope_per_K: Annotated[float, Meta(ge=0.0, le=0.1)]
+    """Water 0.02, oils 0.02 .. 0.06."""
+    inlet_min_C: TemperatureC
+    inlet_max_C: TemperatureC
+    film_max_C: TemperatureC
+    viscosity_error_share: Share = 0.1
     """A batch of oil is this much thinner or thicker than the law."""
     film_at_outlet: bool = False
     """The film is as warm as its outlet; else it may be as cold as the coldest inlet."""
-    thermal_capacity_J_K: NonNegative = 0.0
+    thermal_capacity_J_K: Annotated[float, Meta(ge=0.0, le=1e6)] = 0.0
     """Of the oil node behind the outlet thermometer; 0: forecasts hold the oil's temperature."""
-    cooling_W_K: NonNegative = 0.0
+    cooling_W_K: Annotated[float, Meta(ge=0.0, le=1e5)] = 0.0
     """Heat that the oil carries away per kelvin above its inlet."""
 
     def viscosity_Pa_s(self, temperature_C: float) -> float:
@@ -121,62 +166,64 @@ class Oil(Section, frozen=True):
 class Feed(Section, frozen=True):
     """Oil supply pressure above ambient: what the actuator may set."""
 
-    pressure_min_bar: NonNegative
-    pressure_max_bar: Positive
-    groove_area_min_mm2: NonNegative = 0.0
-    groove_area_max_mm2: NonNegative = 0.0
+    pressure_min_bar: PressureBar
+    pressure_max_bar: PressureBar
+    groove_area_min_mm2: Annotated[float, Meta(ge=0.0, le=1e6)] = 0.0
+    groove_area_max_mm2: Annotated[float, Meta(ge=0.0, le=1e6)] = 0.0
     """A groove opposite the load presses the shaft down like a piston of an area between these two; 0: no groove."""
 
 
 class Rotor(Section, frozen=True):
     """The rotor as the film sees it."""
 
-    effective_mass_at_bearing_kg: Positive
+    effective_mass_at_bearing_kg: Annotated[float, Meta(ge=0.001, le=1e5)]
     """Force over acceleration at the bearing; once weighed, that in forward whirl (inertia ``J_d - J_p / 0.515``)."""
-    unbalance_normal_kg_m: NonNegative
-    mass_error_share: Annotated[float, Meta(ge=0, lt=1)] = 0.05
+    unbalance_normal_kg_m: Annotated[float, Meta(ge=0.0, le=100.0)]
+    mass_error_share: Share = 0.05
     """The built rotor is heavier than that by at most this share."""
     unbalance_measured: bool = False
     """The normal unbalance is this rotor's own, from balancing; else it is the most that its grade lets any have."""
-    whirl_error_share: Annotated[float, Meta(ge=0, lt=1)] = 0.05
+    whirl_error_share: Share = 0.05
     """The speed at which it whirls lies at most this much below that of a rigid rotor on the film: coupling, pedestal,
     gyroscopic moments."""
-    shaft_power_error_W: NonNegative = 5.0
+    shaft_power_error_W: Annotated[float, Meta(ge=0.01, le=1e6)] = 5.0
     """Of the shaft power that the rig reports; less where its zero was taken at rest."""
-    windage_W_s3: NonNegative = 0.0
+    windage_W_s3: Annotated[float, Meta(ge=0.0, le=1e-3)] = 0.0
     """Shaft power beside the film's, per cubed speed (rad/s): from a coast-down."""
 
 
 class Contact(Section, frozen=True):
     """The contact-resistance channel: a film resistance proportional to the smallest film, behind a series resistor."""
 
-    circuit_V: Positive
-    circuit_ohm: Positive
-    film_ohm_per_m: Positive
-    film_error_share: Positive
+    circuit_V: Annotated[float, Meta(ge=0.01, le=3.2)]
+    """The wire carries up to 3.2767 V."""
+    circuit_ohm: Annotated[float, Meta(ge=1.0, le=1e9)]
+    film_ohm_per_m: Annotated[float, Meta(ge=1e3, le=1e15)]
+    film_error_share: Annotated[float, Meta(ge=1e-3, le=1.0)]
     """Standard deviation of ``film_ohm_per_m`` as a share of it."""
 
 
 class Operating(Section, frozen=True):
     """The declared range: protection, shield and the safe value answer for all of it."""
 
-    speed_min_rpm: NonNegative
-    speed_max_rpm: Positive
-    load_min_N: Positive
-    load_max_N: Positive
-    speed_ramp_max_rpm_s: Positive
-    speed_ramp_unannounced_rpm_s: Positive
+    speed_min_rpm: SpeedRpm
+    speed_max_rpm: SpeedRpm
+    load_min_N: LoadN
+    load_max_N: LoadN
+    speed_ramp_max_rpm_s: Annotated[float, Meta(ge=1.0, le=1e5)]
+    speed_ramp_unannounced_rpm_s: Annotated[float, Meta(ge=1.0, le=1e5)]
     """Faster ramps of speed or load are announced before they start (command ``announce``)."""
-    load_ramp_unannounced_N_s: Positive
+    load_ramp_unannounced_N_s: Annotated[float, Meta(ge=0.01, le=1e6)]
 
 
 class Actuator(Section, frozen=True):
     """The node's promises; ``safe`` must equal what the node boots with."""
 
-    safe_radial_clearance_um: Positive
-    safe_pressure_bar: NonNegative
-    rate_um_s: Positive
-    time_constant_s: NonNegative = 0.05
+    safe_radial_clearance_um: ClearanceUm
+    safe_pressure_bar: PressureBar
+    rate_um_s: Annotated[float, Meta(ge=1.0, le=6500.0)]
+    """The wire carries up to 6553.5 um/s."""
+    time_constant_s: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.05
     time_to_live_ms: Annotated[int, Meta(ge=10, le=1000)] = 100
     command_period_ms: Annotated[int, Meta(ge=1, le=100)] = 20
 
@@ -184,33 +231,37 @@ class Actuator(Section, frozen=True):
 class Limits(Section, frozen=True):
     """API 670 set points; peak-to-peak over at least one full turn."""
 
-    min_film_um: Positive
-    displacement_alert_um: Positive
-    displacement_danger_um: Positive
-    clearance_share: Annotated[float, Meta(gt=0, le=1)]
-    acceleration_alert_m_s2: Positive
-    acceleration_danger_m_s2: Positive
-    alert_delay_s: NonNegative = 1.0
-    danger_delay_s: NonNegative = 1.0
+    min_film_um: Annotated[float, Meta(ge=0.5, le=100.0)]
+    """Below 0.5 um the roughness of the best journals touches."""
+    displacement_alert_um: DisplacementUm
+    displacement_danger_um: DisplacementUm
+    clearance_share: Annotated[float, Meta(ge=0.05, le=1.0)]
+    acceleration_alert_m_s2: AccelerationMS2
+    acceleration_danger_m_s2: AccelerationMS2
+    alert_delay_s: Annotated[float, Meta(ge=0.0, le=30.0)] = 1.0
+    danger_delay_s: Annotated[float, Meta(ge=0.0, le=10.0)] = 1.0
+    """API 670: 1 to 3 s; a rub that lasts 10 s has done its damage."""
     hysteresis_share: Annotated[float, Meta(ge=0, le=0.5)] = 0.05
-    min_speed_rpm: NonNegative = 300.0
+    min_speed_rpm: SpeedRpm = 300.0
+    """Slower than this the window of protection is not a full turn but this long."""
 
 
 class Authority(Section, frozen=True):
     """How the model's right to act is lost and regained."""
 
-    good_advices: Annotated[int, Meta(ge=1)] = 10
-    regain_after_s: NonNegative = 2.0
-    max_regains_per_hour: Annotated[int, Meta(ge=1)] = 12
-    advice_age_max_ms: Positive = 500.0
+    good_advices: Annotated[int, Meta(ge=1, le=1000)] = 10
+    regain_after_s: Annotated[float, Meta(ge=0.0, le=3600.0)] = 2.0
+    max_regains_per_hour: Annotated[int, Meta(ge=1, le=120)] = 12
+    advice_age_max_ms: Annotated[float, Meta(ge=200.0, le=2000.0)] = 500.0
+    """At least two periods of advice (0.1 s each), so that one may be lost; at most what a person takes to react."""
     provisional_may_act: bool = False
 
 
 class Models(Section, frozen=True):
     """Where the ONNX files lie; empty means the ones shipped with the package."""
 
-    directory: str = ""
-    public_keys: list[str] = []
+    directory: FilePath = ""
+    public_keys: Annotated[list[PublicKey], Meta(max_length=32)] = []
 
 
 class Drive(Section, frozen=True):
@@ -225,24 +276,26 @@ class Drive(Section, frozen=True):
 class Zenoh(Section, frozen=True):
     """Local Unix-socket endpoint always; TCP stays off until endpoints are listed here."""
 
-    listen: list[str] = []
-    connect: list[str] = []
-    tls_root_ca: str = ""
-    tls_certificate: str = ""
-    tls_private_key: str = ""
+    listen: Annotated[list[Endpoint], Meta(max_length=16)] = []
+    connect: Annotated[list[Endpoint], Meta(max_length=16)] = []
+    insecure_network: bool = False
+    """Endpoints without TLS may reach beyond this machine: whoever is on that network reads everything."""
+    tls_root_ca: FilePath = ""
+    tls_certificate: FilePath = ""
+    tls_private_key: FilePath = ""
 
 
 class Recorder(Section, frozen=True):
     """The flight recorder."""
 
     enabled: bool = True
-    directory: str = ""
-    max_megabytes: Annotated[int, Meta(ge=10)] = 2000
+    directory: FilePath = ""
+    max_megabytes: Annotated[int, Meta(ge=10, le=10_000_000)] = 2000
     raw_frames: bool = True
 
 
 class Metrics(Section, frozen=True):
-    """Prometheus text and the live page over HTTP on the loopback; port 0 is off."""
+    """Prometheus text and the live page over HTTP on the loopback; port 0 is off, those below 1024 need root."""
 
     port: Annotated[int, Meta(ge=0, le=65535)] = 0
 

@@ -21,7 +21,6 @@ from firmware_py.guard.budget import EVENTS_PER_CYCLE, REASON_CHARS_MAX, REASONS
 from firmware_py.guard.core import GuardCore
 from firmware_py.guard.memory import Memory, complain
 from firmware_py.guard.outbox import Outbox
-from firmware_py.guard.shield import check_safe
 from firmware_py.guard.timing import Grid, Lateness
 from firmware_py.notify import Notifier, from_environment
 from firmware_py.records import (
@@ -164,7 +163,6 @@ def main(argv: list[str]) -> int:
     launch.add_options(parser)
     launch.add_peers(parser, "brain", "gate")
     started = launch.from_options(parser.parse_args(argv))
-    check_safe(started.config, started.source)
     state = Path(os.environ.get("STATE_DIRECTORY", started.runtime))
     guard = build(started.config, started.runtime, state, started.peers)
     stop: list[int] = []

@@ -22,13 +22,13 @@ announcement narrows what is admissible before its ramp, and never widens it.
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from math import pi
 from typing import Final, NamedTuple
 
 import msgspec
 
-from firmware_py.config import Config, ConfigFile
+from firmware_py.config import Config
 from firmware_py.guard.bearing_laws import LENGTH_OVER_DIAMETER_MAX, static_film
 from firmware_py.guard.groove import Groove
 from firmware_py.guard.viscosity import ViscosityTable
@@ -346,20 +346,18 @@ def _hull(a: Box, b: Box) -> Box:
                min(a.light_N, b.light_N), max(a.heavy_N, b.heavy_N))
 
 
-def check_safe(config: Config, source: ConfigFile) -> None:
-    """Refuse a configuration whose safe clearance is not admissible everywhere.
+def check_safe(config: Config) -> Iterator[tuple[str, object, str]]:
+    """What the guard's laws have against the machine: key, value, and cause with the next step.
 
-    Raises
-    ------
-    ConfigError
-        ``L/D`` outside the verified domain, no fixed clearance admissible over the declared range, or the
-        safe one not among them.
+    ``L/D`` outside the verified domain, no fixed clearance admissible over the declared range, or the safe one not
+    among them.
     """
     ratio = 0.5 * config.bearing.length_m / config.bearing.journal_radius_m
     if ratio > LENGTH_OVER_DIAMETER_MAX:
-        raise source.error("bearing.length_m", config.bearing.length_m, (
-            f"L/D = {ratio:.2f}; the guard's bounds are verified up to {LENGTH_OVER_DIAMETER_MAX:g}: "
-            "shorten it or use monitor equipment for long bearings"))
+        yield "bearing.length_m", config.bearing.length_m, (
+            f"L/D = {ratio:.2f}, the guard's bounds are verified up to {LENGTH_OVER_DIAMETER_MAX:g}; "
+            "shorten it or use monitor equipment for long bearings")
+        return
     shield = Shield(config)
     fixed = shield.fixed_range()
     safe_um = config.actuator.safe_radial_clearance_um
@@ -371,9 +369,9 @@ def check_safe(config: Config, source: ConfigFile) -> None:
         declared += f", and up to {pressed_N:g} N by the groove at {config.feed.pressure_max_bar:g} bar"
         feed = ", feed.pressure_max_bar"
     if fixed is None:
-        raise source.error("operating", None, (
+        yield "operating", None, (
             f"no fixed clearance is admissible over {declared}; narrow operating.*{feed} or oil.inlet_max_C, "
-            "or lower limits.min_film_um"))
-    if not shield.admits_fixed(safe_um * 1e-6):
-        raise source.error("actuator.safe_radial_clearance_um", safe_um, (
-            f"not admissible over {declared}; choose {fixed[0] * 1e6:.0f} .. {fixed[1] * 1e6:.0f} um"))
+            "or lower limits.min_film_um")
+    elif not shield.admits_fixed(safe_um * 1e-6):
+        yield "actuator.safe_radial_clearance_um", safe_um, (
+            f"not admissible over {declared}; choose {fixed[0] * 1e6:.0f} .. {fixed[1] * 1e6:.0f} um")

@@ -11,7 +11,7 @@ import msgspec
 
 from firmware_py.brain.loop import cpu_features
 from firmware_py.brain.store import load_models
-from firmware_py.config import Config
+from firmware_py.config import Config, ConfigError, decode
 from firmware_py.gate.loop import read_models
 from firmware_py.recording import Recording, RecordingError
 from firmware_py.replay.decisions import DecisionReplay, DecisionReport
@@ -81,8 +81,8 @@ def _why_nothing(path: Path, report: DecisionReport) -> str:
 
 def _config(recording: Recording) -> Config:
     try:
-        return msgspec.json.decode(recording.metadata["config"], type=Config)
-    except (KeyError, msgspec.DecodeError) as error:
+        return decode(recording.metadata["config"], recording.path)
+    except (KeyError, ConfigError) as error:
         raise RecordingError(f"{recording.path.name}: its configuration does not fit this version ({error}); use "
                              f"orbitd {recording.metadata.get('orbitd')} that wrote it") from error
 

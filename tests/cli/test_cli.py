@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -54,7 +55,7 @@ def test_unknown_command_is_one_line_with_a_next_step() -> None:
     assert (done.returncode, done.stderr) == (2, "orbitd: no command 'fly'; `orbitd --help` lists them\n")
 
 
-@pytest.mark.parametrize("command", ["guard", "brain", "gate", "check", "status", "arm", "hil", "bus", "run"])
+@pytest.mark.parametrize("command", ["guard", "brain", "gate", "check", "hil", "bus", "run"])
 def test_a_wrong_configuration_is_one_line_and_exit_code_2(command: str, tmp_path: Path) -> None:
     text = (SHIPPED / "bench.toml").read_text().replace("min_film_um", "min_flim_um")
     wrong = tmp_path / "rotor.toml"
@@ -64,7 +65,45 @@ def test_a_wrong_configuration_is_one_line_and_exit_code_2(command: str, tmp_pat
     assert done.returncode == 2
     assert done.stderr.startswith("orbitd: config error: rotor.toml:")
     assert done.stderr.count("\n") == 1
-    assert "limits.min_flim_um: unknown key" in done.stderr
+    assert "limits.min_flim_um = 10.0: unknown key; write min_film_um" in done.stderr
+
+
+@pytest.mark.parametrize("command", ["status", "arm", "disarm"])
+def test_who_speaks_to_a_running_device_needs_its_name_alone(command: str, tmp_path: Path) -> None:
+    wrong = tmp_path / "rotor.toml"
+    wrong.write_text((SHIPPED / "bench.toml").read_text().replace("min_film_um", "min_flim_um"))
+    done = orbitd(command, "--config", str(wrong), "--runtime-dir", str(tmp_path))
+    assert done.returncode == 3
+    wrong.write_text('[device]\nsite = "lab"\nrig = "../bench"\n')
+    done = orbitd(command, "--config", str(wrong), "--runtime-dir", str(tmp_path))
+    assert done.returncode == 2
+    assert "rotor.toml:3: device.rig = ../bench: not a name of 1 to 32" in done.stderr
+
+
+def test_every_fault_is_told_by_every_process_alike(tmp_path: Path) -> None:
+    text = (SHIPPED / "bench.toml").read_text().replace("film_max_C = 60.0", "film_max_C = nan")
+    text = text.replace("length_m = 0.02", "length_m = 0.05").replace("angle_deg = 135.0", "angle_deg = 45.0")
+    wrong = tmp_path / "rotor.toml"
+    wrong.write_text(text)
+    options = ["--config", str(wrong), "--runtime-dir", str(tmp_path)]
+    told = {command: orbitd(command, *options).stderr for command in ("guard", "brain", "gate")}
+    told["check"] = orbitd("check", str(wrong)).stderr
+    assert len(set(told.values())) == 1
+    keys = [line.split(": ")[-2].split(" = ")[0] for line in told["check"].splitlines()]
+    assert keys == ["oil.film_max_C", "channel[1].angle_deg", "bearing.length_m"]
+    done = orbitd("check", str(wrong), "--json")
+    faults = json.loads(done.stdout)["faults"]
+    assert (done.returncode, [fault["key"] for fault in faults]) == (2, keys)
+    assert faults[0] == {"file": "rotor.toml", "line": 38, "key": "oil.film_max_C", "value": "nan",
+                         "cause": "not finite, allowed are -40 .. 200", "next_step": "give a number",
+                         "least": -40.0, "greatest": 200.0}
+
+
+@pytest.mark.parametrize("name", ["../evil", "", "a/b", "A", "-x", "a" * 33, "a\n"])
+def test_an_instance_name_is_a_name(name: str) -> None:
+    done = orbitd("status", f"--instance={name}")
+    assert done.returncode == 2
+    assert "is not a name" in done.stderr
 
 
 @pytest.mark.parametrize(("command", "extra"), [("status", ()), ("arm", ()), ("set", ("clearance", "60"))])

@@ -1,0 +1,122 @@
+"""Builds what the processes build from a configuration, and looks at what they need around them.
+
+A configuration without faults that does not get through here is a mistake of this program; what is found around it (a
+folder that cannot be written, a port that is taken) is a fault of the machine on which it shall run.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+import ssl
+import tempfile
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from firmware_py.brain.core import BrainCore
+from firmware_py.brain.loop import prewarm
+from firmware_py.brain.store import Models, load_models
+from firmware_py.config import Config
+from firmware_py.config.checks_network import Address, parse_endpoint
+from firmware_py.gate import keys, session
+from firmware_py.gate.loop import recordings_dir
+from firmware_py.guard.core import GuardCore
+from firmware_py.guard.shield import Shield
+from firmware_py.wire.link import codec_for
+
+Found = tuple[str, object, str]
+
+DATAGRAM: Final = ("udp", "quic")
+
+
+@dataclass(frozen=True)
+class Built:
+    """What came of it: the clearances admissible everywhere (um), and the models."""
+
+    admissible_um: tuple[float, float]
+    models: Models
+
+
+def build(config: Config) -> Built:
+    """Guard and brain as the processes make them; nothing is opened but the model files."""
+    GuardCore(config, codec_for(config), 1)
+    models = load_models(config)
+    prewarm(models)
+    BrainCore(config, models)
+    session.access_rules(keys.prefix(config.device.site, config.device.rig))
+    low_m, high_m = Shield(config).fixed_range() or (0.0, 0.0)
+    return Built((low_m * 1e6, high_m * 1e6), models)
+
+
+def surroundings(config: Config, runtime: Path, environment: Mapping[str, str]) -> Iterator[Found]:
+    """What the machine lacks; ``runtime`` is the folder of the sockets of this device, which may be running."""
+    running = _serves(runtime / "gate.sock")
+    if config.recorder.enabled and (cause := _unwritable(recordings_dir(config, environment))):
+        yield "recorder.directory", config.recorder.directory or '""', cause
+    if config.models.directory and not Path(config.models.directory).is_dir():
+        yield "models.directory", config.models.directory, "no such folder; make it or correct the name"
+    if config.metrics.port and not running and (cause := _unbindable(Address("tcp", "127.0.0.1", config.metrics.port))):
+        yield "metrics.port", config.metrics.port, f"{cause}; choose another port, or 0 for none"
+    for i, text in enumerate(config.zenoh.listen):
+        parsed = parse_endpoint(text)
+        if not isinstance(parsed, str) and parsed.port and not running and (cause := _unbindable(parsed)):
+            yield f"zenoh.listen[{i}]", text, f"{cause}; correct address and port"
+    yield from _certificates(config)
+
+
+def _certificates(config: Config) -> Iterator[Found]:
+    """Certificate files that cannot be read or do not belong together."""
+    zenoh = config.zenoh
+    if not zenoh.tls_certificate:
+        return
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    try:
+        context.load_cert_chain(zenoh.tls_certificate, zenoh.tls_private_key)
+    except (OSError, ValueError) as error:
+        yield "zenoh.tls_certificate", zenoh.tls_certificate, (
+            f"cannot be used with tls_private_key ({error}); name a certificate and its key as PEM")
+    try:
+        context.load_verify_locations(zenoh.tls_root_ca)
+    except (OSError, ValueError) as error:
+        yield "zenoh.tls_root_ca", zenoh.tls_root_ca, f"cannot be used ({error}); name a certificate as PEM"
+
+
+def _serves(path: Path) -> bool:
+    """Whether somebody listens at the socket ``path``."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as probe:
+        try:
+            probe.connect(str(path))
+        except OSError:
+            return False
+    return True
+
+
+def _unbindable(address: Address) -> str:
+    """Why nobody can listen at ``address``; empty when one can."""
+    family = socket.AF_INET6 if ":" in address.host else socket.AF_INET
+    kind = socket.SOCK_DGRAM if address.protocol in DATAGRAM else socket.SOCK_STREAM
+    try:
+        with socket.socket(family, kind) as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind((address.host, address.port))
+    except OSError as error:
+        return error.strerror or str(error)
+    return ""
+
+
+def _unwritable(folder: Path) -> str:
+    """Why no file can be made in ``folder``, which a process makes when it is not there; empty when one can."""
+    there = folder
+    while not there.exists() and there != there.parent:
+        there = there.parent
+    if not there.is_dir():
+        return f"{there} is no folder; name one that can be written"
+    if not os.access(there, os.W_OK | os.X_OK):
+        return f"{there} cannot be written by this user; change its owner or name another"
+    try:
+        with tempfile.TemporaryFile(dir=there):
+            return ""
+    except OSError as error:
+        return f"{there}: {error.strerror}; name a folder that can be written"

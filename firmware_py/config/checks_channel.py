@@ -1,0 +1,137 @@
+"""Channels that are not the eight of the wire, cannot be read, or cannot show what protection watches."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import radians, sin
+from typing import Final
+
+from firmware_py.config.convert import Found
+from firmware_py.config.schema import Channel, Config
+from firmware_py.records import CHANNELS
+
+UNITS: Final = ("m", "m", "m/s2", "m/s2", "m/s2", "Pa", "bar", "V")
+"""Of the eight channels in the order of :data:`~firmware_py.records.CHANNELS`."""
+
+WIRE_SCALES: Final = (1e-8, 1e-8, 1e-2, 1e-2, 1e-2, 1e-3, 1e-3, 1e-4)
+"""Unit per count of each channel in ``orbitd.dbc``."""
+
+SCALE_FACTOR_MAX: Final = 10.0
+"""A calibrated scale differs from the wire's by some per cent; by more than this it is in another unit."""
+
+RAIL_COUNTS: Final = 32_500
+"""The counts of a channel end at 32767: an OK range beyond this never tells a sensor at its rail."""
+
+OK_COUNTS_MIN: Final = 1000
+"""An OK range of fewer counts resolves nothing."""
+
+PROBES_APART_DEG: Final = 30.0
+"""Nearer probes double the error of one direction in the other; at one angle there is no second direction."""
+
+READABLE_SHARE: Final = 0.8
+"""Of what a channel can show: a danger limit above is reached only where the signal clips."""
+
+CREST_FACTOR: Final = 2.0
+"""Peak over rms of a housing that shakes; of a sine 1.4."""
+
+DISPLACEMENTS, ACCELERATIONS, SUPPLY_PRESSURE, CONTACT = (0, 1), (2, 3, 4), 6, 7
+
+
+def _names(config: Config) -> Iterator[Found]:
+    names = [channel.name for channel in config.channel]
+    if names != list(CHANNELS):
+        yield "channel", ", ".join(names), f"must be exactly {', '.join(CHANNELS)}, in this order; correct the names"
+
+
+def _units(config: Config) -> Iterator[Found]:
+    for i, (channel, unit) in enumerate(zip(config.channel, UNITS, strict=False)):
+        if channel.unit != unit:
+            yield f"channel[{i}].unit", channel.unit, f"the wire carries {unit}; write {unit}, and scale in {unit}"
+
+
+def _scales(config: Config) -> Iterator[Found]:
+    for i, (channel, scale) in enumerate(zip(config.channel, WIRE_SCALES, strict=False)):
+        low, high = scale / SCALE_FACTOR_MAX, scale * SCALE_FACTOR_MAX
+        if not low <= abs(channel.scale) <= high:
+            yield f"channel[{i}].scale", channel.scale, (
+                f"outside {low:g} .. {high:g} {UNITS[i]} a count, the wire has {scale:g}; correct its unit")
+
+
+def _ok_range(i: int, channel: Channel) -> Iterator[Found]:
+    if channel.ok_low >= channel.ok_high:
+        yield f"channel[{i}].ok_low", channel.ok_low, f"not below ok_high ({channel.ok_high:g}); lower it"
+        return
+    if not channel.scale:
+        return
+    for key, value in (("ok_low", channel.ok_low), ("ok_high", channel.ok_high)):
+        counts = (value - channel.offset) / channel.scale
+        if abs(counts) > RAIL_COUNTS:
+            end = RAIL_COUNTS * abs(channel.scale)
+            yield f"channel[{i}].{key}", value, (
+                f"{counts:.6g} counts, the channel reads up to {RAIL_COUNTS} ({channel.offset - end:g} .. "
+                f"{channel.offset + end:g}); narrow the range")
+    if channel.ok_high - channel.ok_low < OK_COUNTS_MIN * abs(channel.scale):
+        yield f"channel[{i}].ok_high", channel.ok_high, (
+            f"less than {OK_COUNTS_MIN} counts above ok_low ({channel.ok_low:g}); widen the range")
+
+
+def _ok_ranges(config: Config) -> Iterator[Found]:
+    for i, channel in enumerate(config.channel):
+        yield from _ok_range(i, channel)
+
+
+def _probes(config: Config) -> Iterator[Found]:
+    if len(config.channel) <= DISPLACEMENTS[1]:
+        return
+    first, second = (config.channel[i].angle_deg for i in DISPLACEMENTS)
+    if abs(sin(radians(second - first))) < sin(radians(PROBES_APART_DEG)) - 1e-9:
+        yield "channel[1].angle_deg", second, (
+            f"less than {PROBES_APART_DEG:g} degrees from the axis of channel[0].angle_deg = {first:g}; mount the "
+            "probes 90 degrees apart")
+
+
+def _displacement_seen(config: Config) -> Iterator[Found]:
+    """The probes see the shaft wherever it may be, and the danger limit before they clip."""
+    b, danger_um = config.bearing, config.limits.displacement_danger_um
+    widest_m = (b.radial_clearance_max_um + max(0.0, b.radial_clearance_offset_um)) * 1e-6
+    for i, channel in enumerate(config.channel[: DISPLACEMENTS[1] + 1]):
+        reach_m = min(channel.ok_high, -channel.ok_low)
+        if reach_m < widest_m:
+            yield f"channel[{i}].ok_high", channel.ok_high, (
+                f"the shaft may stand {widest_m * 1e6:g} um off (bearing.radial_clearance_max_um), OK are "
+                f"{channel.ok_low * 1e6:g} .. {channel.ok_high * 1e6:g} um; widen ok_low .. ok_high")
+        span_um = READABLE_SHARE * (channel.ok_high - channel.ok_low) * 1e6
+        if danger_um > span_um:
+            yield "limits.displacement_danger_um", danger_um, (
+                f"above {span_um:g} um peak-to-peak, {READABLE_SHARE:g} of what {channel.name} can read; lower it or "
+                f"widen channel[{i}].ok_low .. ok_high")
+
+
+def _acceleration_seen(config: Config) -> Iterator[Found]:
+    danger = config.limits.acceleration_danger_m_s2
+    for i in ACCELERATIONS:
+        for channel in config.channel[i : i + 1]:
+            most = min(channel.ok_high, -channel.ok_low) / CREST_FACTOR
+            if danger > most:
+                yield "limits.acceleration_danger_m_s2", danger, (
+                    f"above {most:g} m/s2 rms: its peaks (crest factor {CREST_FACTOR:g}) go beyond what {channel.name} "
+                    f"can read; lower it or widen channel[{i}].ok_low .. ok_high")
+
+
+def _slow_channels_seen(config: Config) -> Iterator[Found]:
+    """What the feed and an open contact give is a good signal."""
+    feed, contact = config.feed, config.contact
+    wanted = [(SUPPLY_PRESSURE, feed.pressure_min_bar, feed.pressure_max_bar, "the feed's pressures")]
+    if contact is not None:
+        wanted.append((CONTACT, 0.0, contact.circuit_V, "the voltages of contact.circuit_V"))
+    for i, low, high, words in wanted:
+        for channel in config.channel[i : i + 1]:
+            if not channel.ok_low <= low <= high <= channel.ok_high:
+                yield f"channel[{i}].ok_high", channel.ok_high, (
+                    f"OK are {channel.ok_low:g} .. {channel.ok_high:g} {channel.unit}, not all of {words}, {low:g} .. "
+                    f"{high:g}; widen the range")
+
+
+CHANNEL_CHECKS: Final = (
+    _names, _units, _scales, _ok_ranges, _probes, _displacement_seen, _acceleration_seen, _slow_channels_seen,
+)  # fmt: skip

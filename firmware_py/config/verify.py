@@ -1,0 +1,124 @@
+"""The one way from the text of a configuration to a verified one: every fault at once, or none."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from firmware_py.config.checks import RELATED
+from firmware_py.config.convert import FaultedError, Found, convert, ends_of, view
+from firmware_py.config.schema import Config, Device
+from firmware_py.config.source import ConfigError, ConfigFile, Fault, read_text
+
+Check = Callable[[Config], Iterator[Found]]
+"""Yields key, value and cause; reads only what it needs, and is left out where that has a fault of its own."""
+
+
+def load(path: Path, laws: Sequence[Check] = ()) -> tuple[Config, ConfigFile]:
+    """Read and verify ``path``.
+
+    Parameters
+    ----------
+    path
+        The file.
+    laws
+        Checks of later stages, made only of what the others found right.
+
+    Returns
+    -------
+    The configuration, and its text for messages.
+
+    Raises
+    ------
+    ConfigError
+        With every fault: the file, TOML, keys, values alone, values together, laws.
+    """
+    return parse(read_text(path), path, laws)
+
+
+def parse(text: str, path: Path = Path("<text>"), laws: Sequence[Check] = ()) -> tuple[Config, ConfigFile]:
+    """As :func:`load`, from the TOML ``text``."""
+    source = ConfigFile(path, text)
+    config, faults = verify(_toml(source), source, laws)
+    if config is None:
+        raise ConfigError(faults)
+    return config, source
+
+
+def read_device(path: Path) -> Device:
+    """Who the device of ``path`` is, whatever else is wrong with the file.
+
+    Raises
+    ------
+    ConfigError
+        No readable TOML, or a fault in the table ``device``.
+    """
+    source = ConfigFile(path, read_text(path))
+    values, found = convert(_toml(source))
+    faults = [_placed(source, *each) for each in found if each[0].partition(".")[0] == "device"]
+    if faults:
+        raise ConfigError(faults)
+    return msgspec.convert(values["device"], Device)
+
+
+def decode(data: str | bytes, path: Path) -> Config:
+    """A configuration as JSON, as a recording carries it; ``path`` is for messages.
+
+    Raises
+    ------
+    ConfigError
+        No JSON, or any fault.
+    """
+    source = ConfigFile(path, "")
+    try:
+        table = msgspec.json.decode(data, type=dict[str, Any])
+    except (msgspec.DecodeError, RecursionError, UnicodeDecodeError) as error:
+        raise source.error("", None, f"no configuration ({error}); name an intact recording") from error
+    config, faults = verify(table, source)
+    if config is None:
+        raise ConfigError(faults)
+    return config
+
+
+def verify(table: dict[str, Any], source: ConfigFile, laws: Sequence[Check] = ()) -> tuple[Config | None, list[Fault]]:
+    """The configuration of ``table``, or all that is wrong with it."""
+    values, found = convert(table)
+    for checks in (RELATED, laws):
+        seen = view(values, frozenset(key for key, _, _ in found))
+        found = found + [fault for check in checks for fault in _run(check, seen)]
+    if found:
+        return None, [_placed(source, *each) for each in found]
+    return msgspec.convert(values, Config), []
+
+
+def _run(check: Check, seen: Config) -> list[Found]:
+    """What ``check`` finds, as far as what it reads is right."""
+    found = []
+    try:
+        for fault in check(seen):
+            found.append(fault)  # noqa: PERF402 -- what came before the end counts
+    except FaultedError:
+        pass
+    return found
+
+
+def _placed(source: ConfigFile, key: str, value: object, cause: str) -> Fault:
+    least, greatest = ends_of(key)
+    return msgspec.structs.replace(source.fault(key, value, cause), least=least, greatest=greatest)
+
+
+def _toml(source: ConfigFile) -> dict[str, Any]:
+    try:
+        return tomllib.loads(source.text)
+    except RecursionError as error:
+        raise source.error("", None, "nested deeper than any configuration; take bench.toml as pattern") from error
+    except ValueError as error:  # TOMLDecodeError, or a number of thousands of digits
+        cause, _, place = str(error).partition(" (at ")
+        found = re.search(r"line (\d+)", place)
+        line = int(found.group(1)) if found else len(source.text.splitlines()) if place else 0
+        raise ConfigError([source.fault("", None, f"not valid TOML: {cause}; correct the line", line)]) from error
