@@ -11,12 +11,14 @@ import os
 import sys
 from collections.abc import Callable, Iterable
 
-from firmware_py import __version__
+from firmware_py import __version__, background
 from firmware_py.errors import OrbitdError
 
 Command = Callable[[list[str]], int]
 
 GROUP = "orbitd.commands"
+BACKGROUND = ("brain", "gate")
+"""What starts in the background, for the guard may be protecting already."""
 
 SUMMARIES = (
     ("demo", "the whole device against the rotor rig in software, as a story"),
@@ -75,6 +77,8 @@ def _main(arguments: list[str]) -> int:
 
 def _run(point: importlib.metadata.EntryPoint, arguments: list[str]) -> int:
     """Load and run one subcommand; every expected refusal becomes one line and an exit code."""
+    if point.name in BACKGROUND:
+        background.lower()
     try:
         command: Command = point.load()
     except ModuleNotFoundError as error:

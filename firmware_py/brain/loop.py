@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from firmware_py import launch, notify
+from firmware_py import background, launch, notify
 from firmware_py.brain.core import BrainCore
 from firmware_py.brain.errors import ModelAnswerError
 from firmware_py.brain.store import Models, load_models
@@ -52,6 +52,7 @@ def run(core: BrainCore, runtime: Path, clock: Clock, notifier: notify.Notifier,
     """
     guard = RoomClient(runtime / "guard.sock", "brain")
     gate = RoomClient(runtime / "gate.sock", "brain")
+    background.restore()
     notifier.ready()
     next_ns = clock.now_ns()
     while not stopped():

@@ -15,7 +15,7 @@ from typing import Any, Final
 
 import msgspec
 
-from firmware_py import __version__, launch, notify
+from firmware_py import __version__, background, launch, notify
 from firmware_py.clock import Clock, MonotonicClock
 from firmware_py.config import Config
 from firmware_py.decoding import FILE_LIMIT_BYTES, OutsideError, from_json, read_file
@@ -71,6 +71,7 @@ def run(started: Launch, recordings: Path, notifier: notify.Notifier, stopped: C
     if ground_station:
         gate.station = GroundStation(ground_station, config, gate.ask)
     page = gate.page = Page(config.metrics.port) if config.metrics.port else None
+    background.restore()
     notifier.ready()
     try:
         _loop(gate, page, notifier, stopped, clock)

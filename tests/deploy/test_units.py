@@ -76,6 +76,7 @@ def test_every_service_is_watched_and_has_its_own_user(tmp_path: Path) -> None:
         assert re.search(r"^WatchdogSec=\d+$", text, re.MULTILINE)
         assert f"\nUser={name}\n" in text
     assert "CPUSchedulingPolicy=fifo\n" in units["orbitd-guard"]
+    assert "\nEnvironment=ORBITD_BOOT_ID=%b\n" in units["orbitd-guard"], "it does not see /proc/sys"
 
 
 def test_no_system_call_filter_begins_as_a_deny_list(tmp_path: Path) -> None:
