@@ -27,6 +27,9 @@ RESTART_WINDOW_NS: Final = 600_000_000_000
 RESTART_BLIND_NS: Final = 2_000_000_000
 """Longest time without samples on probation: what crashed once is given less patience."""
 
+BLIND_OVER_NS: Final = 1_000_000_000
+"""Longest time for which samples must be back before the permit is given again."""
+
 NO_SAMPLES_NS: Final = 100_000_000
 """The alarm ``no_samples`` begins after five times the age at which samples stop being fresh (20 ms): a host
 that stalled for a moment is told by the failsafe ``samples_stale`` alone."""
@@ -70,6 +73,8 @@ class PermitState(msgspec.Struct):
     started_ns: int = NEVER_NS
     fresh_ns: int = NEVER_NS
     stale_ns: int = NEVER_NS
+    judged_ns: int = NEVER_NS
+    blind_ns: int = 0
     seen: bool = False
     barred: bool = False
     probation: bool = False
@@ -96,8 +101,8 @@ ROWS: Final = (
         "restarts: the guard was restarted twice within 10 min; read its log, then `reset` or `arm`"),
     Row("unseen", lambda f, s, _: not s.seen,
         "unseen: no OK samples since the guard started; check node and displacement probes"),
-    Row("blind", lambda f, s, blind_ns: s.seen and f.now_ns - s.fresh_ns > blind_ns,
-        "blind: no fresh samples for longer than drive.blind_max_s (2 s after a restart); check link and node"),
+    Row("blind", lambda f, s, blind_ns: s.seen and s.blind_ns > blind_ns,
+        "blind: samples were missing for longer than drive.blind_max_s (2 s after a restart); check link and node"),
 )  # fmt: skip
 
 
@@ -132,14 +137,10 @@ class Permit:
         """Judge one cycle; ``state.granted`` and ``state.trip_request`` are what the heartbeat says."""
         s, now_ns = self._state, facts.now_ns
         if s.started_ns == NEVER_NS:
-            s.started_ns = s.stale_ns = now_ns
-        if facts.samples_fresh:
-            s.fresh_ns = now_ns
-            s.seen = s.seen or facts.samples_ok
-        else:
-            s.stale_ns = now_ns
+            s.started_ns = s.stale_ns = s.judged_ns = now_ns
         s.probation = s.probation and now_ns - s.started_ns < RESTART_WINDOW_NS
         blind_ns = min(self._blind_ns, RESTART_BLIND_NS) if s.probation else self._blind_ns
+        self._look(facts, blind_ns)
         s.reasons = [row.text for row in ROWS if row.holds(facts, s, blind_ns)]
         s.trip_request = any(name != UNREADABLE for name in facts.tripped)
         return self._change(not s.reasons) + self._watch(facts)
@@ -151,6 +152,21 @@ class Permit:
     def standing(self) -> list[Alarm]:
         """The alarm ``no_samples``."""
         return self._no_samples.standing()
+
+    def _look(self, facts: PermitFacts, blind_ns: int) -> None:
+        """Count the time without samples; time with samples takes it back, one for one.
+
+        So a frame now and then does not count as seeing, and a stall now and then does not stop the machine.
+        """
+        s, now_ns = self._state, facts.now_ns
+        passed_ns, s.judged_ns = now_ns - s.judged_ns, now_ns
+        if facts.samples_fresh:
+            s.fresh_ns = now_ns
+            s.seen = s.seen or facts.samples_ok
+            s.blind_ns = max(0, s.blind_ns - passed_ns)
+        else:
+            s.stale_ns = now_ns
+            s.blind_ns = min(s.blind_ns + passed_ns, blind_ns + BLIND_OVER_NS)
 
     def _change(self, granted: bool) -> list[Notice]:
         s = self._state

@@ -57,6 +57,27 @@ def test_blind_withdraws_after_its_time_and_not_before(start: Start, blind_max_s
     assert w.names.count("run_permit_withdrawn") == 1
 
 
+def test_a_frame_now_and_then_is_not_seeing_and_a_stall_now_and_then_is_not_blindness() -> None:
+    trickle, stalls = Watched(), Watched()
+    trickle.run(1.0)
+    stalls.run(1.0)
+    for _ in range(4):
+        trickle.run(0.95, fresh=False)
+        trickle.run(0.02)
+    for _ in range(20):
+        assert stalls.run(0.4, fresh=False)
+        assert stalls.run(0.6)
+    assert trickle.reasons() == ["blind"]
+
+
+def test_after_long_blindness_samples_must_be_back_for_a_second() -> None:
+    w = Watched()
+    w.run(1.0)
+    w.run(60.0, fresh=False)
+    assert not w.run(0.9)
+    assert w.run(0.2)
+
+
 def test_probation_ends_after_ten_minutes_or_when_a_person_has_looked() -> None:
     looked, waited = Watched(Start(restart=True)), Watched(Start(restart=True))
     looked.run(0.01)
