@@ -19,7 +19,8 @@ import msgspec
 
 from firmware_py.config import SHIPPED, Check, Config, ConfigFile, Device, load, read_device
 from firmware_py.config.schema import NAME_PATTERN, WORDS
-from firmware_py.wire.rooms import runtime_dir
+from firmware_py.wire.room_socket import RoomError
+from firmware_py.wire.rooms import INSTANCE_MODE, checked_dir, runtime_dir
 
 SERVICE_RUNTIME: Final = Path("/run/orbitd")
 SERVICE_CONFIG: Final = Path("/etc/orbitd/orbitd.toml")
@@ -156,8 +157,11 @@ def as_instance(loaded: Config, instance: str) -> Config:
 def _folder(given: Path | None, instance: str) -> Path:
     if given is None:
         return runtime_dir(instance, runtime_base())
-    given.mkdir(mode=0o770, parents=True, exist_ok=True)
-    return given
+    try:
+        given.mkdir(mode=INSTANCE_MODE, parents=True, exist_ok=True)
+    except (OSError, ValueError) as error:
+        raise RoomError(f"runtime directory {given}: {error}; name a folder that this user may make") from error
+    return checked_dir(given)
 
 
 def folder_of(config: Config) -> Path:

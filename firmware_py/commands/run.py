@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 
 from firmware_py import launch
-from firmware_py.supervise import Program, Supervisor
+from firmware_py.supervise import WRONG_INPUT, Exit, Program, Supervisor
 
 ROOMS = ("guard", "brain", "gate")
 
@@ -31,10 +31,10 @@ def main(argv: list[str]) -> int:
     device, folder = started.config.device, started.runtime
     passed = ["--config", str(started.source.path), "--instance", device.instance, "--runtime-dir", str(folder)]
     print(f"orbitd run: {device.site}/{device.rig}, logs in {folder / 'log'}; Ctrl-C stops", flush=True)
-    return _keep_alive(programs(passed, folder / "log"))
+    return _keep_alive(programs(passed, folder / "log"), folder / "log")
 
 
-def _keep_alive(rooms: list[Program]) -> int:
+def _keep_alive(rooms: list[Program], log_folder: Path) -> int:
     supervisor = Supervisor()
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
@@ -42,7 +42,17 @@ def _keep_alive(rooms: list[Program]) -> int:
             supervisor.start(room)
         while True:
             for died in supervisor.poll(time.monotonic()):
-                print(f"orbitd run: {died.name} ended with {died.code} (start {died.starts}); starting it again")
+                print("\n".join(_words(died, log_folder)), file=sys.stderr, flush=True)
+                if died.restart_in_s is None:
+                    return WRONG_INPUT
             time.sleep(0.05)
     finally:
         supervisor.stop()
+
+
+def _words(died: Exit, log_folder: Path) -> list[str]:
+    """What a person reads of a death: who, how, its last words, and what happens next."""
+    then = "all stop: correct what it says, then start again" if died.restart_in_s is None \
+        else f"starting it again in {died.restart_in_s:g} s"
+    return [f"orbitd run: {died.name} ended {died.cause} (start {died.starts}); {then}; log: "
+            f"{log_folder / died.name}.log", *(f"    {line}" for line in died.last_words)]

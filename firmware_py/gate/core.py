@@ -201,6 +201,7 @@ class Gate:
 
     def _slow_step(self, now_ns: int) -> None:
         """Once a second: the alarm list, the pairing with the calendar, the normal state in each new recording."""
+        self._doors.telemetry.look()
         guard = self.view.guard
         self.view.losses.step(self.all_counters() | (guard.counters if guard else {}), now_ns)
         self._doors.telemetry.publish_alarms(self._alarms(now_ns))

@@ -102,7 +102,7 @@ def _open_doors(started: Launch, recordings: Path, models: Any) -> Doors:
     config, folder = started.config, started.runtime
     prefix = keys.prefix(config.device.site, config.device.rig)
     brain = RoomServer(folder / "gate.sock", started.peers)
-    telemetry = Telemetry(session.open_device(config.zenoh, folder, prefix), prefix)
+    telemetry = Telemetry(session.open_device(config.zenoh, folder, prefix), prefix, session.Door(folder, prefix))
     recorder = None
     if config.recorder.enabled:
         name = f"{config.device.site}-{config.device.rig}-{config.device.instance}"

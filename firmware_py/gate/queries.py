@@ -128,19 +128,26 @@ class Queries:
 
     def __init__(self, session: zenoh.Session, prefix: str, counters: Counter[str]) -> None:
         self._prefix = prefix
+        self._commands: list[tuple[str, Any]] = []
+        self._questions: list[tuple[str, Any]] = []
         self._counters = counters
         self._mouths = {name: Mouth(name, counters) for name in ("disarm", "commands", "questions")}
 
-        def queryable(name: str, size: int) -> Any:
-            return session.declare_queryable(f"{prefix}/{name}", RingChannel(size), complete=True)
+        self.serve(session)
 
-        self._commands = {verb: queryable(keys.command(verb), DISARM_RING if verb == "disarm" else RING)
-                          for verb in COMMAND_ORDER}
-        self._questions = {name: queryable(name, RING) for name in QUESTIONS}
+    def serve(self, session: zenoh.Session) -> None:
+        """Answer on ``session`` as well."""
+        def queryable(name: str, size: int) -> Any:
+            return session.declare_queryable(f"{self._prefix}/{name}", RingChannel(size), complete=True)
+
+        self._commands += [(verb, queryable(keys.command(verb), DISARM_RING if verb == "disarm" else RING))
+                           for verb in COMMAND_ORDER]
+        self._commands.sort(key=lambda entry: entry[0] != "disarm")
+        self._questions += [(name, queryable(name, RING)) for name in QUESTIONS]
 
     def commands(self) -> Iterator[AskedCommand]:
         """Command queries that wait on their exact key; all others are refused here."""
-        for verb, waiting in self._commands.items():
+        for verb, waiting in list(self._commands):
             for query in _drain(waiting, DISARMS_PER_STEP if verb == "disarm" else RING):
                 question = Question(query, parameters(query))
                 if refusal := self._refusal(verb, question):
@@ -152,7 +159,7 @@ class Queries:
         """Answer the questions that wait, as far as the budget of a step goes; ``encode`` gives each answer."""
         left = BYTES_PER_STEP
         mouth = self._mouths["questions"]
-        for name, waiting in self._questions.items():
+        for name, waiting in self._questions:
             for number, query in enumerate(_drain(waiting, RING)):
                 question = Question(query, parameters(query))
                 if number and (left <= 0 or number >= ANSWERS_PER_STEP):
@@ -202,7 +209,10 @@ def parameters(query: zenoh.Query) -> dict[str, str]:
 def _drain(waiting: Any, limit: int) -> Iterator[zenoh.Query]:
     """At most ``limit`` queries that wait now."""
     for _ in range(limit):
-        query = waiting.try_recv()
+        try:
+            query = waiting.try_recv()
+        except zenoh.ZError:  # its session was closed
+            return
         if query is None:
             return
         yield query

@@ -8,6 +8,7 @@ mTLS with a client certificate whose common name is :data:`OPERATOR`.
 from __future__ import annotations
 
 import json
+import socket
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,6 +16,7 @@ import zenoh
 
 from firmware_py.config import Zenoh
 from firmware_py.errors import OrbitdError
+from firmware_py.wire.folders import foreign_server
 
 SOCKET: Final = "zenoh.sock"
 SOCKET_MODE: Final = 0o660
@@ -23,6 +25,9 @@ OPERATOR: Final = "orbitd-operator"
 
 UNIX: Final = "unixsock-stream"
 NETWORK_LINKS: Final = ("tcp", "udp", "tls", "quic", "ws")
+REOPENINGS_MAX: Final = 100
+"""Each costs a session of some threads; a folder that is cleaned so often is the wrong folder."""
+
 _READING_IN: Final = ("query", "declare_subscriber", "liveliness_query", "declare_liveliness_subscriber")
 _READING_OUT: Final = ("put", "reply", "declare_queryable", "liveliness_token")
 _READABLE: Final = ("da", "dm", "sd", "ha", "pa", "ag", "event", "state", "config", "models", "live")
@@ -65,14 +70,58 @@ def open_device(settings: Zenoh, runtime: Path, prefix: str) -> zenoh.Session:
         }
     if settings.listen or settings.connect:
         values["access_control"] = access_rules(prefix)
-    (runtime / SOCKET).unlink(missing_ok=True)
     try:
+        (runtime / SOCKET).unlink(missing_ok=True)
         opened = _open(values)
-    except zenoh.ZError as error:
+        (runtime / SOCKET).chmod(SOCKET_MODE)
+    except (zenoh.ZError, OSError) as error:
         where = ", ".join([endpoint(runtime), *settings.listen])
         raise SessionError(f"zenoh: cannot listen on {where}: {error}; check [zenoh] in the configuration") from error
-    (runtime / SOCKET).chmod(SOCKET_MODE)
     return opened
+
+
+class Door:
+    """The local socket of an open device session: notices when it is gone, and opens another behind a new one.
+
+    Parameters
+    ----------
+    runtime
+        Folder of the socket.
+    prefix
+        As for :func:`open_device`.
+    """
+
+    def __init__(self, runtime: Path, prefix: str) -> None:
+        self._runtime = runtime
+        self._prefix = prefix
+        self._left = REOPENINGS_MAX
+        self._inode = self._now()
+
+    def lost(self) -> bool:
+        """Whether clients no longer find what :func:`open_device` bound."""
+        return self._left > 0 and self._now() != self._inode
+
+    def open_again(self) -> zenoh.Session:
+        """A second session behind a new local socket; endpoints on the network stay with the first.
+
+        Raises
+        ------
+        SessionError
+            The socket cannot be bound.
+        """
+        # The lock of the removed socket is this process's own: the lock of gate.sock keeps other gates away.
+        (self._runtime / f"{SOCKET}.lock").unlink(missing_ok=True)
+        opened = open_device(Zenoh(), self._runtime, self._prefix)
+        self._left -= 1
+        self._inode = self._now()
+        return opened
+
+    def _now(self) -> tuple[int, int] | None:
+        try:
+            found = (self._runtime / SOCKET).lstat()
+        except OSError:
+            return None
+        return found.st_dev, found.st_ino
 
 
 def open_client(runtime: Path) -> zenoh.Session:
@@ -81,8 +130,17 @@ def open_client(runtime: Path) -> zenoh.Session:
     Raises
     ------
     SessionError
-        No gate serves this runtime directory.
+        No gate serves this runtime directory, or another user does.
     """
+    path = runtime / SOCKET
+    try:
+        with socket.socket(socket.AF_UNIX) as probe:
+            probe.connect(str(path))
+            stranger = foreign_server(probe, path)
+    except (OSError, ValueError) as error:
+        raise SessionError(f"no gate at {path} ({error}); start it with 'orbitd gate' or 'orbitd run'") from error
+    if stranger:
+        raise SessionError(stranger)
     try:
         return _open({"mode": "client", "connect/endpoints": [endpoint(runtime)], "connect/timeout_ms": 1000})
     except zenoh.ZError as error:

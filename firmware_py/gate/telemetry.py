@@ -9,6 +9,7 @@ import zenoh
 from firmware_py.gate import keys
 from firmware_py.gate.features import Features
 from firmware_py.gate.queries import MSGPACK, Queries, to_json, to_msgpack
+from firmware_py.gate.session import Door, SessionError
 from firmware_py.records import Alarm, Block, Event, Record, Severity
 
 
@@ -21,22 +22,25 @@ class Telemetry:
         Open session; closed by :meth:`close`.
     prefix
         What every key starts with.
+    door
+        Watches the local socket, when there is one to watch.
 
     Notes
     -----
-    ``counters``: ``zenoh_failed`` (publications and replies that the session refused), and those of
-    :class:`~firmware_py.gate.queries.Queries`.
+    ``counters``: ``zenoh_failed`` (publications and replies that a session refused), ``zenoh_listened_again``,
+    and those of :class:`~firmware_py.gate.queries.Queries`.
     """
 
-    def __init__(self, session: zenoh.Session, prefix: str) -> None:
+    def __init__(self, session: zenoh.Session, prefix: str, door: Door | None = None) -> None:
         self.counters: Counter[str] = Counter()
-        self._session = session
+        self._sessions = [session]
         self._prefix = prefix
+        self._door = door
         events = [keys.event(severity) for severity in Severity]
-        names = [*keys.PUBLISHED.values(), keys.FEATURES, keys.ALARMS, *events]
-        self._publishers = {name: self._publisher(name) for name in names}
+        self._names = [*keys.PUBLISHED.values(), keys.FEATURES, keys.ALARMS, *events]
+        self._publishers = {name: [self._publisher(session, name)] for name in self._names}
         self.queries = Queries(session, prefix, self.counters)
-        self._tokens: dict[str, zenoh.LivelinessToken] = {}
+        self._tokens: dict[str, list[zenoh.LivelinessToken]] = {}
 
     def publish(self, record: Record) -> None:
         """Send out ``record`` under its own key, if it has one."""
@@ -55,28 +59,49 @@ class Telemetry:
         """Send out the full list of active alarms."""
         self._put(keys.ALARMS, to_json(alarms))
 
+    def look(self) -> None:
+        """Listen again when somebody removed the local socket; who is connected keeps the session that he has."""
+        if self._door is None or not self._door.lost():
+            return
+        try:
+            session = self._door.open_again()
+        except SessionError:
+            self.counters["zenoh_failed"] += 1
+            return
+        self._sessions.append(session)
+        for name in self._names:
+            self._publishers[name].append(self._publisher(session, name))
+        for room, tokens in self._tokens.items():
+            tokens.append(session.liveliness().declare_token(f"{self._prefix}/{keys.live(room)}"))
+        self.queries.serve(session)
+        self.counters["zenoh_listened_again"] += 1
+
     def set_alive(self, rooms: dict[str, bool]) -> None:
         """Hold a liveliness token for each living room, and for no other."""
         for room, lives in rooms.items():
             if lives and room not in self._tokens:
-                self._tokens[room] = self._session.liveliness().declare_token(f"{self._prefix}/{keys.live(room)}")
+                self._tokens[room] = [session.liveliness().declare_token(f"{self._prefix}/{keys.live(room)}")
+                                      for session in self._sessions]
             elif not lives and room in self._tokens:
-                self._tokens.pop(room).undeclare()  # type: ignore[no-untyped-call]
+                for token in self._tokens.pop(room):
+                    token.undeclare()  # type: ignore[no-untyped-call]
 
     def close(self) -> None:
-        """Say what waits and close the session."""
+        """Say what waits and close every session."""
         self.queries.close()
-        self._session.close()  # type: ignore[no-untyped-call]
+        for session in self._sessions:
+            session.close()  # type: ignore[no-untyped-call]
 
-    def _publisher(self, name: str) -> zenoh.Publisher:
+    def _publisher(self, session: zenoh.Session, name: str) -> zenoh.Publisher:
         raw = name == keys.PUBLISHED[Block]
-        return self._session.declare_publisher(
+        return session.declare_publisher(
             f"{self._prefix}/{name}",
             encoding=MSGPACK if raw else zenoh.Encoding.APPLICATION_JSON,
             congestion_control=zenoh.CongestionControl.DROP)
 
     def _put(self, name: str, payload: bytes) -> None:
-        try:
-            self._publishers[name].put(payload)
-        except zenoh.ZError:
-            self.counters["zenoh_failed"] += 1
+        for publisher in self._publishers[name]:
+            try:
+                publisher.put(payload)
+            except zenoh.ZError:
+                self.counters["zenoh_failed"] += 1

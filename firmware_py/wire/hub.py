@@ -27,6 +27,7 @@ import os
 import select
 import signal
 import socket
+import stat
 import struct
 import sys
 import time
@@ -45,6 +46,8 @@ QUEUE_FRAMES: Final = 4096
 SOCKET_BUFFER_BYTES: Final = 1 << 20
 BATCH: Final = 64
 LINGER_S: Final = 3.0
+LOOK_EVERY_S: Final = 1.0
+"""How often the hub looks whether its socket still lies where newcomers look for it."""
 
 
 # Bits of a packet's flags.
@@ -100,8 +103,9 @@ class Client:
 class Hub:
     """The bus itself: accepts clients and copies every frame to all others."""
 
-    def __init__(self, listener: socket.socket) -> None:
+    def __init__(self, listener: socket.socket, *, open_to_all: bool = False) -> None:
         self._listener = listener
+        self._open = open_to_all
         self._clients: dict[int, Client] = {}
         self._epoll = select.epoll()
         self._epoll.register(listener, select.EPOLLIN)
@@ -125,12 +129,37 @@ class Hub:
         """Take one waiting client, if there is one."""
         try:
             sock, _ = self._listener.accept()
-            sock.send(WELCOME)
         except OSError:
             return False
+        if not self._welcome(sock):
+            sock.close()
+            return True
         self._clients[sock.fileno()] = Client(sock)
         self._epoll.register(sock, select.EPOLLIN)
         return True
+
+    def _welcome(self, sock: socket.socket) -> bool:
+        """Tell ``sock`` that it is on the bus; not a user for whom the folder was not made."""
+        credentials = sock.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, struct.calcsize("3i"))
+        if not self._open and struct.unpack("3i", credentials)[1] not in (0, os.geteuid()):
+            return False
+        try:
+            sock.send(WELCOME)
+        except OSError:
+            return False
+        return True
+
+    def listen(self, listener: socket.socket) -> None:
+        """Take newcomers from ``listener`` from now on; who is on the bus stays."""
+        self._epoll.unregister(self._listener)
+        self._listener.close()
+        self._listener = listener
+        self._epoll.register(listener, select.EPOLLIN)
+
+    def dismiss(self) -> None:
+        """Send everybody away: another hub serves the channel, and they find it by themselves."""
+        for descriptor in list(self._clients):
+            self._remove(descriptor)
 
     def _receive(self, sender: Client) -> bool:
         """Pass on at most BATCH frames of ``sender``; False when it has left or sends what is no frame."""
@@ -167,23 +196,66 @@ class Hub:
 
 def serve(path: Path, lock_path: Path, listener: socket.socket) -> None:
     """Run until nobody has been on the bus for ``LINGER_S``."""
-    hub = Hub(listener)
-    last_client_s = time.monotonic()
+    folder = path.parent.stat()
+    shared = folder.st_uid == 0 and bool(folder.st_mode & stat.S_IWGRP)  # made by an administrator for a group
+    hub = Hub(listener, open_to_all=shared)
+    ours = _inode(path)
+    last_client_s = looked_s = time.monotonic()
     while True:
+        if time.monotonic() - looked_s > LOOK_EVERY_S:
+            looked_s = time.monotonic()
+            ours = _look(hub, path, lock_path, ours)
         if hub.step(LINGER_S / 4):
             last_client_s = time.monotonic()
-        elif time.monotonic() - last_client_s > LINGER_S and _retire(hub, path, lock_path):
+        elif time.monotonic() - last_client_s > LINGER_S and _retire(hub, path, lock_path, ours):
             return
 
 
-def _retire(hub: Hub, path: Path, lock_path: Path) -> bool:
+def _look(hub: Hub, path: Path, lock_path: Path, ours: tuple[int, int] | None) -> tuple[int, int] | None:
+    """Listen again when somebody removed the socket; give way when another hub has taken its place."""
+    if ours is not None and _inode(path) == ours:
+        return ours
+    try:
+        if not path.parent.exists():
+            path.parent.mkdir()
+            path.parent.chmod(0o700)  # whatever the umask
+        with lock_path.open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if _inode(path) is not None:
+                hub.dismiss()
+                return ours
+            hub.listen(_listener(path))
+    except OSError:
+        return ours  # somebody holds the lock, or the folder cannot be made: look again later
+    return _inode(path)
+
+
+def _listener(path: Path) -> socket.socket:
+    listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    listener.bind(str(path))
+    listener.listen(64)
+    listener.setblocking(False)
+    return listener
+
+
+def _inode(path: Path) -> tuple[int, int] | None:
+    """What ``path`` names, None when nothing."""
+    try:
+        found = path.lstat()
+    except OSError:
+        return None
+    return found.st_dev, found.st_ino
+
+
+def _retire(hub: Hub, path: Path, lock_path: Path, ours: tuple[int, int] | None) -> bool:
     """Remove the socket, unless someone is about to connect (they hold the lock) or just has."""
     try:
         with lock_path.open("w") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             if hub.accept():
                 return False
-            path.unlink(missing_ok=True)
+            if _inode(path) == ours:
+                path.unlink(missing_ok=True)
     except BlockingIOError:
         return False
     except FileNotFoundError:
@@ -204,13 +276,10 @@ def main(arguments: list[str]) -> int:
     os.sched_setaffinity(0, range(os.cpu_count() or 1))
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     path.unlink(missing_ok=True)
-    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as listener:
-        os.umask(0o117)
-        listener.bind(str(path))
-        listener.listen(64)
-        listener.setblocking(False)
-        os.close(lock)
-        serve(path, lock_path_of(path), listener)
+    os.umask(0o117)
+    listener = _listener(path)
+    os.close(lock)
+    serve(path, lock_path_of(path), listener)
     return 0
 
 

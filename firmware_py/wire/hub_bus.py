@@ -36,7 +36,7 @@ class OrbitdHubBus(can.BusABC):
     Parameters
     ----------
     channel
-        Name of the bus: letters, digits, ``_ . -``, at most 32.
+        Name of the bus: letters, digits, ``_ . -``, at most 80.
     can_filters, receive_own_messages
         As everywhere in python-can.
     directory
@@ -66,8 +66,8 @@ class OrbitdHubBus(can.BusABC):
         fd: bool = True,
         **kwargs: object,
     ) -> None:
-        if not re.fullmatch(r"[\w.-]{1,32}", channel, re.ASCII):
-            raise can.CanInitializationError(f"channel {channel!r}: use 1 to 32 of letters, digits, _ . -")
+        if not re.fullmatch(r"[\w.-]{1,80}", channel, re.ASCII):
+            raise can.CanInitializationError(f"channel {channel!r}: use 1 to 80 of letters, digits, _ . -")
         self._own = OWN if receive_own_messages else 0
         self._socket = connect(bus_directory(directory) / f"{channel}.sock", timeout_s)
         self._buffer = bytearray(MAX_PACKET)

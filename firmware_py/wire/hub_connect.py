@@ -15,6 +15,7 @@ from typing import Final
 import can
 
 from firmware_py.wire import hub
+from firmware_py.wire.folders import foreign_server, unsafe
 
 DIRECTORY_VARIABLE: Final = "ORBITD_BUS_DIR"
 WELCOME_WAIT_S: Final = 0.05
@@ -27,13 +28,11 @@ def bus_directory(given: str | Path | None) -> Path:
     directory = Path(chosen or f"/tmp/orbitd-{os.geteuid()}/bus")
     try:
         directory.mkdir(parents=True, exist_ok=True, mode=0o700)
-        owner = directory.stat().st_uid
     except OSError as error:
         cause = f"{directory}: {error.strerror}; set {DIRECTORY_VARIABLE} to a folder of yours"
         raise can.CanInitializationError(cause) from error
-    if not chosen and owner != os.geteuid():  # anyone may write to /tmp
-        cause = f"{directory} belongs to user {owner}; set {DIRECTORY_VARIABLE} to a folder of yours"
-        raise can.CanInitializationError(cause)
+    if reason := unsafe(directory):
+        raise can.CanInitializationError(f"{reason}; set {DIRECTORY_VARIABLE} to a folder of yours")
     return directory
 
 
@@ -55,7 +54,11 @@ def connect(path: Path, timeout_s: float) -> socket.socket:
 def _try_connect(path: Path) -> socket.socket | None:
     """A connection to a running hub; else starts one, unless somebody is at it, and returns None."""
     connection = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    if _dial(connection, path) and _welcomed(connection):
+    dialled = _dial(connection, path)
+    if dialled and (reason := foreign_server(connection, path)):
+        connection.close()
+        raise PermissionError(errno.EPERM, reason)
+    if dialled and _welcomed(connection):
         connection.setblocking(False)
         connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, hub.SOCKET_BUFFER_BYTES)
         return connection

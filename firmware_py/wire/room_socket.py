@@ -6,7 +6,6 @@ import errno
 import fcntl
 import os
 import socket
-import struct
 from collections import Counter
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -112,9 +111,23 @@ class Peer:
             return False
 
 
+def held(path: Path, descriptor: int) -> bool:
+    """Whether ``path`` still names the file behind ``descriptor``: nobody removed or replaced it."""
+    try:
+        there, ours = path.lstat(), os.fstat(descriptor)
+    except OSError:
+        return False
+    return (there.st_dev, there.st_ino) == (ours.st_dev, ours.st_ino)
+
+
+def lock_of(path: Path) -> Path:
+    """The lock file that says who owns the socket ``path``."""
+    return path.with_name(path.name + ".lock")
+
+
 def own(path: Path) -> int:
     """File descriptor of the lock that says this process owns ``path``; the kernel frees it at death."""
-    lock_path = path.with_name(path.name + ".lock")
+    lock_path = lock_of(path)
     try:
         lock = os.open(lock_path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, SOCKET_MODE)
     except OSError as error:
@@ -145,10 +158,3 @@ def listen(path: Path) -> socket.socket:
     listener.listen(MAX_WAITING)
     listener.setblocking(False)
     return listener
-
-
-def peer_uid(sock: socket.socket) -> int:
-    """User id of the process at the other end, as the kernel knows it."""
-    credentials = sock.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, struct.calcsize("3i"))
-    uid: int = struct.unpack("3i", credentials)[1]
-    return uid

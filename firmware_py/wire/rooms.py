@@ -8,7 +8,9 @@ user.  A reader that is too slow loses its own records, counted; nobody waits fo
 
 from __future__ import annotations
 
+import contextlib
 import os
+import re
 import select
 import socket
 import stat
@@ -17,12 +19,32 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
+from firmware_py.config.schema import NAME_PATTERN, WORDS
 from firmware_py.records import Hello, RoomRecord
-from firmware_py.wire.room_socket import ANY_PEER, MAX_WAITING, NEWCOMER, Limit, Peer, RoomError, listen, own, peer_uid
+from firmware_py.wire.folders import foreign_server, peer_uid, unsafe
+from firmware_py.wire.room_socket import (
+    ANY_PEER,
+    MAX_WAITING,
+    NEWCOMER,
+    Limit,
+    Peer,
+    RoomError,
+    held,
+    listen,
+    lock_of,
+    own,
+)
 
 HELLO_WITHIN_NS: Final = 1_000_000_000
 RECONNECT_AFTER_NS: Final = 200_000_000
-INSTANCE_MODE: Final = 0o770
+INSTANCE_MODE: Final = 0o750
+"""The group may come in and connect, not put sockets there."""
+
+LOOK_EVERY_NS: Final = 1_000_000_000
+"""How often a server looks whether its socket still lies where clients look for it."""
+
+TOUCH_EVERY_NS: Final = 3_600_000_000_000
+"""Cleaners of /tmp go by age; a socket is never written to, so its age is renewed by hand."""
 
 
 def runtime_dir(instance: str, base: Path) -> Path:
@@ -31,19 +53,31 @@ def runtime_dir(instance: str, base: Path) -> Path:
     Raises
     ------
     RoomError
-        It cannot be made, or ``base`` is a link, world-writable, or neither ours, root's nor our group's.
+        ``instance`` is no name, the folder cannot be made, or :func:`checked_dir` refuses it.
     """
+    if not re.search(NAME_PATTERN, instance):
+        raise RoomError(f"instance {instance[:40]!r}: use {WORDS[NAME_PATTERN]}")
     path = base / instance
     try:
         base.mkdir(mode=0o700, parents=True, exist_ok=True)
-        found = base.lstat()
         path.mkdir(mode=INSTANCE_MODE, exist_ok=True)
     except OSError as error:
         raise _refused(path, error.strerror or str(error)) from error
-    ours = found.st_uid in (0, os.geteuid()) or found.st_gid in os.getgroups()
-    if not stat.S_ISDIR(found.st_mode) or not ours or found.st_mode & stat.S_IWOTH:
-        raise _refused(path, f"{base} has owner {found.st_uid} and mode {stat.filemode(found.st_mode)}, "
-                             "somebody else could put sockets there")
+    return checked_dir(path)
+
+
+def checked_dir(path: Path) -> Path:
+    """``path``, when neither it nor a folder on the way to it lets others put sockets there.
+
+    Raises
+    ------
+    RoomError
+        One of them does.
+    """
+    if path.is_dir() and path.stat().st_uid == os.geteuid() != 0 and path.stat().st_mode & stat.S_IWGRP:
+        path.chmod(INSTANCE_MODE)  # as earlier releases made it
+    if reason := unsafe(path):
+        raise _refused(path, reason)
     return path
 
 
@@ -74,7 +108,8 @@ class RoomServer:
     Notes
     -----
     ``counters`` (by role): ``lost_``, ``oversized_``, ``malformed_``, ``connected_``, ``left_``; refused
-    newcomers: ``refused_role``, ``refused_uid``, ``refused_second``, ``refused_hello``, ``refused_crowd``.
+    newcomers: ``refused_role``, ``refused_uid``, ``refused_second``, ``refused_hello``, ``refused_crowd``;
+    ``listened_again`` and ``listen_failed`` after the socket was removed.
     """
 
     def __init__(self, path: Path, allowed: Mapping[str, int | None],
@@ -84,11 +119,13 @@ class RoomServer:
         self._allowed = {role: os.geteuid() if uid is None else uid for role, uid in allowed.items()}
         self.path = path
         self._lock = own(path)
+        self._look_ns = self._touch_ns = 0
         try:
             self._listener = listen(path)
         except RoomError:
             os.close(self._lock)
             raise
+        self._inode = _inode(path)
         self._peers: dict[str, Peer] = {}
         self._newcomers: dict[int, tuple[Peer, int]] = {}
         self._by_fd: dict[int, Peer] = {}
@@ -102,6 +139,9 @@ class RoomServer:
     def poll(self, now_ns: int) -> list[tuple[str, RoomRecord]]:
         """What is waiting, up to each peer's limit, with its sender's role; also admits and dismisses peers."""
         received: list[tuple[str, RoomRecord]] = []
+        if now_ns >= self._look_ns:
+            self._look_ns = now_ns + LOOK_EVERY_NS
+            self._look(now_ns)
         ready = [fd for fd, _ in self._epoll.poll(0, 16)]
         # Peers before newcomers: who replaces a dead peer must find its place free.
         for peer in [self._by_fd[fd] for fd in ready if fd in self._by_fd]:
@@ -139,8 +179,33 @@ class RoomServer:
             peer.sock.close()
         self._epoll.close()
         self._listener.close()
-        self.path.unlink(missing_ok=True)
+        if _inode(self.path) == self._inode:
+            self.path.unlink(missing_ok=True)
         os.close(self._lock)
+
+    def _look(self, now_ns: int) -> None:
+        """Listen again when somebody removed or replaced socket, lock or folder; who is connected stays."""
+        if held(lock_of(self.path), self._lock) and _inode(self.path) == self._inode:
+            if now_ns >= self._touch_ns:
+                self._touch_ns = now_ns + TOUCH_EVERY_NS
+                with contextlib.suppress(OSError):
+                    os.utime(self.path)
+                    os.utime(lock_of(self.path))
+            return
+        try:
+            self.path.parent.mkdir(mode=INSTANCE_MODE, exist_ok=True)
+            lock = self._lock if held(lock_of(self.path), self._lock) else own(self.path)
+            listener = listen(self.path)
+        except (OSError, RoomError):
+            self.counters["listen_failed"] += 1
+            return
+        if lock != self._lock:
+            os.close(self._lock)
+        self._epoll.unregister(self._listener)
+        self._listener.close()
+        self._lock, self._listener, self._inode = lock, listener, _inode(self.path)
+        self._epoll.register(listener, select.EPOLLIN)
+        self.counters["listened_again"] += 1
 
     def _accept(self, now_ns: int) -> None:
         """Let waiting connections into the hall; they have one second to say who they are."""
@@ -198,10 +263,13 @@ class RoomServer:
 class RoomClient:
     """The calling end: connects, says who it is, and comes back by itself when the server was away.
 
-    ``counters``: ``lost_<role>``, ``oversized_<role>``, ``malformed_<role>``, ``connected``, ``left``.
+    The server must be this user's or root's (:func:`firmware_py.wire.folders.foreign_server`), or ``server_uid``.
+    ``counters``: ``lost_<role>``, ``oversized_<role>``, ``malformed_<role>``, ``connected``, ``left``,
+    ``refused_server``.
     """
 
-    def __init__(self, path: Path, role: str) -> None:
+    def __init__(self, path: Path, role: str, server_uid: int | None = None) -> None:
+        self._server_uid = server_uid
         self.counters: Counter[str] = Counter()
         self.path = path
         self._role = role
@@ -252,7 +320,10 @@ class RoomClient:
         except OSError:
             sock.close()
             return
-        if peer.send(Hello(role=self._role, pid=os.getpid())):
+        if foreign_server(sock, self.path, self._server_uid):
+            self.counters["refused_server"] += 1
+            sock.close()
+        elif peer.send(Hello(role=self._role, pid=os.getpid())):
             self._peer = peer
             self.counters["connected"] += 1
         else:
@@ -262,3 +333,12 @@ class RoomClient:
         if self._peer and not self._peer.alive:
             self.close()
             self.counters["left"] += 1
+
+
+def _inode(path: Path) -> tuple[int, int] | None:
+    """What ``path`` names, None when nothing."""
+    try:
+        found = path.lstat()
+    except OSError:
+        return None
+    return found.st_dev, found.st_ino

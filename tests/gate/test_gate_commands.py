@@ -261,6 +261,33 @@ def test_another_device_at_the_same_socket_does_not_answer(stage, monkeypatch):
         stranger.ask("arm")
 
 
+def disarmed(stage, client):
+    """Whether ``client`` gets a disarm through to the guard and its answer back."""
+    def asked():
+        return [record for record in stage.heard if isinstance(record, CommandRequest)]
+
+    replies, before = [], len(asked())
+    thread = threading.Thread(target=lambda: replies.append(client.ask("disarm")), daemon=True)
+    thread.start()
+    stage.until(lambda: len(asked()) > before)
+    stage.guard.send("gate", CommandReply(seq=asked()[-1].seq, accepted=True, reasons=[]))
+    stage.until(lambda: not thread.is_alive())
+    return replies[0].accepted
+
+
+@pytest.mark.parametrize("removed", [[session.SOCKET], [session.SOCKET, f"{session.SOCKET}.lock"]])
+def test_a_removed_socket_is_bound_again_and_old_and_new_clients_are_served(stage, client, prefix, removed):
+    stage.telemetry._door = session.Door(stage.folder, prefix)
+    stage.step()
+    for name in removed:
+        (stage.folder / name).unlink(missing_ok=True)
+    stage.until(lambda: stage.telemetry.counters["zenoh_listened_again"] == 1, "a new socket")
+    with Client(stage.folder, prefix) as late:
+        for each in (late, client, late):
+            assert disarmed(stage, each)
+    assert stat.S_IMODE((stage.folder / session.SOCKET).stat().st_mode) == 0o660
+
+
 def test_a_second_gate_takes_over_a_dead_ones_socket(stage, tmp_path_factory, bench):
     folder = tmp_path_factory.mktemp("dead")
     (folder / session.SOCKET).touch()

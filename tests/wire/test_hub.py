@@ -241,7 +241,7 @@ def test_an_invalid_frame_is_refused_before_it_leaves(bus: Callable[[], OrbitdHu
         bus().send(frame(data=bytes(65)))
 
 
-@pytest.mark.parametrize("channel", ["", "a/b", "x" * 33, "../t"])
+@pytest.mark.parametrize("channel", ["", "a/b", "x" * 81, "../t"])
 def test_an_unusable_channel_is_named(channel: str) -> None:
     with pytest.raises(can.CanInitializationError, match="channel"):
         OrbitdHubBus(channel)

@@ -320,7 +320,7 @@ def test_runtime_directory_is_made_or_refused(tmp_path: Path) -> None:
     assert runtime_dir("a", tmp_path / "base").is_dir()
     assert runtime_dir("a", tmp_path / "base") == tmp_path / "base" / "a"
     (tmp_path / "base").chmod(0o777)
-    with pytest.raises(RoomError, match="somebody else"):
+    with pytest.raises(RoomError, match="everybody may put sockets there"):
         runtime_dir("b", tmp_path / "base")
     (tmp_path / "file").write_text("")
     with pytest.raises(RoomError, match="RUNTIME_DIRECTORY"):
