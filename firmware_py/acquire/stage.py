@@ -178,6 +178,11 @@ class Acquire:
         return self._rest.status
 
     @property
+    def status_heard_ns(self) -> int:
+        """When they arrived."""
+        return self._rest.status_heard_ns
+
+    @property
     def speed(self) -> SpeedState:
         """Speed and mark."""
         return self._assembler.speed.state

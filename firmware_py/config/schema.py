@@ -55,6 +55,13 @@ DisplacementUm = Annotated[float, Meta(ge=1.0, le=655.0)]
 AccelerationMS2 = Annotated[float, Meta(ge=0.1, le=3000.0)]
 """Rms; no housing that shakes by 300 g stays whole."""
 
+OIL_ALERT_SHARE: Final = 0.8
+OIL_DANGER_SHARE: Final = 0.5
+"""Limits of low supply pressure over ``feed.pressure_min_bar``, where they are not set: a healthy feed stays above."""
+
+OIL_DANGER_C: Final = 10.0
+"""Danger of a hot outlet above ``oil.film_max_C``, where it is not set."""
+
 
 class Section(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Base of every table of the file."""
@@ -244,6 +251,33 @@ class Limits(Section, frozen=True):
     hysteresis_share: Annotated[float, Meta(ge=0, le=0.5)] = 0.05
     min_speed_rpm: SpeedRpm = 300.0
     """Slower than this the window of protection is not a full turn but this long."""
+    oil_pressure_low_alert_bar: PressureBar = 0.0
+    """Least supply pressure; 0: 0.8 of ``feed.pressure_min_bar``.  It also bars arming."""
+    oil_pressure_low_danger_bar: PressureBar = 0.0
+    """Trips a turning machine after ``danger_delay_s``; 0: half of ``feed.pressure_min_bar``."""
+    oil_outlet_high_alert_C: Annotated[float, Meta(ge=0, le=200)] = 0.0
+    """Hottest outlet; 0: ``oil.film_max_C``, up to which the film is proven.  It also bars arming."""
+    oil_outlet_high_danger_C: Annotated[float, Meta(ge=0, le=200)] = 0.0
+    """Trips after ``danger_delay_s``; 0: 10 K above ``oil.film_max_C``."""
+
+
+class Readings(Section, frozen=True):
+    """What the slow readings of RIG_STATUS can be; one that is not so is not OK, and nothing rests on it."""
+
+    age_max_ms: Annotated[float, Meta(ge=100, le=2000)] = 250.0
+    """Older ones say nothing; a rig sends them every 50 ms."""
+    clean_s: Annotated[float, Meta(ge=0, le=600)] = 10.0
+    """A reading that was not OK is believed again after it has been plausible for so long."""
+    oil_outlet_min_C: Annotated[float, Meta(ge=-100, le=200)] = -20.0
+    oil_outlet_max_C: Annotated[float, Meta(ge=-100, le=300)] = 150.0
+    oil_outlet_rate_C_s: Annotated[float, Meta(gt=0, le=1000)] = 20.0
+    """Faster changes are those of a cable: the oil behind the thermometer has to be warmed."""
+    shaft_power_max_W: Annotated[float, Meta(ge=0, le=1e6)] = 0.0
+    """0: ten times the friction of the narrowest bearing in the thickest oil at the top speed."""
+    pressure_max_bar: PressureBar = 0.0
+    """0: twice ``feed.pressure_max_bar``."""
+    pressure_mismatch_bar: Annotated[float, Meta(gt=0, le=10)] = 0.3
+    """The reading and the channel ``supply_pressure`` may differ by so much."""
 
 
 class Authority(Section, frozen=True):
@@ -312,6 +346,7 @@ class Config(Section, frozen=True):
     actuator: Actuator
     limits: Limits
     channel: list[Channel]
+    readings: Readings = Readings()
     contact: Contact | None = None
     bus: Bus = Bus()
     sampling: Sampling = Sampling()
@@ -321,3 +356,17 @@ class Config(Section, frozen=True):
     zenoh: Zenoh = Zenoh()
     recorder: Recorder = Recorder()
     metrics: Metrics = Metrics()
+
+    @property
+    def oil_pressure_limits_bar(self) -> tuple[float, float]:
+        """Alert and danger of low supply pressure: as set, else shares of the least that the feed may be asked for."""
+        alert_bar, danger_bar = self.limits.oil_pressure_low_alert_bar, self.limits.oil_pressure_low_danger_bar
+        least_bar = self.feed.pressure_min_bar
+        return alert_bar or OIL_ALERT_SHARE * least_bar, danger_bar or OIL_DANGER_SHARE * least_bar
+
+    @property
+    def oil_outlet_limits_C(self) -> tuple[float, float]:
+        """Alert and danger of a hot outlet: as set, else the hottest film that is declared, and more than that."""
+        alert_C, danger_C = self.limits.oil_outlet_high_alert_C, self.limits.oil_outlet_high_danger_C
+        hottest_C = self.oil.film_max_C
+        return alert_C or hottest_C, danger_C or hottest_C + OIL_DANGER_C

@@ -89,7 +89,7 @@ class Arming:
         """Follow the failsafes, judge authority, and choose the target."""
         failsafes = active(situation)
         notices = self._transition(failsafes, situation)
-        reasons = [failsafe.text for failsafe in failsafes]
+        reasons = [failsafe.reason(situation) for failsafe in failsafes]
         reasons += self._authority.advice_reasons(advice, situation.brain_connected, situation.now_ns)
         s = self._state
         doubts = reasons + ([] if s.arm_state == ArmState.ARMED else ["not armed"])
@@ -115,20 +115,20 @@ class Arming:
         elif s.arm_state == ArmState.CHECK and action < Action.RECOVER:
             s.arm_state = ArmState.DISARMED
         elif s.commanding and s.arm_state != ArmState.TRIPPED:
-            notices += self._armed(action, failsafes, now_ns)
+            notices += self._armed(action, failsafes, situation)
         return notices
 
-    def _armed(self, action: Action, failsafes: list[Failsafe], now_ns: int) -> list[Notice]:
+    def _armed(self, action: Action, failsafes: list[Failsafe], situation: Situation) -> list[Notice]:
         """Between armed and recovery, or out of both."""
-        s = self._state
+        s, now_ns = self._state, situation.now_ns
         recovering = s.arm_state == ArmState.RECOVERY
         if action == Action.DISARM or (recovering and now_ns - s.recovery_ns > RECOVERY_MAX_NS):
             s.arm_state, s.commanding = ArmState.DISARMED, False
-            reason = "; ".join(f.text for f in failsafes) or "recovery took too long"
+            reason = "; ".join(f.reason(situation) for f in failsafes) or "recovery took too long"
             return [Notice(Severity.ALERT, "disarmed", reason)]
         if action == Action.RECOVER and not recovering:
             s.arm_state, s.recovery_ns = ArmState.RECOVERY, now_ns
-            return [Notice(Severity.ALERT, "recovery", "; ".join(f.text for f in failsafes))]
+            return [Notice(Severity.ALERT, "recovery", "; ".join(f.reason(situation) for f in failsafes))]
         if recovering and now_ns - s.trouble_ns >= self._recover_ns:
             s.arm_state = ArmState.ARMED
             return [Notice(Severity.INFO, "recovered", f"after {(now_ns - s.recovery_ns) * 1e-9:.1f} s")]
@@ -146,7 +146,7 @@ class Arming:
                 False, f.text)
             for f in failsafes if f.action in ALARMING or f.name in ALSO_ALARMS}
         return [Notice(Severity.FAULT if f.action >= Action.RECOVER else Severity.ALERT, f.name,
-                       "; ".join([f.text, *situation.node_reasons]) if f.name == "node_mismatch" else f.text)
+                       "; ".join([f.reason(situation), *(situation.node_reasons if f.name == "node_mismatch" else [])]))
                 for f in failsafes if f.name not in before and f.action != Action.TRIP]
 
     def _target(self, situation: Situation, advice: Advice | None, sound: bool) -> Target:
@@ -216,7 +216,7 @@ class Arming:
         s = self._state
         reasons = ["mode is monitor, which never moves the actuator; choose manual or auto first"] \
             if s.mode == Mode.MONITOR else []
-        reasons += [f.text for f in active(situation) if f.bars_arming]
+        reasons += [f.reason(situation) for f in active(situation) if f.bars_arming]
         reasons += situation.node_reasons
         if reasons or s.arm_state in (ArmState.ARMED, ArmState.RECOVERY):
             return reasons

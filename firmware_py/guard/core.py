@@ -16,8 +16,10 @@ from firmware_py.guard.authority import is_ahead
 from firmware_py.guard.condition import Condition, ConditionState
 from firmware_py.guard.failsafe import Situation, node_reasons
 from firmware_py.guard.load_estimate import LoadEstimator, LoadInterval, LoadState, Look
+from firmware_py.guard.oil_protection import OilProtection, OilProtectionState
 from firmware_py.guard.permit import Permit, PermitFacts, PermitState, Start
 from firmware_py.guard.protection import Protection, ProtectionState, zone
+from firmware_py.guard.readings import OIL, Readings, ReadingsState
 from firmware_py.guard.shield import PERIOD_S, Shield
 from firmware_py.guard.speaker import Codec, Speaker, SpeakerState
 from firmware_py.guard.telling import Telling, Told
@@ -90,6 +92,8 @@ class CoreState(msgspec.Struct):
     permit: PermitState = msgspec.field(default_factory=PermitState)
     unwritable: ConditionState = msgspec.field(default_factory=ConditionState)
     telling: dict[str, Told] = {}
+    readings: ReadingsState | None = None
+    oil: OilProtectionState | None = None
 
 
 class GuardCore:
@@ -116,9 +120,13 @@ class GuardCore:
         self._ttl_ns = config.actuator.time_to_live_ms * 1_000_000
         self._fresh_ns = round(config.sampling.fresh_age_ms * 1e6)
         self._speeds = (config.operating.speed_min_rpm * pi / 30, config.operating.speed_max_rpm * pi / 30)
+        self._turning_rad_s = config.limits.min_speed_rpm * pi / 30
         self._acquire = Acquire(config, codec)
-        self._protection = Protection(config, latched or [])
-        self._protection.resume(timers or {})
+        self._oil = OilProtection(config, latched or [])
+        self._protection = Protection(config, [name for name in latched or [] if name not in self._oil.state.alarms])
+        self._readings = Readings(config)
+        for stage in (self._protection, self._oil):
+            stage.resume(timers or {})
         self._permit = Permit(config.drive, start or Start())
         self._unwritable = Condition("trip_file_unwritable", "trip_file_written")
         self._arming = Arming(config)
@@ -146,7 +154,10 @@ class GuardCore:
         notices += self._strangers(acquired, now_ns)
         if acquired.restarted or acquired.node_info is not None:
             m.node_reasons = node_reasons(self._config, self._acquire.node_info)
-        notices += self._protection.step(acquired.blocks, self._smaller_clearance_um()) if acquired.blocks else []
+        notices += self._slow(acquired, now_ns)
+        if acquired.blocks:
+            cap_um = self._readings.smaller_clearance_um(self._acquire.node)
+            notices += self._protection.step(acquired.blocks, cap_um)
         if cycle.advice is not None:
             m.advice = cycle.advice
             m.advices_ahead += is_ahead(cycle.advice, now_ns)
@@ -172,7 +183,8 @@ class GuardCore:
         """The whole state before cycle ``seq``."""
         state = CoreState(self._acquire.state, self._protection.state, self._arming.state, self._speaker.state,
                           self._memory, self._announcements.state, self._load.state, self._permit.state,
-                          self._unwritable.state, self._telling.state)
+                          self._unwritable.state, self._telling.state,
+                          self._readings.state, self._oil.state)
         return Snapshot(seq, now_ns, msgspec.msgpack.encode(state))
 
     def restore(self, snapshot: Snapshot) -> None:
@@ -183,16 +195,18 @@ class GuardCore:
         self._announcements.state, self._load.state = state.announced, state.load
         self._permit.state, self._unwritable.state = state.permit, state.unwritable
         self._telling.state = state.telling
+        self._readings.state = state.readings or self._readings.state
+        self._oil.state = state.oil or self._oil.state
 
     @property
     def tripped(self) -> list[str]:
         """Names of latched danger alarms: what the loop keeps over a restart."""
-        return self._protection.tripped
+        return self._protection.tripped + self._oil.tripped
 
     @property
     def timers(self) -> dict[str, int]:
         """How long each danger limit has been exceeded whose delay is not over, ns: kept over a restart as well."""
-        return self._protection.timers()
+        return self._protection.timers() | self._oil.timers()
 
     @property
     def barred(self) -> bool:
@@ -279,29 +293,31 @@ class GuardCore:
 
     # ------------------------------------------------------------------ facts
 
-    def _smaller_clearance_um(self) -> float:
-        """The smaller of reported and commanded radial clearance; the safe one while nothing is reported."""
-        status, node = self._acquire.status, self._acquire.node
-        reported = status.clearance_actual_um if status else self._arming.safe.clearance_um
-        return min(reported, node.target_clearance_um if node else self._arming.safe.clearance_um)
+    def _slow(self, acquired: AcquireOutput, now_ns: int) -> list[Notice]:
+        """Judge the slow readings, and by them the oil."""
+        a, readings = self._acquire, self._readings
+        notices = readings.step(acquired.blocks, a.status, a.status_heard_ns, a.node, a.speed.speed_rad_s, now_ns)
+        turning = a.speed.lost or a.speed.speed_rad_s >= self._turning_rad_s
+        return notices + self._oil.step(readings.pressure_bar(now_ns), readings.value(OIL), turning, now_ns)
 
     def _look_around(self, now_ns: int) -> None:
         """Estimate the load and ask the shield: every :data:`PERIOD_S`, and anew for each command that is sent."""
-        m, status = self._memory, self._acquire.status
+        m, readings, known = self._memory, self._readings, self._readings.known()
         m.shield_due_ns = now_ns + SHIELD_PERIOD_NS
         motion, speed = self._protection.motion, self._acquire.speed
-        temperature_C = status.oil_outlet_C if status else self._config.oil.film_max_C
         p2p_m = max(motion.peak_to_peak_um) * 1e-6
-        m.vibration_high = p2p_m * 1e6 > self._protection.set_points_um(self._smaller_clearance_um())[1]
-        if status is None or not motion.complete or speed.lost or not self._protection.displacement_ok:
+        smaller_um = readings.smaller_clearance_um(self._acquire.node)
+        m.vibration_high = p2p_m * 1e6 > self._protection.set_points_um(smaller_um)[1]
+        if known is None or not motion.complete or speed.lost or not self._protection.displacement_ok:
             m.load = self._load.declared()
         else:
             m.load = self._load.estimate(Look(
-                now_ns * 1e-9, motion.mean_x_m, motion.mean_y_m, p2p_m, status.clearance_actual_um * 1e-6,
-                speed.speed_rad_s, temperature_C, status.shaft_power_W, status.pressure_actual_bar))
+                now_ns * 1e-9, motion.mean_x_m, motion.mean_y_m, p2p_m, known.clearance_um * 1e-6,
+                speed.speed_rad_s, known.oil_C, known.power_W, known.pressure_bar))
+        oil_C, oil = self._load.oil_at(readings.value(OIL))
         m.interval_m = None if speed.lost else self._shield.interval(
-            speed.speed_rad_s, m.load.low_N, m.load.film_N, temperature_C, p2p_m, self._smaller_clearance_um() * 1e-6,
-            self._announcements.ahead(now_ns), self._load.oil_range(temperature_C))
+            speed.speed_rad_s, m.load.low_N, m.load.film_N, oil_C, p2p_m, readings.narrowest_um(smaller_um) * 1e-6,
+            self._announcements.ahead(now_ns), oil)
 
     def _situation(self, cycle: Cycle, gap: bool) -> Situation:
         m, a, now_ns = self._memory, self._acquire, cycle.now_ns
@@ -317,7 +333,8 @@ class GuardCore:
             cycle_gap=gap, mark_lost=speed.lost, displacement_ok=self._protection.displacement_ok,
             vibration_high=m.vibration_high,
             speed_declared=self._speeds[0] * 0.98 <= speed.speed_rad_s <= self._speeds[1] * 1.02,
-            interval_m=m.interval_m, tripped=self._protection.tripped, brain_connected=cycle.brain_connected,
+            interval_m=m.interval_m, tripped=self.tripped, brain_connected=cycle.brain_connected,
+            doubts=self._readings.doubts | self._oil.beyond,
         )
 
     # ------------------------------------------------------------------ acts
@@ -327,10 +344,10 @@ class GuardCore:
         replies = []
         for request in sorted(commands, key=lambda c: c.verb != "disarm"):
             if request.verb == "reset":
-                left = self._protection.reset()
+                left = self._protection.reset() + self._oil.reset()
                 self._arming.reset(left)
                 self._permit.reset()
-                situation.tripped = self._protection.tripped
+                situation.tripped = self.tripped
                 replies.append(CommandReply(request.seq, not left, left))
                 notices.append(Notice(Severity.INFO, "command", f"reset from {request.origin}: {len(left)} trips left"))
             elif request.verb == "announce":
@@ -381,8 +398,9 @@ class GuardCore:
         """Every alarm that stands, one of each name: protection's, the failsafes', the link's."""
         m = self._memory
         link = [Alarm("link_fault", Severity.FAULT, m.link_fault_ns, 0.0, 0.0, False, m.link_fault)]
-        found = [*self._protection.standing(), *self._permit.standing(), *self._unwritable.standing(),
-                 *(link if m.link_fault else []), *self._arming.standing()]
+        found = [*self._protection.standing(), *self._readings.standing(), *self._oil.standing(),
+                 *self._permit.standing(), *self._unwritable.standing(), *(link if m.link_fault else []),
+                 *self._arming.standing()]
         return list({alarm.name: alarm for alarm in reversed(found)}.values())[::-1]
 
     def _state(self, now_ns: int) -> GuardState:

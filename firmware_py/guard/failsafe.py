@@ -45,6 +45,8 @@ class Situation(msgspec.Struct):
     interval_m: tuple[float, float] | None
     tripped: list[str]
     brain_connected: bool
+    doubts: dict[str, str] = {}
+    """Alarms of the slow readings and of the oil that hold now, with what a person is told of them."""
 
 
 class Failsafe(msgspec.Struct, frozen=True):
@@ -55,6 +57,18 @@ class Failsafe(msgspec.Struct, frozen=True):
     action: Action
     bars_arming: bool
     text: str
+    alarms: tuple[str, ...] = ()
+    """It holds while one of these of :attr:`Situation.doubts` does, whose texts follow its own."""
+
+    def reason(self, situation: Situation) -> str:
+        """What a person reads now."""
+        return ": ".join([self.text, *(situation.doubts[name] for name in self.alarms if name in situation.doubts)])
+
+
+def _doubt(name: str, alarms: tuple[str, ...], text: str, *, bars_arming: bool = True) -> Failsafe:
+    """A row for alarms of slow readings or of the oil: authority goes while one holds."""
+    return Failsafe(name, lambda s: any(alarm in s.doubts for alarm in alarms), Action.TAKE_AUTHORITY, bars_arming,
+                    text, alarms)
 
 
 FAILSAFES: Final = (
@@ -86,7 +100,20 @@ FAILSAFES: Final = (
              "the shaft vibration is above the danger set point of this clearance"),
     Failsafe("speed_undeclared", lambda s: not s.speed_declared, Action.TAKE_AUTHORITY, False,
              "the speed is outside operating.speed_min_rpm .. speed_max_rpm"),
-    Failsafe("no_admissible_clearance", lambda s: s.interval_m is None, Action.TAKE_AUTHORITY, False,
+    _doubt("oil_pressure_low", ("oil_pressure_low_alert", "oil_pressure_low_danger"),
+           "the oil's supply pressure is too low"),
+    _doubt("oil_outlet_high", ("oil_outlet_high_alert", "oil_outlet_high_danger"), "the oil is too hot"),
+    _doubt("oil_undeclared", ("oil_outlet_low_alert",), "the oil is colder than declared", bars_arming=False),
+    _doubt("readings_lost", ("readings_stale",), "the slow readings are old; the worst declared oil and load count"),
+    _doubt("oil_temperature_lost", ("oil_outlet_not_ok",),
+           "the oil's temperature is not known; the worst of oil.inlet_min_C .. film_max_C counts"),
+    _doubt("clearance_lost", ("clearance_actual_not_ok",),
+           "the clearance is not known; the worst of the bearing's range and of the declared load counts"),
+    _doubt("oil_pressure_lost", ("pressure_actual_not_ok", "pressure_mismatch"),
+           "the supply pressure is not known; the worst declared load counts"),
+    _doubt("shaft_power_lost", ("shaft_power_not_ok",),
+           "the shaft power is not known; nothing is learnt of the oil", bars_arming=False),
+    Failsafe("no_admissible_clearance", lambda s: s.interval_m is None, Action.TAKE_AUTHORITY, True,
              "no clearance but the safe one can be defended at this speed and load"),
 )
 

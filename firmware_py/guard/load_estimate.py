@@ -20,7 +20,7 @@ from firmware_py.guard.bearing_laws import ECCENTRICITY_MAX, KNOTS, static_film
 from firmware_py.guard.groove import Groove
 from firmware_py.guard.motion import DISPLACEMENTS, WINDOW_S
 from firmware_py.guard.oil_estimate import OilEstimator, OilInterval, OilState, Steady
-from firmware_py.guard.viscosity import ViscosityTable
+from firmware_py.guard.viscosity import COLD_C, ViscosityTable
 
 ZERO_ERROR_M: Final = 2e-6
 GAIN_ERROR: Final = 0.03
@@ -33,7 +33,10 @@ ORBIT_SHARE_MAX: Final = 0.6
 
 
 class Look(msgspec.Struct, frozen=True):
-    """What is measured at one instant: mean shaft position over the window before it, and readings."""
+    """What is measured at one instant: mean shaft position over the window before it, and readings.
+
+    ``power_W`` None: the shaft power is not OK, and nothing is learnt from it.
+    """
 
     time_s: float
     x_m: float
@@ -42,7 +45,7 @@ class Look(msgspec.Struct, frozen=True):
     clearance_m: float
     speed_rad_s: float
     temperature_C: float
-    power_W: float
+    power_W: float | None
     pressure_bar: float = 0.0
 
 
@@ -90,6 +93,8 @@ class LoadEstimator:
         self._spread = sqrt(2.0 / (1.0 - abs(c0 * c1 + s0 * s1)))
         self._places = [self._seen_by(*probe) for probe in self._probes]
         self._viscosity, self._oil = ViscosityTable(config.oil), OilEstimator(config, self._film)
+        self._inlet_min_C, self._hottest_C = config.oil.inlet_min_C, config.oil.film_max_C
+        self._coldest_C = self._inlet_min_C - COLD_C
         self._groove = Groove(config)
         self._declared_N = self._groove.film_loads_N
         self.state = LoadState(self._oil.unknown())
@@ -108,6 +113,17 @@ class LoadEstimator:
         """Thinnest and thickest credible film over the law at that reading of the outlet."""
         return self.oil.thinnest, self._oil.thickest(self.oil, temperature_C)
 
+    def oil_at(self, outlet_C: float | None) -> tuple[float, tuple[float, float]]:
+        """Temperature of the film's law, and thinnest and thickest credible film over it.
+
+        An outlet that is not known, or colder than declared, stands for every film from the coldest to the hottest.
+        """
+        if outlet_C is not None and outlet_C >= self._coldest_C:
+            return outlet_C, self.oil_range(outlet_C)
+        coldest_C = self._inlet_min_C if outlet_C is None else outlet_C
+        thicker = self._viscosity.law(coldest_C) / self._viscosity.law(self._hottest_C)
+        return self._hottest_C, (self._viscosity.thinnest, self._viscosity.thickest * thicker)
+
     def estimate(self, look: Look) -> LoadInterval:
         """Interval at the middle of the window that ends with ``look``.
 
@@ -120,8 +136,9 @@ class LoadEstimator:
         credible = self._credible(look)
         if credible is None:
             return self.declared()
-        self._oil.learn(self.state.oil, Steady(look.time_s, look.speed_rad_s, look.clearance_m, look.temperature_C,
-                                               look.power_W), credible)
+        if look.power_W is not None:
+            self._oil.learn(self.state.oil, Steady(look.time_s, look.speed_rad_s, look.clearance_m, look.temperature_C,
+                                                   look.power_W), credible)
         return self._interval(look, credible)
 
     def _amid(self, look: Look) -> Look:

@@ -286,7 +286,7 @@ class Shield:
         The safe clearance is proven for the declared loads in oil as the law has it: no thinner batch asks for more.
         """
         inlet_C = min(temperature_C, self._oil.inlet_max_C)
-        hottest_C = min(inlet_C + (temperature_C - inlet_C) * box.slow_rad_s / present_rad_s, self._oil.film_max_C)
+        hottest_C = inlet_C + (temperature_C - inlet_C) * box.slow_rad_s / present_rad_s
         thinner, thicker = oil
         viscosity = self._viscosity.law(hottest_C) * thinner
         speeds = box.slow_rad_s, box.fast_rad_s

@@ -12,6 +12,9 @@ HOTTEST_C: Final = 200
 TEMPERATURE_ERROR_C: Final = 1.0
 """Of the thermometer in the outlet."""
 
+COLD_C: Final = TEMPERATURE_ERROR_C + 1.0
+"""An outlet so far below the coldest declared inlet is outside the declared range."""
+
 
 def decay(exponent: float) -> float:
     """``exp(-exponent)`` for ``0 <= exponent <= 1`` by its Taylor series, in a fixed order of + * /."""

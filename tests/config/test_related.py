@@ -165,3 +165,23 @@ def test_viscosity_law() -> None:
     oil = config.parse(BENCH)[0].oil
     assert oil.viscosity_Pa_s(40.0) == pytest.approx(0.010)
     assert oil.viscosity_Pa_s(60.0) == pytest.approx(0.010 * 0.5488, rel=1e-3)
+
+
+@pytest.mark.parametrize(("before", "after", "parts"), [
+    ("oil_pressure_low_danger_bar = 0.25", "oil_pressure_low_danger_bar = 0.45", ("danger_bar = 0.45", "0.4", "lower")),
+    ("oil_pressure_low_alert_bar = 0.4", "oil_pressure_low_alert_bar = 0.6", ("feed.pressure_min_bar (0.5)", "lower")),
+    ("oil_outlet_high_alert_C = 60.0", "oil_outlet_high_alert_C = 75.0", ("oil_outlet_high_danger_C (70)", "lower")),
+    ("oil_outlet_high_alert_C = 60.0", "oil_outlet_high_alert_C = 41.0", ("oil.inlet_max_C (42)", "raise")),
+    ("oil_outlet_high_alert_C = 60.0", "oil_outlet_high_alert_C = 65.0", ("oil.film_max_C (60)", "lower")),
+    ("oil_outlet_max_C = 150.0", "oil_outlet_max_C = 70.0", ("could not be read", "raise")),
+    ("oil_outlet_min_C = -20.0", "oil_outlet_min_C = 35.0", ("oil.inlet_min_C (35)", "lower")),
+    ("pressure_max_bar = 0.0", "pressure_max_bar = 3.0", ("feed.pressure_max_bar (3)", "raise")),
+])  # fmt: skip
+def test_limits_and_ranges_of_the_oil_that_cannot_act_or_would_alarm(
+    before: str, after: str, parts: tuple[str, ...]
+) -> None:
+    assert before in BENCH
+    with pytest.raises(config.ConfigError) as found:
+        config.parse(BENCH.replace(before, after))
+    for part in parts:
+        assert part in str(found.value)

@@ -53,6 +53,9 @@ class ScriptedNode:
         self.clearance_um = config.actuator.safe_radial_clearance_um
         self.target_um = self.clearance_um
         self.oil_C = 41.0
+        self.power_W = 50.0
+        self.pressure_bar = config.actuator.safe_pressure_bar
+        self.supply_bar: float | None = None
         self.mode, self.session = 0, 0
         self.mark_valid = True
         self.running = True
@@ -142,7 +145,7 @@ class ScriptedNode:
             acc - dither,
             acc + dither,
             10 + dither,
-            1000 + dither,
+            round(1000 * min(self.pressure_bar if self.supply_bar is None else self.supply_bar, 9.5)) + dither,
             5000 + dither,
         ]
         if self.frozen_channel is not None:
@@ -166,7 +169,8 @@ class ScriptedNode:
                 0,
                 0,
             ),
-            RigStatus(self.counter(RigStatus), tick_us, 50.0, self.oil_C, self.clearance_um, a.safe_pressure_bar),
+            RigStatus(self.counter(RigStatus), tick_us, self.power_W, self.oil_C, self.clearance_um,
+                      self.pressure_bar),
         ]
         if self._slow_ms % 20 == 1:
             messages.append(

@@ -1,0 +1,52 @@
+"""Limits of the oil and ranges of the slow readings: within what is declared, and within what can be read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Final
+
+from firmware_py.config.convert import Found
+from firmware_py.config.schema import Config
+
+
+def _pressure(config: Config) -> Iterator[Found]:
+    """Limits of low supply pressure, as set or as they follow from the feed."""
+    alert_bar, danger_bar = config.oil_pressure_limits_bar
+    if danger_bar > alert_bar:
+        yield "limits.oil_pressure_low_danger_bar", danger_bar, (
+            f"above oil_pressure_low_alert_bar ({alert_bar:g}); lower it")
+    if alert_bar > config.feed.pressure_min_bar:
+        yield "limits.oil_pressure_low_alert_bar", alert_bar, (
+            f"above feed.pressure_min_bar ({config.feed.pressure_min_bar:g}), which may be commanded; lower it")
+
+
+def _outlet(config: Config) -> Iterator[Found]:
+    """Limits of a hot outlet, as set or as they follow from the film."""
+    oil, (alert_C, danger_C) = config.oil, config.oil_outlet_limits_C
+    if alert_C > danger_C:
+        yield "limits.oil_outlet_high_alert_C", alert_C, (
+            f"above oil_outlet_high_danger_C ({danger_C:g}); lower it")
+    if alert_C < oil.inlet_max_C:
+        yield "limits.oil_outlet_high_alert_C", alert_C, (
+            f"below oil.inlet_max_C ({oil.inlet_max_C:g}): oil as declared would alarm; raise it")
+    if alert_C > oil.film_max_C:
+        yield "limits.oil_outlet_high_alert_C", alert_C, (
+            f"above oil.film_max_C ({oil.film_max_C:g}), up to which the film is proven; lower it")
+    if danger_C >= config.readings.oil_outlet_max_C:
+        yield "readings.oil_outlet_max_C", config.readings.oil_outlet_max_C, (
+            f"not above limits.oil_outlet_high_danger_C ({danger_C:g}), which could not be read; raise it")
+
+
+def _readings(config: Config) -> Iterator[Found]:
+    """Ranges that would refuse what is declared."""
+    readings, oil, feed = config.readings, config.oil, config.feed
+    if readings.oil_outlet_min_C >= oil.inlet_min_C:
+        yield "readings.oil_outlet_min_C", readings.oil_outlet_min_C, (
+            f"not below oil.inlet_min_C ({oil.inlet_min_C:g}); lower it")
+    most_bar = readings.pressure_max_bar
+    if 0.0 < most_bar <= feed.pressure_max_bar:
+        yield "readings.pressure_max_bar", most_bar, (
+            f"not above feed.pressure_max_bar ({feed.pressure_max_bar:g}), which may be commanded; raise it")
+
+
+OIL_CHECKS: Final[tuple[Callable[[Config], Iterator[Found]], ...]] = (_pressure, _outlet, _readings)

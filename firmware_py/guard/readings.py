@@ -1,0 +1,319 @@
+"""Slow readings (RIG_STATUS): which of them may be believed, and what is wrong with the others.
+
+Every reading has a row with its range, its greatest rate, and what it is held against.  A reading outside its range,
+faster than its rate, or frozen while what drives it moves, is *not OK*; it is believed again after it has been
+plausible for ``readings.clean_s``.  A message that is older than ``readings.age_max_ms`` says nothing at all.  What the
+loss of a reading does stands in :mod:`firmware_py.guard.failsafe`.
+
+============== ===================================== ============================ ===========================
+reading        range                                 greatest rate                held against
+============== ===================================== ============================ ===========================
+oil_outlet     ``readings.oil_outlet_min_C .. max``  ``.oil_outlet_rate_C_s``     heat: frozen while it changes
+clearance      the bearing's, with a margin          the actuator's, three times  where the node says it goes
+shaft_power    plus and minus the most of the film   none: a torque steps         speed: frozen while it changes
+pressure       zero to the most, with a margin       none: a valve steps          the channel ``supply_pressure``
+============== ===================================== ============================ ===========================
+"""
+
+from __future__ import annotations
+
+from math import inf, pi
+from typing import Final, NamedTuple
+
+import msgspec
+import numpy as np
+
+from firmware_py.config import Config
+from firmware_py.guard.alarm import AlarmState, Notice
+from firmware_py.guard.viscosity import COLD_C, ViscosityTable
+from firmware_py.records import CHANNELS, N_CHANNELS, Alarm, Block, NodeState, RigStatus, Severity
+
+OIL, CLEARANCE, POWER, PRESSURE = "oil_outlet", "clearance_actual", "shaft_power", "pressure_actual"
+
+CLEARANCE_NOISE_UM: Final = 3.0
+"""Two readings of a clearance at rest may differ by so much: 0.2 um rms of noise, backlash, an end stop that gives."""
+
+RATE_MARGIN: Final = 3.0
+"""The actuator may be so much faster than declared: what it declares is the least that it does."""
+
+OIL_NOISE_C: Final = 2.0
+"""Two readings of one temperature may differ by so much: a thermometer of 0.5 degC a step, and pick-up."""
+
+POWER_MARGIN: Final = 10.0
+"""The torque meter also shows what accelerates the rotor and what a rub takes: so many times the film's friction."""
+
+PRESSURE_MARGIN: Final = 2.0
+"""A relief valve that sticks lets the pressure rise to about twice what the feed may set."""
+
+FROZEN_NS: Final = 60_000_000_000
+FROZEN_SPEED_SHARE: Final = 0.2
+FROZEN_HEAT_C: Final = 2.0
+"""A reading that repeats itself exactly for so long, while the speed moved by that share (power, which goes with its
+square), or the friction by what warms the oil by so much, no longer measures."""
+
+MISMATCH_NS: Final = 2_000_000_000
+"""Two readings of the pressure may differ for so long: one is filtered, and the other 50 ms old."""
+
+SUPPLY: Final = CHANNELS.index("supply_pressure")
+SUPPLY_PERIOD_NS: Final = 50_000_000
+"""The channel is averaged over one block this often, as often as the status comes."""
+
+NEVER_NS: Final = -(1 << 62)
+TICKS: Final = 1 << 32
+
+
+class Row(msgspec.Struct, frozen=True):
+    """What a reading can be: its range, its greatest rate per second, and how far two readings at rest may differ."""
+
+    field: str
+    unit: str
+    place: str
+    low: float
+    high: float
+    rate: float = inf
+    noise: float = inf
+
+
+class Known(NamedTuple):
+    """Readings that are OK all together; the shaft power may be missing."""
+
+    oil_C: float
+    clearance_um: float
+    pressure_bar: float
+    power_W: float | None
+
+
+class ReadingState(msgspec.Struct):
+    """One reading: the newest value, the last that was believed, until when it is doubted, and since when it froze."""
+
+    value: float = 0.0
+    believed: float | None = None
+    doubted_ns: int = NEVER_NS
+    same_ns: int = NEVER_NS
+    driver_low: float = 0.0
+    driver_high: float = 0.0
+
+
+class ReadingsState(msgspec.Struct):
+    """What the stage remembers (for snapshots).
+
+    ``alarms`` goes by the name of the reading, ``causes`` (what a person is told while it stands) by the alarm's.
+    """
+
+    readings: dict[str, ReadingState]
+    alarms: dict[str, AlarmState]
+    causes: dict[str, str] = {}
+    tick_us: int = -1
+    heard_ns: int = NEVER_NS
+    fresh: bool = False
+    supply_bar: float | None = None
+    supply_ns: int = NEVER_NS
+    apart_ns: int = NEVER_NS
+
+
+class Readings:
+    """Judges each slow reading, and the mean of the channel ``supply_pressure`` beside it.
+
+    Parameters
+    ----------
+    config
+        Table ``[readings]``, and the declared ranges of bearing, oil, feed and speed.
+    """
+
+    def __init__(self, config: Config) -> None:
+        b, f, r = config.bearing, config.feed, config.readings
+        self._config = config
+        self._age_max_ns, self._clean_ns = round(r.age_max_ms * 1e6), round(r.clean_s * 1e9)
+        self._clearances_um = b.radial_clearance_min_um, b.radial_clearance_max_um
+        self._safe_um = config.actuator.safe_radial_clearance_um
+        self._coldest_C = config.oil.inlet_min_C - COLD_C
+        self._supply = config.channel[SUPPLY].scale, config.channel[SUPPLY].offset
+        self._heat_W = FROZEN_HEAT_C * config.oil.cooling_W_K or inf
+        most_W = r.shaft_power_max_W or power_max_W(config)
+        most_bar = r.pressure_max_bar or PRESSURE_MARGIN * f.pressure_max_bar
+        self.rows = {
+            OIL: Row("oil_outlet_C", "degC", "readings.oil_outlet_min_C .. oil_outlet_max_C", r.oil_outlet_min_C,
+                     r.oil_outlet_max_C, r.oil_outlet_rate_C_s, OIL_NOISE_C),
+            CLEARANCE: Row("clearance_actual_um", "um", "bearing.radial_clearance_min_um .. radial_clearance_max_um",
+                           self._clearances_um[0] - CLEARANCE_NOISE_UM, self._clearances_um[1] + CLEARANCE_NOISE_UM,
+                           RATE_MARGIN * config.actuator.rate_um_s, CLEARANCE_NOISE_UM),
+            POWER: Row("shaft_power_W", "W", "readings.shaft_power_max_W", -most_W, most_W),
+            PRESSURE: Row("pressure_actual_bar", "bar", "readings.pressure_max_bar", 0.0, most_bar),
+        }
+        alarms = {name: AlarmState(f"{name}_not_ok", int(Severity.FAULT), latching=False) for name in self.rows}
+        alarms["stale"] = AlarmState("readings_stale", int(Severity.FAULT), latching=False)
+        alarms["mismatch"] = AlarmState("pressure_mismatch", int(Severity.FAULT), latching=False)
+        self.state = ReadingsState({name: ReadingState() for name in self.rows}, alarms)
+
+    # ------------------------------------------------------------------ one cycle
+
+    def step(self, blocks: list[Block], status: RigStatus | None, heard_ns: int, node: NodeState | None,
+             speed_rad_s: float, now_ns: int) -> list[Notice]:  # fmt: skip
+        """Judge ``status``, which was heard at ``heard_ns`` (None: not yet, or the node has just started again)."""
+        s, notices = self.state, list[Notice]()
+        if blocks and now_ns - s.supply_ns >= SUPPLY_PERIOD_NS:
+            self._average(blocks[-1], now_ns)
+        if status is None:
+            s.tick_us, s.heard_ns, s.fresh, s.readings[CLEARANCE].believed = -1, NEVER_NS, False, None
+            return notices
+        age_ns = now_ns - heard_ns
+        s.fresh = abs(age_ns) <= self._age_max_ns
+        self._tell("stale", "" if s.fresh else (
+            f"the rig's slow readings are {age_ns * 1e-6:.0f} ms old (limit readings.age_max_ms = "
+            f"{self._age_max_ns * 1e-6:.0f}); check that the node sends RIG_STATUS"), age_ns * 1e-6,
+            self._age_max_ns * 1e-6, now_ns, notices)
+        if heard_ns != s.heard_ns or status.tick_us != s.tick_us:
+            passed_s = (status.tick_us - s.tick_us) % TICKS * 1e-6 if s.tick_us >= 0 else None
+            s.tick_us, s.heard_ns = status.tick_us, heard_ns
+            self._judge(status, passed_s, node, speed_rad_s, now_ns, notices)
+        return notices
+
+    def _judge(self, status: RigStatus, passed_s: float | None, node: NodeState | None, speed_rad_s: float,
+               now_ns: int, notices: list[Notice]) -> None:  # fmt: skip
+        """Each reading of a new message, and the pressure beside its channel."""
+        target_um = node.target_clearance_um if node else None
+        for name, row in self.rows.items():
+            state, value = self.state.readings[name], float(getattr(status, row.field))
+            cause, limit = _implausible(row, state.value, value, passed_s, target_um if name == CLEARANCE else None)
+            driver = speed_rad_s if name == POWER else status.shaft_power_W
+            if not cause and self._frozen(name, value, driver, now_ns):
+                cause, limit = f"has stood still for {FROZEN_NS * 1e-9:g} s while what drives it moved", value
+            state.value = value
+            if cause:
+                state.doubted_ns = now_ns
+                text = f"{row.field} = {value:.6g} {row.unit} {cause}; check its sensor and cable"
+                self._tell(name, text, value, limit, now_ns, notices)
+            elif now_ns - state.doubted_ns >= self._clean_ns:
+                state.believed = value
+                self._tell(name, "", value, limit, now_ns, notices)
+        self._compare(now_ns, notices)
+
+    def _frozen(self, name: str, value: float, driver: float, now_ns: int) -> bool:
+        """Whether the value repeats itself exactly though its driver moved."""
+        s = self.state.readings[name]
+        if name not in (POWER, OIL) or value != s.value or s.same_ns == NEVER_NS:
+            s.same_ns, s.driver_low, s.driver_high = now_ns, driver, driver
+            return False
+        s.driver_low, s.driver_high = min(s.driver_low, driver), max(s.driver_high, driver)
+        needed = FROZEN_SPEED_SHARE * s.driver_high if name == POWER else self._heat_W
+        return now_ns - s.same_ns >= FROZEN_NS and s.driver_high - s.driver_low > needed
+
+    def _compare(self, now_ns: int, notices: list[Notice]) -> None:
+        """The reading of the pressure beside its channel, where both are OK by themselves."""
+        s, limit_bar = self.state, self._config.readings.pressure_mismatch_bar
+        slow_bar, fast_bar = self.value(PRESSURE), self.supply_bar(now_ns)
+        if slow_bar is None or fast_bar is None or abs(slow_bar - fast_bar) <= limit_bar:
+            s.apart_ns = NEVER_NS
+        elif s.apart_ns == NEVER_NS:
+            s.apart_ns = now_ns
+        if s.apart_ns == NEVER_NS:
+            self._tell("mismatch", "", 0.0, limit_bar, now_ns, notices)
+        elif now_ns - s.apart_ns >= MISMATCH_NS:
+            self._tell("mismatch", (
+                f"{PRESSURE} = {slow_bar:.3f} bar, but the channel supply_pressure shows {fast_bar:.3f} (limit "
+                f"readings.pressure_mismatch_bar = {limit_bar:g} for {MISMATCH_NS * 1e-9:g} s); check both sensors"),
+                abs((slow_bar or 0.0) - (fast_bar or 0.0)), limit_bar, now_ns, notices)
+
+    def _average(self, block: Block, now_ns: int) -> None:
+        """Mean of the channel ``supply_pressure`` over ``block``; None while it is not OK."""
+        s, (scale, offset) = self.state, self._supply
+        s.supply_ns, s.supply_bar = now_ns, None
+        if block.channel_ok >> SUPPLY & 1:
+            counts = np.frombuffer(block.samples, "<i2")[SUPPLY::N_CHANNELS]
+            s.supply_bar = int(counts.sum(dtype=np.int64)) / len(counts) * scale + offset
+
+    def _tell(self, name: str, cause: str, value: float, limit: float, now_ns: int, notices: list[Notice]) -> None:
+        """Begin or end the alarm of ``name``; ``cause`` empty means OK."""
+        alarm = self.state.alarms[name]
+        if cause:
+            alarm.value, alarm.limit = value, limit
+            self.state.causes[alarm.name] = cause
+            if not alarm.standing:
+                alarm.standing, alarm.since_ns = True, now_ns
+                notices.append(Notice(Severity.FAULT, alarm.name, cause, value, limit))
+        elif alarm.standing:
+            alarm.standing = False
+            self.state.causes.pop(alarm.name, None)
+            notices.append(Notice(Severity.INFO, f"{alarm.name}_ended", f"{name} is plausible again", value, limit))
+
+    # ------------------------------------------------------------------ what may be believed
+
+    def value(self, name: str) -> float | None:
+        """The reading where it is OK and fresh; None otherwise."""
+        s = self.state
+        return s.readings[name].value if s.fresh and not s.alarms[name].standing else None
+
+    def supply_bar(self, now_ns: int) -> float | None:
+        """Mean of the channel ``supply_pressure``; None while it is not OK or old."""
+        s = self.state
+        return s.supply_bar if now_ns - s.supply_ns <= self._age_max_ns else None
+
+    def smaller_clearance_um(self, node: NodeState | None) -> float:
+        """The smaller of measured and commanded radial clearance, for the caps of protection.
+
+        A measured one that is not OK neither lifts the cap nor closes it: the last that was believed counts instead.
+        """
+        low_um, high_um = self._clearances_um
+        measured_um = self.state.readings[CLEARANCE].believed
+        target_um = node.target_clearance_um if node else self._safe_um
+        smaller_um = min(self._safe_um if measured_um is None else measured_um, target_um)
+        return min(max(smaller_um, low_um), high_um)
+
+    def narrowest_um(self, smaller_um: float) -> float:
+        """The clearance in which vibration was measured: :meth:`smaller_clearance_um`, or the narrowest there is."""
+        return self._clearances_um[0] if self.value(CLEARANCE) is None else smaller_um
+
+    @property
+    def doubts(self) -> dict[str, str]:
+        """Alarms that stand, with what a person is told of them."""
+        return self.state.causes
+
+    def known(self) -> Known | None:
+        """All that an estimate of the load rests on; None while a part is not OK, or the oil colder than declared."""
+        oil_C, clearance_um, pressure_bar = self.value(OIL), self.value(CLEARANCE), self.value(PRESSURE)
+        if oil_C is None or clearance_um is None or pressure_bar is None or oil_C < self._coldest_C \
+                or self.state.alarms["mismatch"].standing:
+            return None
+        return Known(oil_C, clearance_um, pressure_bar, self.value(POWER))
+
+    def pressure_bar(self, now_ns: int) -> float | None:
+        """The lower of reading and channel where they are OK; None where neither is."""
+        found = [bar for bar in (self.value(PRESSURE), self.supply_bar(now_ns)) if bar is not None]
+        return min(found, default=None)
+
+    def standing(self) -> list[Alarm]:
+        """Every alarm that stands now."""
+        s = self.state
+        return [msgspec.structs.replace(alarm.record(), text=s.causes.get(alarm.name, ""))
+                for alarm in s.alarms.values() if alarm.standing]
+
+
+def _implausible(
+    row: Row, before: float, value: float, passed_s: float | None, target: float | None
+) -> tuple[str, float]:  # fmt: skip
+    """Why ``value`` cannot be, after ``before`` so long ago, and the limit; an empty reason when it can.
+
+    What lands between where it was and its ``target`` has arrived there, however fast.
+    """
+    if not row.low <= value <= row.high:
+        limit = row.low if value < row.low else row.high
+        return f"is outside {row.low:g} .. {row.high:g} ({row.place})", limit
+    if passed_s is None:
+        return "", row.high
+    most, moved = row.noise + row.rate * passed_s, abs(value - before)
+    arrived = target is not None and (
+        min(before, target) - row.noise <= value <= max(before, target) + row.noise)
+    if moved > most and not arrived:
+        return f"moved by {moved:.4g} in {passed_s:.3g} s, more than {most:.4g}", most
+    return "", row.high
+
+
+def power_max_W(config: Config) -> float:
+    """The most that a torque meter can credibly show: Petroff's friction at its worst, :data:`POWER_MARGIN` times."""
+    b, w = config.bearing, config.operating.speed_max_rpm * pi / 30
+    petroff_m4 = 2.0 * pi * b.journal_radius_m * b.journal_radius_m * b.journal_radius_m * b.length_m
+    oil = ViscosityTable(config.oil)
+    thickest = oil.law(config.oil.inlet_min_C) * oil.thickest
+    film_W = petroff_m4 * thickest * w * w / (b.radial_clearance_min_um * 1e-6)
+    wind_W = config.rotor.windage_W_s3 * w * w * w
+    return POWER_MARGIN * (film_W + wind_W) + config.rotor.shaft_power_error_W
