@@ -5,7 +5,7 @@ BIN    := $(VENV)/bin
 PIP    := PYTHONWARNINGS=ignore $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 DEMO   ?=
 
-.PHONY: help demo test lint types layers test-train test-slow test-kill test-systemd test-socketcan lock dialect clean
+.PHONY: help demo test lint types layers test-train test-slow test-kill fuzz test-systemd test-socketcan lock dialect clean
 
 help:            ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 16
@@ -33,6 +33,9 @@ test-slow: $(VENV)/.dev   ## the heavier suites (about 10 minutes)
 
 test-kill: $(VENV)/.dev   ## kills and stops every process 30 times each (about 90 minutes on an idle machine, resumable: kills.jsonl)
 	@$(BIN)/python tests/faults/kill_matrix.py --repeats 30 --out kills.jsonl
+
+fuzz: $(VENV)/.dev   ## random inputs, the long form; goes on where it stood (configurations: 12 minutes)
+	@$(BIN)/python -m tests.fuzz
 
 test-systemd: $(VENV)/.dev   ## boots a real systemd, installs, starts and kills the service (root, about 4 minutes)
 	@deploy/systemd_test/run.sh

@@ -39,11 +39,12 @@ class Built:
     models: Models
 
 
-def build(config: Config) -> Built:
-    """Guard and brain as the processes make them; nothing is opened but the model files."""
+def build(config: Config, models: Models | None = None) -> Built:
+    """Guard and brain as the processes make them; nothing is opened but the model files, unless ``models`` are given."""
     GuardCore(config, codec_for(config), 1)
-    models = load_models(config)
-    prewarm(models)
+    if models is None:
+        models = load_models(config)
+        prewarm(models)
     BrainCore(config, models)
     session.access_rules(keys.prefix(config.device.site, config.device.rig))
     low_m, high_m = Shield(config).fixed_range() or (0.0, 0.0)

@@ -1,0 +1,67 @@
+"""``python -m tests.fuzz [TARGET ...]``: the long form of each fuzz target; told where it stands, it goes on there.
+
+Exit code 1 when anything fails.  A target is a row of :data:`TARGETS`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import json
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Final, NamedTuple
+
+
+class Target(NamedTuple):
+    """``module:function`` of ``run(seed, n, folder, first) -> Outcome``; cases in all, in one step, and words."""
+
+    function: str
+    cases: int
+    step: int
+    words: str
+
+
+TARGETS: Final = {
+    "configurations": Target("configurations:run", 3000, 50, "configurations built in process (3 minutes)"),
+    "starts": Target("configurations:run_started", 100, 5, "configurations started as processes (8 minutes)"),
+}
+
+
+def main() -> int:
+    """Run the named targets, all without a name."""
+    parser = argparse.ArgumentParser(prog="python -m tests.fuzz", description=__doc__)
+    parser.add_argument("targets", nargs="*", metavar="TARGET", help="; ".join(f"{k}: {t.words}" for k, t in TARGETS.items()))
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--cases", type=int, help="instead of the target's own number")
+    parser.add_argument("--state", type=Path, default=Path(tempfile.gettempdir()) / "orbitd-fuzz.json",
+                        help="file with what is done (default: %(default)s); remove it to begin anew")
+    options = parser.parse_args()
+    state = json.loads(options.state.read_text()) if options.state.exists() else {}
+    failed = 0
+    for name in options.targets or TARGETS:
+        target = TARGETS[name]
+        cases = options.cases or target.cases
+        done = state.setdefault(f"{name} {options.seed}", {"next": 0, "good": 0, "failures": [], "seconds": 0.0})
+        while done["next"] < cases:
+            began = time.monotonic()
+            with tempfile.TemporaryDirectory(prefix="orbitd-fuzz-") as folder:
+                n = min(target.step, cases - done["next"])
+                module, _, function = target.function.partition(":")
+                run = getattr(importlib.import_module(f".{module}", __package__), function)
+                outcome = run(options.seed, n, Path(folder), done["next"])
+            done["next"] += n
+            done["good"] += outcome.good
+            done["failures"] += outcome.failures
+            done["seconds"] += time.monotonic() - began
+            options.state.write_text(json.dumps(state))
+            print("\n".join([f"{name}: {done['next']} of {cases}, {done['good']} called good, "
+                             f"{len(done['failures'])} failures, {done['seconds']:.0f} s", *outcome.failures]), flush=True)
+        failed += len(done["failures"])
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
