@@ -108,8 +108,8 @@ class Diagnoser:
         window = at_one_rate(window)
         orders = None if window.quality & Quality.NO_MARK else analyse(window)
         bad = [name for index, name in enumerate(CHANNELS) if not window.channel_ok >> index & 1]
-        if orders is not None and not bad:
-            self._hear(window, orders)
+        if self._model is not None and orders is not None and not bad:
+            self._hear(window, orders)  # a model comes only at a rate that has its features
         while self._heard and window.end_ns - self._heard[0][0] > _HISTORY_NS:
             self._heard.popleft()
         answer = self.answer = self._ask(window, orders)

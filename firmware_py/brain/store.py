@@ -23,7 +23,7 @@ from typing import Final, Literal
 
 import msgspec
 
-from firmware_py.acquire.features import FEATURE_NAMES
+from firmware_py.acquire.features import FEATURE_NAMES, RATE_HZ
 from firmware_py.acquire.windows import WINDOW_LAYOUT
 from firmware_py.brain.errors import ModelError, ModelMissingError, ModelTrustError, ModelUnfitError
 from firmware_py.brain.intervals import IntervalFactors
@@ -262,6 +262,8 @@ def _check_fit(kind: str, name: str, card: Card, session: Session, config: Confi
         (session.columns == len(inputs), f"graph takes {session.columns} columns, expected {len(inputs)}"),
         (set(outputs) <= set(session.outputs), f"graph gives {session.outputs}, expected {outputs}"),
         (not sampled or tuple(card.channels) == CHANNELS, f"channels {_difference(card.channels, CHANNELS)}"),
+        (not sampled or rate % round(RATE_HZ) == 0,
+         f"features are defined at multiples of {RATE_HZ:g} Hz, the configuration samples at {rate}"),
         (not sampled or rate in card.rate_hz, f"rate_hz {card.rate_hz}, the configuration samples at {rate}"),
         (not sampled or card.window == WINDOW_LAYOUT, f"window {card.window}, this brain cuts {WINDOW_LAYOUT}"),
         (not sampled or "novelty_threshold" in card.settings, "settings lack novelty_threshold"),

@@ -40,7 +40,7 @@ class Built:
 
 
 def build(config: Config, models: Models | None = None) -> Built:
-    """Guard and brain as the processes make them; nothing is opened but the model files, unless ``models`` are given."""
+    """Guard and brain as the processes make them, with the models of the files where none are given."""
     GuardCore(config, codec_for(config), 1)
     if models is None:
         models = load_models(config)

@@ -68,6 +68,12 @@ def refusal(kind: str, config: Config = CONFIG) -> tuple[type[ModelError], str]:
     return type(caught.value), str(caught.value)
 
 
+def test_a_rate_without_the_features_of_the_diagnosis_has_no_classifier(shipped: Path) -> None:
+    sampling = msgspec.structs.replace(CONFIG.sampling, rate_hz=2500)
+    text = refusal("classifier", msgspec.structs.replace(CONFIG, sampling=sampling))[1]
+    assert "features are defined at multiples of 5000 Hz, the configuration samples at 2500" in text
+
+
 def test_three_good_models(shipped: Path) -> None:
     models = store.load_models(CONFIG)
     assert models.refusals == {}

@@ -33,11 +33,17 @@ TARGETS: Final = {
 def main() -> int:
     """Run the named targets, all without a name."""
     parser = argparse.ArgumentParser(prog="python -m tests.fuzz", description=__doc__)
-    parser.add_argument("targets", nargs="*", metavar="TARGET", help="; ".join(f"{k}: {t.words}" for k, t in TARGETS.items()))
+    parser.add_argument(
+        "targets", nargs="*", metavar="TARGET", help="; ".join(f"{k}: {t.words}" for k, t in TARGETS.items())
+    )
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--cases", type=int, help="instead of the target's own number")
-    parser.add_argument("--state", type=Path, default=Path(tempfile.gettempdir()) / "orbitd-fuzz.json",
-                        help="file with what is done (default: %(default)s); remove it to begin anew")
+    parser.add_argument(
+        "--state",
+        type=Path,
+        default=Path(tempfile.gettempdir()) / "orbitd-fuzz.json",
+        help="file with what is done (default: %(default)s); remove it to begin anew",
+    )
     options = parser.parse_args()
     state = json.loads(options.state.read_text()) if options.state.exists() else {}
     failed = 0
@@ -57,8 +63,16 @@ def main() -> int:
             done["failures"] += outcome.failures
             done["seconds"] += time.monotonic() - began
             options.state.write_text(json.dumps(state))
-            print("\n".join([f"{name}: {done['next']} of {cases}, {done['good']} called good, "
-                             f"{len(done['failures'])} failures, {done['seconds']:.0f} s", *outcome.failures]), flush=True)
+            print(
+                "\n".join(
+                    [
+                        f"{name}: {done['next']} of {cases}, {done['good']} called good, "
+                        f"{len(done['failures'])} failures, {done['seconds']:.0f} s",
+                        *outcome.failures,
+                    ]
+                ),
+                flush=True,
+            )
         failed += len(done["failures"])
     return 1 if failed else 0
 

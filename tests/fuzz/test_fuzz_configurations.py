@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from . import configurations
+from . import config_cases, configurations
 
 
 def test_what_is_called_good_is_built_and_the_rest_is_refused_by_name(tmp_path: Path) -> None:
@@ -19,7 +19,7 @@ def test_what_is_called_good_runs_a_second(tmp_path: Path) -> None:
     """Machines far from the shipped ones, each driven by its guard and brain."""
     ran = 0
     for i in range(60):
-        good, wrong = configurations.judge(configurations.varied(5, i), tmp_path, drive=ran < 12)
+        good, wrong = configurations.judge(config_cases.varied(5, i), tmp_path, drive=ran < 12)
         assert not wrong, f"case {i}: {wrong}"
         ran += good
     assert ran >= 12
