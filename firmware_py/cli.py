@@ -7,9 +7,12 @@ Exit codes: 0 done; 1 refused, failed or not ok; 2 wrong input (usage, configura
 from __future__ import annotations
 
 import importlib.metadata
+import io
 import os
 import sys
+import traceback
 from collections.abc import Callable, Iterable
+from pathlib import Path
 
 from firmware_py import __version__, background
 from firmware_py.errors import OrbitdError
@@ -19,6 +22,7 @@ Command = Callable[[list[str]], int]
 GROUP = "orbitd.commands"
 BACKGROUND = ("brain", "gate")
 """What starts in the background, for the guard may be protecting already."""
+ROOT = Path(__file__).parents[1]
 
 SUMMARIES = (
     ("demo", "the whole device against the rotor rig in software, as a story"),
@@ -50,15 +54,47 @@ SUMMARIES = (
 )
 
 
+PROCESSES = ("run", "guard", "brain", "gate")
+"""Commands that run for ever: an error of the system ends them with 1, so that they are started again."""
+
+EXTRA_OF = {"gymnasium": "sim", "numba": "sim", "scipy": "sim", "matplotlib": "train", "onnx": "train",
+            "sklearn": "train", "skl2onnx": "train", "tensorboard": "train", "torch": "train"}
+"""Extra that brings a package."""
+
+
 def main(argv: list[str] | None = None) -> int:
     """Run ``orbitd ARGV`` and return its exit code; a reader that has seen enough ends it quietly."""
+    _open_streams()
     try:
         code = _main(sys.argv[1:] if argv is None else argv)
         sys.stdout.flush()
         return code
     except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # nothing more can be said
+        _drop_output()
         return 0
+    except KeyboardInterrupt:
+        return 130
+    except OSError as error:  # the flush: a full disk behind standard output
+        _drop_output()
+        return _fail(f"standard output: {error.strerror or error}", 1)
+
+
+def _open_streams() -> None:
+    """Closed standard streams become nothing; what a stream cannot encode is replaced."""
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
+        elif isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
+
+
+def _drop_output() -> None:
+    """Nothing more can be said: what still waits must not fail again at the end."""
+    try:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except (OSError, ValueError):  # no file behind it
+        sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
 
 
 def _main(arguments: list[str]) -> int:
@@ -81,20 +117,35 @@ def _run(point: importlib.metadata.EntryPoint, arguments: list[str]) -> int:
         background.lower()
     try:
         command: Command = point.load()
-    except ModuleNotFoundError as error:
-        return _fail(f"`orbitd {point.name}` needs {error.name}, which is not installed; {_extra(point)}", 2)
-    try:
         return command(arguments)
+    except SystemExit as ended:  # of argparse, after its help or one line of refusal
+        return ended.code if isinstance(ended.code, int) else 0 if ended.code is None else _fail(str(ended.code), 1)
+    except ModuleNotFoundError as error:
+        return _fail(f"`orbitd {point.name}` needs {error.name}, which is not installed; {_extra(point, error)}", 2)
     except OrbitdError as error:
         return _fail(str(error), error.exit_code)
-    except KeyboardInterrupt:
-        return 130
+    except BrokenPipeError:
+        raise
+    except OSError as error:  # a file that a person named, a full disk: the system says what is wrong
+        return _fail_of_system(point.name, error)
 
 
-def _extra(point: importlib.metadata.EntryPoint) -> str:
+def _fail_of_system(name: str, error: OSError) -> int:
+    """One line with cause, file and place in the program."""
+    frames = traceback.extract_tb(error.__traceback__)
+    frame = next((each for each in reversed(frames) if Path(each.filename).is_relative_to(ROOT)), frames[-1])
+    cause = ": ".join(str(part) for part in (error.filename, error.strerror or error) if part)
+    code = 2 if error.filename is not None and name not in PROCESSES else 1
+    return _fail(f"{name}: {cause} ({Path(frame.filename).name}:{frame.lineno})", code)
+
+
+def _extra(point: importlib.metadata.EntryPoint, error: ModuleNotFoundError) -> str:
     """Which extra brings what ``point`` misses."""
-    extra = {"sim_hil": "sim", "models": "train"}.get(point.module.partition(".")[0])
-    return f"install the extra: pip install 'orbitd[{extra}]'" if extra else "install orbitd again"
+    missing = (error.name or "").partition(".")[0]
+    extra = "train" if point.module.partition(".")[0] == "models" else EXTRA_OF.get(missing)
+    if missing in ("firmware_py", "sim_hil", "models") or extra is None:
+        return "install orbitd again"
+    return f"install the extra: pip install 'orbitd[{extra}]'"
 
 
 def _fail(text: str, code: int) -> int:

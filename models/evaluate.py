@@ -8,6 +8,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from firmware_py.options import count, seed
 from models import ARTIFACTS
 
 EXIT_BAD_INPUT = 2
@@ -16,9 +17,9 @@ EXIT_BAD_INPUT = 2
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="orbitd evaluate", description=__doc__)
     parser.add_argument("model", choices=tuple(_JUDGES))
-    parser.add_argument("--seed", type=int, default=1, help="decides every build, duty and noise of the judgement")
+    parser.add_argument("--seed", type=seed, default=1, help="decides every build, duty and noise of the judgement")
     parser.add_argument("--file", type=Path, help="model file to judge (default: the shipped one)")
-    parser.add_argument("--size", "--episodes", type=int, help="films, builds or episodes (default: as in training)")
+    parser.add_argument("--size", "--episodes", type=count, help="films, builds or episodes (default: as in training)")
     parser.add_argument("--rate-hz", type=int, default=5000, choices=(5000, 10000), help="classifier: sampling rate")
     parser.add_argument("--data", type=Path, help="classifier: measured recordings (models/diagnosis/DATASET.md)")
     parser.add_argument("--group", default="group", help="with --data: column whose values are left out one by one")

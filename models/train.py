@@ -12,6 +12,7 @@ from pathlib import Path
 
 import msgspec
 
+from firmware_py.options import seed
 from models.runs import Run, load_settings
 
 EXIT_BAD_INPUT = 2
@@ -29,7 +30,7 @@ MEASURED = "models.diagnosis.measured_model"
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="orbitd train", description=__doc__)
     parser.add_argument("model", choices=tuple(TRAINERS))
-    parser.add_argument("--seed", type=int, default=0, help="every random number follows from it")
+    parser.add_argument("--seed", type=seed, default=0, help="every random number follows from it")
     parser.add_argument("--smoke", action="store_true", help="the same steps in seconds, a model for tests only")
     parser.add_argument("--config", type=Path, help="TOML file with training settings")
     parser.add_argument("--data", type=Path, help="classifier: measured recordings (models/diagnosis/DATASET.md)")

@@ -6,10 +6,9 @@ from .compiled import keep_compiled
 
 keep_compiled()  # before anything imports numba
 
-from .film import Equilibrium, Feed, FilmForce, equilibrium, film_force  # noqa: E402
-
 if TYPE_CHECKING:
     from .duty import Duty
+    from .film import Equilibrium, Feed, FilmForce, equilibrium, film_force
     from .response import PowerMap, Trajectory, power_map, simulate
     from .rigs import RigData, load_rig
     from .rotor.modes import Modes, Support, modes
@@ -34,11 +33,16 @@ __all__ = [
 
 _HOMES = {
     "Duty": ".duty",
+    "Equilibrium": ".film",
+    "Feed": ".film",
+    "FilmForce": ".film",
     "Modes": ".rotor.modes",
     "PowerMap": ".response",
     "RigData": ".rigs",
     "Support": ".rotor.modes",
     "Trajectory": ".response",
+    "equilibrium": ".film",
+    "film_force": ".film",
     "load_rig": ".rigs",
     "modes": ".rotor.modes",
     "power_map": ".response",
@@ -47,7 +51,7 @@ _HOMES = {
 
 
 def __getattr__(name: str) -> Any:
-    """Import the rotor only when it is asked for."""
+    """Import film and rotor, and with them the compiler, only when they are asked for."""
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from importlib import import_module

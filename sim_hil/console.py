@@ -10,23 +10,24 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 import select
 import socket
 from collections.abc import Callable
 from itertools import islice
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import msgspec
-import numpy as np
 
 from firmware_py import launch
 from firmware_py.errors import OrbitdError
+from firmware_py.options import finite
 from firmware_py.wire.room_socket import listen, own
-from sim_hil.duty import Duty
-from sim_hil.faults import MACHINE_FAULTS, SENSOR_FAULTS
-from sim_hil.rig import Rig
+
+if TYPE_CHECKING:
+    from sim_hil.rig import Rig
 
 SOCKET_NAME: Final = "rig.sock"
 MAX_PACKET: Final = 65_536
@@ -143,6 +144,10 @@ class Console:
         return {}
 
     def _duty(self, request: dict[str, Any]) -> Reply:
+        import numpy as np
+
+        from sim_hil.duty import Duty
+
         if request["name"] == "published":
             duty = Duty.published()
         elif request["name"] == "random":
@@ -166,7 +171,7 @@ class Console:
     def _status(self, request: dict[str, Any]) -> Reply:
         rig = self._rig
         return {
-            "time_s": rig.time_s, "speed_rpm": rig.drive.speed_rad_s * 30 / np.pi, "load_N": rig.drive.load_N,
+            "time_s": rig.time_s, "speed_rpm": rig.drive.speed_rad_s * 30 / math.pi, "load_N": rig.drive.load_N,
             "coasting": rig.drive.coasting, "coast_reason": rig.drive.reason, "faults": rig.machine.faults,
             "lag_ms_max": rig.lag_ms_max, "periods_left_out": rig.periods_left_out,
             "session": rig.node.session, "refused": rig.node.refused,
@@ -203,8 +208,14 @@ def ask(runtime: Path, request: dict[str, Any]) -> Reply:
     return reply
 
 
+VERBS: Final = ("clear", "start", "status", "truth", "duty", "operating")
+"""What `orbitd inject` takes beside a fault."""
+
+
 def main(argv: list[str]) -> int:
-    """``orbitd inject FAULT``: the rig in software only."""
+    """``orbitd inject FAULT SEVERITY``: the rig in software only."""
+    from sim_hil.faults import MACHINE_FAULTS, SENSOR_FAULTS
+
     faults = ", ".join([*MACHINE_FAULTS, *(f"sensor_{kind}:CHANNEL" for kind in SENSOR_FAULTS)])
     parser = argparse.ArgumentParser(
         prog="orbitd inject",
@@ -213,19 +224,24 @@ def main(argv: list[str]) -> int:
         "(100 is tight), 0 to 1 for the rest.",
     )
     parser.add_argument("what", metavar="FAULT", help="a fault, clear, operating, duty, start, status or truth")
-    parser.add_argument("--severity", type=float, help="how much; see below")
-    parser.add_argument("--speed-rpm", type=float, help="with operating")
-    parser.add_argument("--load-N", type=float, dest="load_N", help="with operating: static bearing load")
-    parser.add_argument("--ramp-s", type=float, default=0.0, help="with operating: how long the change takes")
+    parser.add_argument("value", type=finite, nargs="?", metavar="SEVERITY", help="how much; see below")
+    parser.add_argument("--severity", type=finite, metavar="SEVERITY", help="the same by name")
+    parser.add_argument("--speed-rpm", type=finite, help="with operating")
+    parser.add_argument("--load-N", type=finite, dest="load_N", help="with operating: static bearing load")
+    parser.add_argument("--ramp-s", type=finite, default=0.0, help="with operating: how long the change takes")
     parser.add_argument("--json", action="store_true", help="the answer as JSON")
     launch.add_options(parser)
     options = parser.parse_args(argv)
-    reply = ask(launch.place(options).runtime, _request(parser, options))
+    request = _request(parser, options)
+    reply = ask(launch.place(options).runtime, request)
     print(json.dumps(reply) if options.json else _words(options.what, reply))
     return 0
 
 
 def _request(parser: argparse.ArgumentParser, options: argparse.Namespace) -> dict[str, Any]:
+    given = [value for value in (options.value, options.severity) if value is not None]
+    if options.what in VERBS and given:
+        parser.error(f"{options.what} takes no severity")
     if options.what in ("clear", "start", "status", "truth"):
         return {"verb": options.what}
     if options.what == "duty":
@@ -235,9 +251,9 @@ def _request(parser: argparse.ArgumentParser, options: argparse.Namespace) -> di
             parser.error("operating needs --speed-rpm and --load-N")
         return {"verb": "operating", "speed_rpm": options.speed_rpm, "load_N": options.load_N,
                 "ramp_s": options.ramp_s}
-    if options.severity is None:
-        parser.error(f"{options.what} needs --severity")
-    return {"verb": "inject", "fault": options.what, "severity": options.severity}
+    if len(given) != 1:
+        parser.error(f"{options.what} needs one severity: orbitd inject {options.what} SEVERITY")
+    return {"verb": "inject", "fault": options.what, "severity": given[0]}
 
 
 def _words(what: str, reply: Reply) -> str:

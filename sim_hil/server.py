@@ -9,19 +9,21 @@ import argparse
 import math
 import signal
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from firmware_py import launch
 from firmware_py.clock import Clock, MonotonicClock
 from firmware_py.config import Config
 from firmware_py.launch import Launch
+from firmware_py.options import seed
 from firmware_py.wire.link import Link, codec_for, open_link
-from sim_hil.build import Build
 from sim_hil.console import SOCKET_NAME, Console
-from sim_hil.domain import describe
 from sim_hil.drive import HEARTBEAT_LIMIT_DEFAULT_S, HEARTBEAT_LIMIT_S
-from sim_hil.duty import Duty
-from sim_hil.rig import Rig, node_limits
 from sim_hil.rigs import RIGS, load_rig
+
+if TYPE_CHECKING:
+    from sim_hil.duty import Duty
+    from sim_hil.rig import Rig
 
 PERIOD_NS = 1_000_000
 WARM_UP_STEPS = 1200
@@ -33,6 +35,9 @@ def make_rig(
     heartbeat_limit_s: float = HEARTBEAT_LIMIT_DEFAULT_S,
 ) -> Rig:
     """The rig ``name`` on the wire of ``config``; its build is drawn from ``seed`` unless ``nominal``."""
+    from sim_hil.build import Build
+    from sim_hil.rig import Rig, node_limits
+
     data = load_rig(name)
     build = Build.nominal(data) if nominal else Build.of_seed(data, seed)
     return Rig(
@@ -69,7 +74,7 @@ def main(argv: list[str]) -> int:
     )
     launch.add_options(parser)
     parser.add_argument("--rig", choices=RIGS, help="which rig (default: the configuration's)")
-    parser.add_argument("--seed", type=int, default=1, help="draws build, noise and clock (default 1)")
+    parser.add_argument("--seed", type=seed, default=1, help="draws build, noise and clock (default 1)")
     parser.add_argument("--nominal", action="store_true", help="the build as drawn, without spread")
     parser.add_argument("--duty", choices=("hold", "published"), default="hold", help="what the drive follows")
     parser.add_argument(
@@ -81,6 +86,9 @@ def main(argv: list[str]) -> int:
         help="the drive coasts down after so long without the device's heartbeat (0.5 to 5, default 3)",
     )
     options = parser.parse_args(argv)
+    from sim_hil.domain import describe  # brings the compiler: only when the rig runs
+    from sim_hil.duty import Duty
+
     started = launch.from_options(options)
     name = options.rig or started.config.device.rig
     duty = Duty.published() if options.duty == "published" else None

@@ -9,6 +9,7 @@ import msgspec
 from firmware_py import launch
 from firmware_py.gate import keys
 from firmware_py.gate.client import Client
+from firmware_py.options import finite
 from firmware_py.records import CommandReply, Mode, PlannedRamp
 
 
@@ -40,7 +41,7 @@ def set_target(argv: list[str]) -> int:
     """``orbitd set clearance UM`` and ``orbitd set pressure BAR``."""
     parser = _parser("set", "set a target by hand; needs mode manual")
     parser.add_argument("what", choices=["clearance", "pressure"])
-    parser.add_argument("value", type=float, help="radial clearance in um, or supply pressure in bar")
+    parser.add_argument("value", type=finite, help="radial clearance in um, or supply pressure in bar")
     options = parser.parse_args(argv)
     return _ask(options, f"set_{options.what}", options.value)
 
@@ -48,10 +49,10 @@ def set_target(argv: list[str]) -> int:
 def announce(argv: list[str]) -> int:
     """``orbitd announce --in S --for S --speed RPM --load N``."""
     parser = _parser("announce", "tell a ramp that is faster than the declared unannounced ones; refused, it must wait")
-    parser.add_argument("--in", dest="start_s", type=float, required=True, metavar="S", help="it starts in S seconds")
-    parser.add_argument("--for", dest="lasts_s", type=float, required=True, metavar="S", help="and takes S seconds")
-    parser.add_argument("--speed", type=float, required=True, metavar="RPM", help="speed at its end")
-    parser.add_argument("--load", type=float, required=True, metavar="N", help="static load at its end")
+    parser.add_argument("--in", dest="start_s", type=finite, required=True, metavar="S", help="it starts in S seconds")
+    parser.add_argument("--for", dest="lasts_s", type=finite, required=True, metavar="S", help="and takes S seconds")
+    parser.add_argument("--speed", type=finite, required=True, metavar="RPM", help="speed at its end")
+    parser.add_argument("--load", type=finite, required=True, metavar="N", help="static load at its end")
     options = parser.parse_args(argv)
     end_s = options.start_s + options.lasts_s
     return _ask(options, "announce", PlannedRamp(options.start_s, end_s, options.speed, options.load))

@@ -6,6 +6,7 @@ import argparse
 import math
 
 from firmware_py import launch
+from firmware_py.options import finite
 from firmware_py.wire.monitor import dump, monitor
 
 
@@ -13,7 +14,7 @@ def main(argv: list[str]) -> int:
     """Watch counts, rates, losses and newest values; or every frame with ``--dump``."""
     parser = argparse.ArgumentParser(prog="orbitd bus", description=__doc__)
     launch.add_options(parser)
-    parser.add_argument("--seconds", type=float, default=math.inf, help="end after this long (default: Ctrl-C)")
+    parser.add_argument("--seconds", type=finite, default=math.inf, help="end after this long (default: Ctrl-C)")
     parser.add_argument("--dump", action="store_true", help="one line for every frame instead of the table")
     parser.add_argument("--json", action="store_true", help="JSON for programs")
     options = parser.parse_args(argv)

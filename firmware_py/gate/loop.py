@@ -27,6 +27,7 @@ from firmware_py.gate.recorder import Recorder
 from firmware_py.gate.station import GroundStation
 from firmware_py.gate.telemetry import Telemetry
 from firmware_py.launch import Launch
+from firmware_py.options import port
 from firmware_py.wire.rooms import RoomClient, RoomServer
 
 PERIOD_NS: Final = 10_000_000
@@ -42,7 +43,7 @@ def main(argv: list[str]) -> int:
     launch.add_options(parser)
     parser.add_argument("--record", type=Path, metavar="DIR", help="folder of the recordings (default: "
                         "recorder.directory, else the service's state folder, else ~/.local/state/orbitd)")
-    parser.add_argument("--ground-station", type=int, default=0, metavar="PORT",
+    parser.add_argument("--ground-station", type=port, default=0, metavar="PORT",
                         help="speak MAVLink to the ground station on this UDP port of the loopback, e.g. 14550")
     launch.add_peers(parser, "brain")
     options = parser.parse_args(argv)

@@ -9,11 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
+from firmware_py.options import seed
+
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="orbitd reproduce", description=__doc__)
     parser.add_argument("--quick", action="store_true", help="every step, too short to mean anything: under a minute")
-    parser.add_argument("--seed", type=int, default=0, help="every random number follows from it")
+    parser.add_argument("--seed", type=seed, default=0, help="every random number follows from it")
     parser.add_argument("--out", type=Path, default=Path("runs/reproduce"), help="folder for the report")
     return parser
 

@@ -3,34 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import json
-import math
-import shutil
-import time
+import os
 from pathlib import Path
-from typing import Any
-
-from rich.console import Console
 
 from firmware_py.errors import OrbitdError
-from sim_hil.demo import latency, live_run, simulated
-from sim_hil.demo.counterfactual import rerun_fixed
-from sim_hil.demo.host import HostProbe, HostTiming
-from sim_hil.demo.live import Quiet, Screen
-from sim_hil.demo.observer import Observer
-from sim_hil.demo.recording import recorded
-from sim_hil.demo.report import BusCount, LoopTiming, Outcome, as_dict, summary
-from sim_hil.demo.scores import KillScore, score_faults, score_film, score_forecasts, score_kill
-from sim_hil.demo.setting import Setting, prepare
-from sim_hil.demo.story import FAULT_VERDICTS, SHORTEST_S, Story, draw
+from firmware_py.options import finite, seed
+from sim_hil.demo.story import FAULT_VERDICTS, LONGEST_S, SHORTEST_S
 from sim_hil.rigs import RIGS
-
-SETTLED_S = 1.0
-"""Film is judged from here on: before it the rig runs up."""
-
-LATENCY_FROM_S = 60.0
-LATENCY_TRIALS = 20
-"""Reaction trials after a story of at least this length."""
 
 
 class DemoError(OrbitdError):
@@ -42,21 +21,30 @@ class DemoError(OrbitdError):
 def main(argv: list[str]) -> int:
     """Play one demo; exit code 0 when every term of ``ok`` holds, 1 when not."""
     options = _parser().parse_args(argv)
-    began_s = time.monotonic()
+    _check(options)
+    from sim_hil.demo.play import play  # brings the simulator: only when a demo is played
+
+    return play(options)
+
+
+def _check(options: argparse.Namespace) -> None:
+    """Refuse before anything is played.
+
+    Raises
+    ------
+    DemoError
+        Length, combination or file.
+    """
     if options.seconds < SHORTEST_S:
         raise DemoError(f"--seconds {options.seconds:g}: shorter than {SHORTEST_S:g} s, the shortest story; raise it")
+    if options.seconds > LONGEST_S:
+        raise DemoError(f"--seconds {options.seconds:g}: longer than {LONGEST_S:g} s, the longest story; lower it")
     if options.clock == "sim" and options.link == "serial":
         raise DemoError("--link serial needs --clock real: a port has no simulated clock")
-    setting = prepare(options.rig, options.seed).on(link=options.link, **_port(options.link))
-    story = draw(options.seconds, options.seed, setting.config.operating, options.fault)
-    console = Console(stderr=options.json)
-    observer = Observer(simulated.START_NS)
-    screen = Quiet() if options.json else Screen(story, observer, console)
-    play = _play_simulated if options.clock == "sim" else _play_live
-    outcome = play(setting, story, observer, screen, options, began_s)
-    result = as_dict(outcome)
-    print(json.dumps(result) if options.json else "\n".join(["", *summary(result)]))
-    return 0 if result["ok"] else 1
+    if options.record is not None:
+        where = options.record if options.record.exists() else options.record.parent
+        if options.record.is_dir() or not os.access(where, os.W_OK):
+            raise DemoError(f"--record {options.record}: cannot be written there; give a file in a folder of your own")
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -68,8 +56,8 @@ def _parser() -> argparse.ArgumentParser:
         "severities, times and the build of the rig are drawn from --seed and unknown to the device. Exit code 0: "
         "every term of `ok` held; 1: the summary names those that did not.",
     )
-    parser.add_argument("--seconds", type=float, default=120.0, help=f"length (120; at least {SHORTEST_S:g})")
-    parser.add_argument("--seed", type=int, default=1, help="draws story, build and noise (1)")
+    parser.add_argument("--seconds", type=finite, default=120.0, help=f"length (120; at least {SHORTEST_S:g})")
+    parser.add_argument("--seed", type=seed, default=1, help="draws story, build and noise (1)")
     parser.add_argument("--rig", choices=RIGS, default="bench", help="which rig (bench)")
     parser.add_argument("--fault", choices=sorted(FAULT_VERDICTS), help="the second fault (default: a drawn bolt)")
     parser.add_argument("--link", choices=("can", "serial"), default="can", help="CAN FD or MAVLink serial (can)")
@@ -78,67 +66,3 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--record", type=Path, metavar="FILE", help="keep the flight recording (MCAP) as FILE")
     parser.add_argument("--json", action="store_true", help="only the result, as JSON")
     return parser
-
-
-def _port(link: str) -> dict[str, Any]:
-    """A serial setting needs a port's name; the cable's own replaces it when it is laid."""
-    return {"serial_port": "cable"} if link == "serial" else {}
-
-
-def _play_simulated(setting: Setting, story: Story, observer: Observer, screen: Quiet, options: argparse.Namespace,
-                    began_s: float) -> Outcome:
-    with recorded(options.record, setting.config) as listeners:
-        run = simulated.Player(setting, story, screen, observer, listeners).play()
-    counters = run.counters
-    bus = BusCount("simulated", run.frames_expected, counters["frames_in"], counters["frames_lost"],
-                   counters["blocks_lost"])
-    loop = LoopTiming(1000.0, 0.0, {"p50": 0.0, "p99": 0.0})
-    no_latency: dict[str, Any] = {"exceedance_to_safe": None, "echo": None}
-    return _outcome(setting, story, observer, bus, HostTiming(0, 0.0), 0.0, loop, no_latency, run.brain_back_s)
-
-
-def _play_live(setting: Setting, story: Story, observer: Observer, screen: Quiet, options: argparse.Namespace,
-               began_s: float) -> Outcome:
-    with live_run.open_stage(setting, story.seed) as stage:
-        screen.say("starting rig, guard, brain and gate")
-        host = HostProbe()
-        run = live_run.play(stage, story, screen, observer, began_s)
-        timing = host.stop()
-        screen.say(f"first samples through the device {run.first_command_s:.1f} s after the start")
-        stage.stop()
-        if options.record:
-            shutil.copyfile(run.recording, options.record)
-    if story.seconds >= LATENCY_FROM_S:
-        screen.say(f"measuring the guard's reaction to danger: {LATENCY_TRIALS} trials")
-        reaction = latency.measure(setting, LATENCY_TRIALS)
-    else:
-        reaction = {"exceedance_to_safe": None, "echo": None}
-    counters = run.counters
-    bus = BusCount(
-        f"{setting.config.bus.link} {setting.config.bus.interface}" if options.link == "can" else "serial pty",
-        counters["frames_in"] + counters["frames_lost"], counters["frames_in"], counters["frames_lost"],
-        counters["blocks_lost"],
-    )  # fmt: skip
-    cycles = max(1, counters["cycles"])
-    loop = LoopTiming(1000.0, round(counters["cycles_late"] / cycles, 5), {
-        "p50": counters["lateness_p50_us"] * 1e-3, "p99": counters["lateness_p99_us"] * 1e-3,
-    })  # fmt: skip
-    return _outcome(setting, story, observer, bus, timing, run.lag_ms_max, loop, reaction, run.brain_back_s)
-
-
-def _outcome(setting: Setting, story: Story, observer: Observer, bus: BusCount, host: HostTiming, lag_ms: float,
-             loop: LoopTiming, reaction: dict[str, Any], brain_back_s: float | None) -> Outcome:
-    """Score what was observed."""
-    duty_act = next(act for act in story.acts if act.name == "duty")
-    duty_truth = [truth for truth in observer.truth if duty_act.start_s <= truth.t_s < duty_act.end_s]
-    killed = any(beat.verb == "kill_brain" for _, beat in observer.beats)
-    config = setting.config
-    slowest_rad_s = 0.98 * config.operating.speed_min_rpm * math.pi / 30
-    safe_um = config.actuator.safe_radial_clearance_um
-    kills: list[KillScore] = [score_kill(observer, safe_um, brain_back_s)] if killed else []
-    return Outcome(
-        story, observer, duty_truth, bus, host, lag_ms, loop, reaction, score_faults(observer),
-        score_forecasts(observer), score_film(observer, config.limits.min_film_um, SETTLED_S, slowest_rad_s), kills,
-        rerun_fixed(duty_truth, setting, story.seed),
-    )  # fmt: skip
-

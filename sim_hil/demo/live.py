@@ -71,7 +71,8 @@ class Screen(Quiet):
             self._live.update(self._render(t_s), refresh=True)
 
     def _render(self, t_s: float) -> Panel:
-        bar = ProgressBar(total=self._story.seconds, completed=t_s, width=60)
+        bar = Table.grid()  # a bar alone does not end its line
+        bar.add_row(ProgressBar(total=self._story.seconds, completed=t_s, width=min(60, self._console.width - 6)))
         body = Group(bar, _table(self._observer), *self._lines)
         return Panel(body, title=f"orbitd demo, seed {self._story.seed}, {t_s:.0f} of {self._story.seconds:.0f} s")
 

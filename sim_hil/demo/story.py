@@ -16,6 +16,9 @@ from firmware_py.config import Operating
 SHORTEST_S = 20.0
 """Shortest story that still arms, moves the clearance and names one fault."""
 
+LONGEST_S = 86_400.0
+"""Longest story: a day."""
+
 FAULT_VERDICTS = {
     "unbalance": "unbalance",
     "pedestal_bolt": "pedestal_bolt_loose",

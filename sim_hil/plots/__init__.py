@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from firmware_py.errors import OrbitdError
+from firmware_py.options import finite
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -35,6 +37,8 @@ def main(argv: list[str]) -> int:
     output: Path = options.output
     if output.suffix not in SUFFIXES:
         raise PlotError(f"{output}: a figure is written as {' or '.join(SUFFIXES)}; name the file so")
+    if output.is_dir() or not os.access(output if output.exists() else output.parent, os.W_OK):
+        raise PlotError(f"{output}: cannot be written there; name a file in a folder of your own")
     try:
         import matplotlib
     except ModuleNotFoundError as error:
@@ -57,9 +61,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("kind", choices=KINDS)
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="a .png or .svg file")
     parser.add_argument("--rig", default="bench", help="rig: bench (default) or seed")
-    parser.add_argument("--rpm", type=float, default=6000.0, help="speed, rpm (default 6000)")
-    parser.add_argument("--load", type=float, default=100.0, metavar="N", help="static bearing load, N (default 100)")
-    parser.add_argument("--clearance", type=float, default=60.0, metavar="UM", help="radial clearance, um (default 60)")
+    parser.add_argument("--rpm", type=finite, default=6000.0, help="speed, rpm (default 6000)")
+    parser.add_argument("--load", type=finite, default=100.0, metavar="N", help="static bearing load, N (default 100)")
+    parser.add_argument("--clearance", type=finite, default=60.0, metavar="UM", help="radial, um (default 60)")
     parser.add_argument("--film", choices=["table", "direct", "linear"], default="table", help="film of the runs")
     return parser
 

@@ -1,0 +1,131 @@
+"""Commands without their extra, wrong options, absent files, closed streams: one line, never a traceback."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from firmware_py import cli
+
+ROOT = Path(__file__).resolve().parents[2]
+SIM = ("numba", "scipy", "gymnasium")
+TRAIN = ("torch", "matplotlib", "onnx", "sklearn", "skl2onnx", "tensorboard")
+HEAVY = (*SIM, *TRAIN, "onnxruntime", "zenoh")
+POINTS = sorted(point.name for point in importlib.metadata.entry_points(group=cli.GROUP))
+
+WITHOUT = """
+import sys
+class Absent:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition('.')[0] in {absent!r}:
+            raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
+sys.meta_path.insert(0, Absent())
+from firmware_py.cli import main
+code = main({arguments!r})
+print('loaded:', *[name for name in {heavy!r} if name in sys.modules], file=sys.stderr)
+sys.exit(code)
+"""
+
+
+def run(*arguments: str, absent: tuple[str, ...] = (), **options: object) -> subprocess.CompletedProcess[str]:
+    program = WITHOUT.format(absent=absent, arguments=list(arguments), heavy=HEAVY)
+    return subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=100, cwd=ROOT,
+                          check=False, **options)  # type: ignore[call-overload,no-any-return]
+
+
+def said(done: subprocess.CompletedProcess[str]) -> list[str]:
+    return [line for line in done.stderr.splitlines() if not line.startswith("loaded:")]
+
+
+@pytest.mark.parametrize(("arguments", "extra"), [
+    (("demo", "--clock", "sim"), "sim"), (("hil",), "sim"), (("bench", "sim"), "sim"), (("verify", "--quick"), "sim"),
+    (("bound",), "sim"), (("plot", "map", "-o", "x.png"), ""), (("train", "surrogate", "--smoke"), "train"),
+    (("evaluate", "classifier"), "train"), (("reproduce", "--quick"), "train")])
+def test_a_command_without_its_extra_names_it_in_one_line(arguments, extra, tmp_path) -> None:
+    done = run(*arguments, absent=(*SIM, *TRAIN))
+    assert done.returncode == 2, done.stderr
+    assert len(said(done)) == 1, done.stderr
+    assert f"orbitd[{extra}" in said(done)[0]
+
+
+@pytest.mark.parametrize("name", POINTS)
+def test_help_needs_no_extra_and_imports_nothing_heavy(name: str) -> None:
+    done = run(name, "--help", absent=(*SIM, *TRAIN))
+    assert done.returncode == 0, done.stderr
+    assert f"usage: orbitd {name}" in done.stdout
+    assert set(done.stderr.splitlines()[-1].removeprefix("loaded:").split()) <= {"onnxruntime", "zenoh"}
+    if name in ("demo", "hil", "inject"):
+        assert done.stderr.splitlines()[-1] == "loaded:"
+
+
+def test_inject_needs_no_compiler() -> None:
+    done = run("inject", "unbalance", "40", "--runtime-dir", "/tmp/no-rig-here", absent=(*SIM, *TRAIN))
+    assert done.returncode == 3, done.stderr
+    assert len(said(done)) == 1
+
+
+@pytest.mark.parametrize("arguments", [
+    ("demo", "--seconds", "nan"), ("demo", "--seconds", "inf"), ("demo", "--seconds", "1e12"),
+    ("demo", "--seed", "-1"), ("demo", "--record", "/proc/x/y.mcap"), ("demo", "--record", "/"),
+    ("hil", "--seed", "-1"), ("hil", "--seed", "1.5"),
+    ("inject", "unbalance"), ("inject", "unbalance", "nan"), ("inject", "clear", "4"), ("inject", "operating"),
+    ("inject", "unbalance", "4", "--severity", "5"), ("set", "clearance", "nan"), ("set", "clearance", "inf"),
+    ("announce", "--in", "nan", "--for", "1", "--speed", "1", "--load", "1"), ("bus", "--seconds", "soon"),
+    ("gate", "--ground-station", "99999"), ("evaluate", "classifier", "--size", "0"),
+    ("train", "actor", "--seed", "-3"),
+    ("plot", "map", "-o", "/proc/x/y.png"), ("plot", "map", "-o", "x.txt"), ("check", "/none.toml"), ("check", "/"),
+    ("replay", "/none.mcap"), ("replay", "/"), ("replay", "/dev/null"), ("bound", "--duty", "/none.json"),
+    ("train", "surrogate", "--config", "/none.toml"), ("status", "--config", "/none.toml"),
+    ("reproduce", "--seed", "x"), ("inject", "status", "--config", "/"), ("mode", "sideways"), ("bench", "sin")])
+def test_wrong_input_is_exit_code_2_and_no_traceback(arguments: tuple[str, ...]) -> None:
+    done = run(*arguments)
+    assert done.returncode == 2, done.stderr
+    assert "Traceback" not in done.stderr
+    assert said(done)[-1].startswith("orbitd")
+
+
+@pytest.mark.parametrize("name", ["status", "inject", "guard", "bus", "gate"])
+def test_a_runtime_folder_that_cannot_be_made_is_one_line(name: str) -> None:
+    what = ("status",) if name == "inject" else ()
+    done = run(name, *what, "--runtime-dir", "/proc/x/y")
+    assert done.returncode in (1, 2, 3)
+    assert len(said(done)) == 1, done.stderr
+    assert "/proc/x" in said(done)[0]
+
+
+@pytest.mark.parametrize("redirect", [">&-", "2>&-", ">&- 2>&-", "<&- >&-", "| true", "> /dev/full"])
+@pytest.mark.parametrize("arguments", ["--help", "demo --help", "check firmware_py/configs/bench.toml"])
+def test_output_that_goes_nowhere_is_no_traceback(arguments: str, redirect: str, tmp_path: Path) -> None:
+    errors = tmp_path / "errors"
+    command = f"{{ {sys.executable} -m firmware_py {arguments} {redirect}; }} 2>{errors}"
+    subprocess.run(command, shell=True, cwd=ROOT, timeout=100, check=False)
+    text = errors.read_text()
+    assert "Traceback" not in text
+    assert "Exception ignored" not in text
+    if "/dev/full" in redirect and arguments != "demo --help":  # argparse passes over it by itself
+        assert "No space left" in text
+
+
+def test_a_terminal_that_knows_only_ascii_is_no_traceback() -> None:
+    environment = {**os.environ, "PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0", "LC_ALL": "C"}
+    done = run("check", "firmware_py/configs/bench.toml", env=environment)
+    assert done.returncode == 0, done.stderr
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("arguments", [("demo", "--clock", "sim", "--json"), ("verify",), ("bus", "--instance", "a")])
+def test_ctrl_c_is_exit_code_130_and_no_traceback(arguments: tuple[str, ...], tmp_path: Path) -> None:
+    process = subprocess.Popen([sys.executable, "-m", "firmware_py", *arguments], cwd=ROOT, stderr=subprocess.PIPE,
+                               stdout=subprocess.DEVNULL, text=True)
+    time.sleep(6.0)
+    process.send_signal(signal.SIGINT)
+    errors = process.communicate(timeout=60)[1]
+    assert "Traceback" not in errors
+    assert process.returncode in (130, 0), errors
