@@ -1,4 +1,4 @@
-"""Channel OK (API 670): is a sensor's signal one that a working sensor could give?
+"""Channel OK (vocabulary of API 670, 5th ed.): is a sensor's signal one that a working sensor could give?
 
 A channel is not OK while more than a quarter of a block lies outside its OK range (a broken cable sits at
 the rail; a clipped *peak* is vibration and must not defeat its own trip), or while it has not moved by

@@ -236,7 +236,7 @@ class Actuator(Section, frozen=True):
 
 
 class Limits(Section, frozen=True):
-    """API 670 set points; peak-to-peak over at least one full turn."""
+    """Alert and danger set points (vocabulary of API 670, 5th ed.); peak-to-peak over at least one full turn."""
 
     min_film_um: Annotated[float, Meta(ge=0.5, le=100.0)]
     """Below 0.5 um the roughness of the best journals touches."""

@@ -1,4 +1,4 @@
-"""One alarm: a limit with delay, hysteresis and, for danger, a latch (API 670).
+"""One alarm: a limit with delay, hysteresis and, for danger, a latch (vocabulary of API 670, 5th ed.).
 
 The delay counts only time that was judged: while the quality is bad (a gap, a channel that is not OK, part of a
 turn below the limit) its timer holds.  A bad signal neither brings an alarm nearer nor takes it away.

@@ -14,7 +14,7 @@ from firmware_py.records import N_CHANNELS, Block, Quality
 DISPLACEMENTS: Final = (0, 1)
 ACCELERATIONS: Final = (2, 3, 4)
 WINDOW_S: Final = 0.1
-"""The window is one full turn, and at least this long (API 670 rms time constant is of this order)."""
+"""The window is one full turn, and at least this long (API 670, 5th ed.: the rms time constant is of this order)."""
 
 
 class BlockSums(msgspec.Struct, array_like=True, gc=False):

@@ -1,4 +1,6 @@
-"""Machinery protection after API 670: displacement and acceleration, alert and danger, channel OK.
+"""Alarms and trips after the vocabulary of API 670 (5th edition; no conformity is claimed).
+
+Displacement and acceleration, alert and danger, channel OK.
 
 Danger with its delay latches and trips; alert does not latch.  A channel that is not OK raises an alarm
 and defeats its own trip.  The displacement set points are capped by a share of the *smaller* of reported

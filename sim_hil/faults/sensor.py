@@ -83,7 +83,7 @@ def hum(signal: Floats, severity: float, at: Samples) -> Floats:
 def runout(signal: Floats, severity: float, at: Samples) -> Floats:
     """A dent under the probe: once a turn ``0.1 severity`` of the full range deep, 10 degrees wide (1/e).
 
-    Proximity probes only.  It stands at every speed, also in a slow roll, with many orders of the speed (API 670).
+    Proximity probes only.  It stands at every speed, also in a slow roll, with many orders of the speed.
     """
     turned = np.remainder(at.angle_rad + math.pi, 2 * math.pi) - math.pi
     return signal + 0.1 * severity * at.full * np.exp(-((turned / DENT_RAD) ** 2))
