@@ -57,9 +57,11 @@ def _alarm(alarm: Alarm, now_ns: int) -> str:
 def _guard_lines(guard: GuardState) -> list[str]:
     standing = f"{ArmState(guard.arm_state).name.lower()}, mode {Mode(guard.mode).name.lower()}"
     authority = "model acts" if guard.authority else f"model does not act: {'; '.join(guard.authority_reasons)}"
+    permit = "granted" if guard.run_permit else f"withheld: {'; '.join(guard.permit_reasons)}"
     x_um, y_um = guard.peak_to_peak_um
     return [
         f"guard       {standing}; {authority}",
+        f"run permit  {permit}",
         f"rotor       {guard.speed_rad_s * RAD_S_TO_RPM:.0f} rpm, orbit {x_um:.1f} x {y_um:.1f} um peak to peak",
         f"clearance   {guard.clearance_actual_um:.1f} um, target {guard.target_clearance_um:.1f} um, "
         f"admissible {guard.clearance_low_um:.1f} .. {guard.clearance_high_um:.1f} um (radial)",

@@ -6,7 +6,6 @@ import argparse
 import contextlib
 import gc
 import os
-import secrets
 import signal
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -153,7 +152,8 @@ def build(config: Config, runtime: Path, state: Path, peers: Mapping[str, int | 
     server = RoomServer(runtime / "guard.sock", peers, ROOM_LIMITS)  # first: from here on this one is the guard
     memory = Memory(state, prepare=_first_in_line)
     complain(memory)
-    core = GuardCore(config, codec_for(config), secrets.randbits(32) | 1, memory.latched, memory.start, memory.timers)
+    session = int.from_bytes(os.urandom(4), "little") | 1
+    core = GuardCore(config, codec_for(config), session, memory.latched, memory.start, memory.timers)
     return Guard(core, open_link(config, "device"), server, memory)
 
 

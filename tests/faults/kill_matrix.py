@@ -35,7 +35,17 @@ from firmware_py.gate import keys
 from firmware_py.gate.client import Client, NoAnswerError
 from firmware_py.gate.session import SessionError
 from firmware_py.recording import TOPICS, Recording, RecordingError
-from firmware_py.records import ArmState, Command, DeviceHeartbeat, Event, GuardState, NodeMode, NodeState, SampleFrame
+from firmware_py.records import (
+    ArmState,
+    Command,
+    DeviceHeartbeat,
+    Event,
+    GuardState,
+    Mode,
+    NodeMode,
+    NodeState,
+    SampleFrame,
+)
 from firmware_py.supervise import die_with_parent
 from firmware_py.wire.fields import SampleFlag
 from firmware_py.wire.link import codec_for, open_link
@@ -44,6 +54,10 @@ from sim_hil.demo.setting import Setting, prepare, write_config
 
 VICTIMS: Final = ("guard", "brain", "gate", "rig")
 SIGNALS: Final = ("KILL", "STOP")
+MODES: Final = {"guard": "manual", "brain": "auto", "gate": "auto", "rig": "manual"}
+"""Where the brain has no part in what is measured, a person sets the target: that is ready sooner."""
+
+AWAY_UM: Final = 65.0
 STOPPED_S: Final = 1.5
 """A stopped process goes on after this time: less than the drive waits for a heartbeat (3 s)."""
 
@@ -228,8 +242,8 @@ class Device:
                 self.client.close()
             self.client = None
 
-    def ready(self) -> None:
-        """Running, armed in auto, authority held, and the node at a target that is not the retreat value.
+    def ready(self, mode: str) -> None:
+        """Running, armed in ``mode`` (auto: authority held), and the node at a target that is not the retreat value.
 
         Raises
         ------
@@ -241,14 +255,14 @@ class Device:
             self.ensure_rig()
             state = self.state()
             if state is not None:
-                missing = self._next_step(state)
+                missing = self._next_step(state, mode)
                 if not missing:
                     return
             time.sleep(0.2)
         logs = "; ".join(f"{path.name}: {path.read_text()[-200:].strip()}" for path in self.folder.glob("log/*.log"))
         raise TrialError(f"not ready within {READY_WITHIN_S:g} s: {missing} ({logs})")
 
-    def _next_step(self, state: GuardState) -> str:
+    def _next_step(self, state: GuardState, mode: str) -> str:
         """Do what a person would do next; what is still missing, empty when nothing is."""
         with contextlib.suppress(ConsoleError, OSError):
             if ask(self.folder, {"verb": "status"})["coasting"] and state.run_permit:
@@ -257,11 +271,14 @@ class Device:
         if state.arm_state == ArmState.TRIPPED and self.client:
             self.client.ask("reset")
             return "tripped"
-        if state.arm_state not in (ArmState.ARMED, ArmState.RECOVERY) and self.client:
-            self.client.ask("mode", "auto")
+        if (state.arm_state not in (ArmState.ARMED, ArmState.RECOVERY) or mode != Mode(state.mode).name.lower()) \
+                and self.client:
+            self.client.ask("mode", mode)
             reply = self.client.ask("arm")
+            if mode == "manual":
+                self.client.ask("set_clearance", AWAY_UM)
             return f"armed: {'; '.join(reply.reasons)}"
-        if not state.authority:
+        if mode == "auto" and not state.authority:
             return f"authority ({ArmState(state.arm_state).name}): {'; '.join(state.authority_reasons)}"
         if not state.run_permit:
             return f"run permit: {'; '.join(state.permit_reasons)}"
@@ -291,7 +308,7 @@ class Device:
 
 def trial(device: Device, victim: str, kind: str, stalls: Stalls) -> Trial:
     """Send the signal, watch, and judge."""
-    device.ready()
+    device.ready(MODES[victim])
     pid = device.pid(victim)
     subscriber = device.client.subscribe("event/**") if device.client else None
     device.ear.forget()
@@ -489,7 +506,7 @@ def _batch(victim: str, kind: str, count: int, stalls: Stalls, out: Path, seed: 
                 results.flush()
                 verdict = "ok" if found.ok else f"NOT within its bar {found.note}"
                 print(f"{victim} {kind}: {_shown(found.reaction_ms)} ms, {verdict}", flush=True)
-            device.ready()
+            device.ready(MODES[victim])
         finally:
             device.stop()
         lost = lost_events(Path(name) / "recording")
