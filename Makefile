@@ -34,7 +34,7 @@ test-slow: $(VENV)/.dev   ## the heavier suites (about 10 minutes)
 test-kill: $(VENV)/.dev   ## kills and stops every process 30 times each (about 90 minutes on an idle machine, resumable: kills.jsonl)
 	@$(BIN)/python tests/faults/kill_matrix.py --repeats 30 --out kills.jsonl
 
-fuzz: $(VENV)/.dev   ## random inputs, the long form; goes on where it stood (configurations: 12 minutes)
+fuzz: $(VENV)/.dev   ## random bytes on every input, the long form; goes on where it stood (about 90 minutes in all)
 	@$(BIN)/python -m tests.fuzz
 
 test-systemd: $(VENV)/.dev   ## boots a real systemd, installs, starts and kills the service (root, about 4 minutes)

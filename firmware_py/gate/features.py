@@ -17,6 +17,9 @@ from firmware_py.config import Config
 from firmware_py.records import CHANNELS, N_CHANNELS, Block
 
 PERIOD_NS: Final = 100_000_000
+BLOCKS_MAX: Final = 1000
+"""More than the fastest sampling puts into a tenth of a second: time that stands still gathers no more."""
+
 ORBIT_POINTS: Final = 240
 
 
@@ -68,7 +71,7 @@ class Decimator:
         self._blocks.append(block)
         first = self._blocks[0]
         end_ns = block.t_acq_ns + block.period_ns * (len(block.samples) // (2 * N_CHANNELS))
-        if 0 <= end_ns - first.t_acq_ns < PERIOD_NS:
+        if 0 <= end_ns - first.t_acq_ns < PERIOD_NS and len(self._blocks) < BLOCKS_MAX:
             return None
         blocks, self._blocks = self._blocks, []
         raw = b"".join(b.samples for b in blocks)

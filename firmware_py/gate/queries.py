@@ -32,8 +32,9 @@ DISARMS_PER_STEP: Final = 256
 ANSWERS_PER_STEP: Final = 8
 """Of one kind of question: 800 a second."""
 
-BYTES_PER_STEP: Final = 256 * 1024
-"""Of all questions together: 25 MB/s; one answer of each kind always passes."""
+BYTES_PER_STEP: Final = 20_000
+BYTES_SAVED_MAX: Final = 500_000
+"""Of one kind of question: 2 MB/s, saved up for a burst; the list of a thousand events has some 300 kB."""
 
 MOUTH_WAITING: Final = 512
 COMMAND_ORDER: Final = ("disarm", *(verb for verb in (*VERBS, *BRAIN_VERBS) if verb != "disarm"))
@@ -130,6 +131,7 @@ class Queries:
         self._prefix = prefix
         self._commands: list[tuple[str, Any]] = []
         self._questions: list[tuple[str, Any]] = []
+        self._left = dict.fromkeys(QUESTIONS, BYTES_SAVED_MAX)
         self._counters = counters
         self._mouths = {name: Mouth(name, counters) for name in ("disarm", "commands", "questions")}
 
@@ -157,17 +159,18 @@ class Queries:
 
     def questions(self, encode: Callable[[str, Question], bytes]) -> None:
         """Answer the questions that wait, as far as the budget of a step goes; ``encode`` gives each answer."""
-        left = BYTES_PER_STEP
         mouth = self._mouths["questions"]
+        for name in self._left:
+            self._left[name] = min(BYTES_SAVED_MAX, self._left[name] + BYTES_PER_STEP)
         for name, waiting in self._questions:
             for number, query in enumerate(_drain(waiting, RING)):
                 question = Question(query, parameters(query))
-                if number and (left <= 0 or number >= ANSWERS_PER_STEP):
+                if self._left[name] <= 0 or number >= ANSWERS_PER_STEP:
                     self._counters[f"questions_refused_{name}"] += 1
                     mouth.say(question, None, BUSY.encode())
                     continue
                 data = encode(name, question)
-                left -= len(data)
+                self._left[name] -= len(data)
                 mouth.say(question, f"{self._prefix}/{name}", data)
 
     def answer_command(self, verb: str, question: Question, reply: CommandReply) -> None:

@@ -25,6 +25,12 @@ OPERATOR: Final = "orbitd-operator"
 
 UNIX: Final = "unixsock-stream"
 NETWORK_LINKS: Final = ("tcp", "udp", "tls", "quic", "ws")
+TX_BATCHES: Final = 16
+"""Of 64 kB for each client: room for the longest answer, so that a slow network is no reason to wait."""
+
+TX_WAIT_US: Final = 100_000
+"""Who does not read for so long while that room is full loses his connection; nobody waits longer behind him."""
+
 REOPENINGS_MAX: Final = 100
 """Each costs a session of some threads; a folder that is cleaned so often is the wrong folder."""
 
@@ -58,6 +64,8 @@ def open_device(settings: Zenoh, runtime: Path, prefix: str) -> zenoh.Session:
         "connect/endpoints": settings.connect,
         "connect/timeout_ms": 0,
         "connect/exit_on_failure": False,
+        "transport/link/tx/queue/size/data": TX_BATCHES,
+        "transport/link/tx/queue/congestion_control/block/wait_before_close": TX_WAIT_US,
     }
     if settings.tls_certificate:
         values["transport/link/tls"] = {

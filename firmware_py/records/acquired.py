@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import enum
 
-from firmware_py.records.base import Record
+from firmware_py.records.base import N_CHANNELS, Record
 from firmware_py.records.wire import NodeState, RigStatus
 
 
@@ -38,6 +38,11 @@ class Block(Record, frozen=True, tag=True):
     turn_count: int
     mark_ticks_us: list[int]
     samples: bytes
+
+    def __post_init__(self) -> None:
+        """Refuse what is no whole number of instants; in a decoder this is a ``ValidationError``."""
+        if not self.samples or len(self.samples) % (2 * N_CHANNELS):
+            raise ValueError(f"{len(self.samples)} bytes of samples are no whole instants of {N_CHANNELS} channels")
 
 
 class RigReading(Record, frozen=True, tag=True):

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import enum
+from typing import Annotated
 
 import msgspec
+from msgspec import Meta
 
 from firmware_py.records.base import Record
 
@@ -18,6 +20,10 @@ class Severity(enum.IntEnum):
     FAULT = 3
 
 
+Level = Annotated[int, Meta(ge=0, le=3)]
+"""A :class:`Severity`; another number is refused where the record is decoded."""
+
+
 class Event(Record, frozen=True, tag=True):
     """Something that changed: it stays with the guard until the gate acknowledges ``seq``.
 
@@ -26,7 +32,7 @@ class Event(Record, frozen=True, tag=True):
 
     seq: int
     t_ns: int
-    severity: int
+    severity: Level
     name: str
     text: str
     value: float = 0.0
@@ -38,7 +44,7 @@ class Alarm(Record, frozen=True, tag=True):
     """An alarm that stands now (published as a full cyclic list); ``text`` says more than the name, where it can."""
 
     name: str
-    severity: int
+    severity: Level
     since_ns: int
     value: float
     limit: float
@@ -51,8 +57,8 @@ class GuardState(Record, frozen=True, tag=True):
 
     seq: int
     t_ns: int
-    mode: int
-    arm_state: int
+    mode: Annotated[int, Meta(ge=0, le=2)]
+    arm_state: Annotated[int, Meta(ge=0, le=5)]
     authority: bool
     authority_reasons: list[str]
     speed_rad_s: float

@@ -11,12 +11,18 @@ import json
 import sys
 import tempfile
 import time
+from functools import partial
 from pathlib import Path
 from typing import Final, NamedTuple
 
+from .targets import INPUTS
+
 
 class Target(NamedTuple):
-    """``module:function`` of ``run(seed, n, folder, first) -> Outcome``; cases in all, in one step, and words."""
+    """``module:function`` of ``run(seed, n, folder, first) -> Outcome``; cases in all, in one step, and words.
+
+    Further parts after ``function`` are handed to it first.
+    """
 
     function: str
     cases: int
@@ -27,7 +33,7 @@ class Target(NamedTuple):
 TARGETS: Final = {
     "configurations": Target("configurations:run", 3000, 50, "configurations built in process (3 minutes)"),
     "starts": Target("configurations:run_started", 100, 5, "configurations started as processes (8 minutes)"),
-}
+} | {each.name: Target(f"inputs:run:{each.name}", each.cases, each.cases // 100, each.words) for each in INPUTS}
 
 
 def main() -> int:
@@ -55,8 +61,8 @@ def main() -> int:
             began = time.monotonic()
             with tempfile.TemporaryDirectory(prefix="orbitd-fuzz-") as folder:
                 n = min(target.step, cases - done["next"])
-                module, _, function = target.function.partition(":")
-                run = getattr(importlib.import_module(f".{module}", __package__), function)
+                module, function, *first = target.function.split(":")
+                run = partial(getattr(importlib.import_module(f".{module}", __package__), function), *first)
                 outcome = run(options.seed, n, Path(folder), done["next"])
             done["next"] += n
             done["good"] += outcome.good
