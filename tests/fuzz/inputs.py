@@ -29,7 +29,7 @@ def run(name: str, seed: int, n: int, folder: Path, first: int = 0) -> Outcome:
         wrong = []
         try:
             feed(data)
-        except Exception as error:  # whatever it is, it is what is looked for
+        except Exception as error:  # noqa: BLE001 -- whatever it is, it is what is looked for
             wrong.append(f"{type(error).__name__}: {error}; {data[:80]!r}")
         took_s = time.perf_counter() - start
         if took_s > LIMIT_S:
