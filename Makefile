@@ -5,7 +5,7 @@ BIN    := $(VENV)/bin
 PIP    := PYTHONWARNINGS=ignore $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 DEMO   ?=
 
-.PHONY: help demo test lint types layers test-train test-slow test-kill fuzz test-systemd test-socketcan lock dialect clean
+.PHONY: help demo test lint types layers test-train test-slow test-kill fuzz test-systemd test-socketcan lock dialect clean golden
 
 help:            ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 16
@@ -36,6 +36,9 @@ test-kill: $(VENV)/.dev   ## kills and stops every process 30 times each (about 
 
 fuzz: $(VENV)/.dev   ## random bytes on every input, the long form; goes on where it stood (about 90 minutes in all)
 	@$(BIN)/python -m tests.fuzz
+
+golden: $(VENV)/.dev ## fly and record the golden recordings again: after a meant change of the guard (about 5 minutes)
+	@$(BIN)/python -m tests.golden.make
 
 test-systemd: $(VENV)/.dev   ## boots a real systemd, installs, starts and kills the service (root, about 4 minutes)
 	@deploy/systemd_test/run.sh
