@@ -15,7 +15,7 @@ from firmware_py.brain.store import load_models
 from firmware_py.gate.loop import metadata, read_models
 from firmware_py.gate.recorder import Recorder
 from firmware_py.guard.core import GuardCore
-from firmware_py.recording import Recordable, Recording, decode_exact
+from firmware_py.recording import Recordable, Recording, RecordingError, decode_exact
 from firmware_py.records import (
     Advice,
     Block,
@@ -27,7 +27,7 @@ from firmware_py.records import (
     Snapshot,
     WindowRecord,
 )
-from firmware_py.replay.command import Report, main, replay
+from firmware_py.replay.command import Report, main, replay, words
 from firmware_py.wire.link import codec_for
 from sim_hil.closed_loop import ClosedLoop
 from sim_hil.rig import Rig, node_limits
@@ -113,6 +113,48 @@ def test_an_interrupted_recording_replays_up_to_its_end(flown, tmp_path):
     assert report.interrupted
     assert report.ok, report
     assert 2000 < report.decisions.cycles < 5000
+
+
+def third(data: bytes, share: float) -> int:
+    """A place inside a chunk, at about ``share`` of the file."""
+    return data.index(b"\x04\0\0\0zstd", round(share * len(data))) + 300
+
+
+DAMAGES = {
+    "the last blocks came back as zeros": lambda d: d[: len(d) * 2 // 3] + bytes(65_536),
+    "zeros in the middle": lambda d: d[: len(d) // 2] + bytes(8192) + d[len(d) // 2 + 8192 :],
+    "junk in the middle": lambda d: d[: len(d) // 2] + bytes(range(256)) * 32 + d[len(d) // 2 + 8192 :],
+    "a hole": lambda d: d[: len(d) // 2] + d[len(d) // 2 + 20_000 :],
+    "a flipped bit": lambda d: d[: third(d, 0.4)] + bytes([d[third(d, 0.4)] ^ 4]) + d[third(d, 0.4) + 1 :],
+    "junk appended": lambda d: d + bytes(range(256)) * 32,
+    "two places": lambda d: bytes(64) + d[64 : third(d, 0.3)] + bytes(500) + d[third(d, 0.3) + 500 :],
+}
+
+
+@pytest.mark.parametrize("name", DAMAGES)
+def test_what_is_whole_in_a_damaged_recording_is_replayed_with_a_note(flown, tmp_path, capsys, name):
+    path = record(flown, tmp_path)
+    path.write_bytes(DAMAGES[name](path.read_bytes()))
+    assert main([str(path), "--json"]) == 0
+    report = msgspec.json.decode(capsys.readouterr().out, type=Report)
+    said = words(report)
+    assert any(line.startswith("damage      bytes ") for line in said)
+    assert said[-1].startswith("same decisions")
+    assert report.decisions.cycles > 3000
+    assert report.decisions.different == report.decisions.snapshots_different == 0
+    assert report.skipped_bytes > 0
+    if report.decisions.segments > 1:
+        assert report.decisions.cycles_missing > 0
+
+
+@pytest.mark.parametrize(("kept", "cause"), [
+    (lambda item: not isinstance(item, CycleRecord), "no guard cycle is in it"),
+    (lambda item: not isinstance(item, Snapshot), "follows a snapshot")])
+def test_a_recording_in_which_nothing_can_be_replayed_is_exit_code_2(flown, tmp_path, kept, cause):
+    path = record([(item, t) for item, t in flown[:6000] if kept(item)], tmp_path)
+    with pytest.raises(RecordingError, match=cause) as refused:
+        main([str(path)])
+    assert refused.value.exit_code == 2
 
 
 def changed(told, kind, change, which=1500):
