@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import importlib.metadata
+import json
 import os
 import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
@@ -21,54 +23,71 @@ HEAVY = (*SIM, *TRAIN, "onnxruntime", "zenoh")
 POINTS = sorted(point.name for point in importlib.metadata.entry_points(group=cli.GROUP))
 
 WITHOUT = """
-import sys
+import contextlib, io, json, sys
 class Absent:
     def find_spec(self, name, path=None, target=None):
         if name.partition('.')[0] in {absent!r}:
             raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
 sys.meta_path.insert(0, Absent())
 from firmware_py.cli import main
-code = main({arguments!r})
-print('loaded:', *[name for name in {heavy!r} if name in sys.modules], file=sys.stderr)
-sys.exit(code)
+ended = []
+for arguments in {commands!r}:
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        code = main(arguments)
+    ended.append([code, out.getvalue(), err.getvalue(), [name for name in {heavy!r} if name in sys.modules]])
+print(json.dumps(ended))
 """
 
 
-def run(*arguments: str, absent: tuple[str, ...] = (), **options: object) -> subprocess.CompletedProcess[str]:
-    program = WITHOUT.format(absent=absent, arguments=list(arguments), heavy=HEAVY)
-    return subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=100, cwd=ROOT,
-                          check=False, **options)  # type: ignore[call-overload,no-any-return]
+class Ended(NamedTuple):
+    """How one command ended: its code, what it wrote, and which heavy packages it had loaded."""
+
+    code: int
+    out: str
+    err: str
+    loaded: list[str]
 
 
-def said(done: subprocess.CompletedProcess[str]) -> list[str]:
-    return [line for line in done.stderr.splitlines() if not line.startswith("loaded:")]
-
-
-@pytest.mark.parametrize(("arguments", "extra"), [
-    (("demo", "--clock", "sim"), "sim"), (("hil",), "sim"), (("bench", "sim"), "sim"), (("verify", "--quick"), "sim"),
-    (("bound",), "sim"), (("plot", "map", "-o", "x.png"), ""), (("train", "surrogate", "--smoke"), "train"),
-    (("evaluate", "classifier"), "train"), (("reproduce", "--quick"), "train")])
-def test_a_command_without_its_extra_names_it_in_one_line(arguments, extra, tmp_path) -> None:
-    done = run(*arguments, absent=(*SIM, *TRAIN))
-    assert done.returncode == 2, done.stderr
-    assert len(said(done)) == 1, done.stderr
-    assert f"orbitd[{extra}" in said(done)[0]
-
-
-@pytest.mark.parametrize("name", POINTS)
-def test_help_needs_no_extra_and_imports_nothing_heavy(name: str) -> None:
-    done = run(name, "--help", absent=(*SIM, *TRAIN))
+def without(absent: tuple[str, ...], *commands: tuple[str, ...]) -> list[Ended]:
+    """The commands, one after the other, in a Python that lacks the packages ``absent``."""
+    program = WITHOUT.format(absent=absent, commands=[list(each) for each in commands], heavy=HEAVY)
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=110, cwd=ROOT,
+                          check=False)
     assert done.returncode == 0, done.stderr
-    assert f"usage: orbitd {name}" in done.stdout
-    assert set(done.stderr.splitlines()[-1].removeprefix("loaded:").split()) <= {"onnxruntime", "zenoh"}
-    if name in ("demo", "hil", "inject"):
-        assert done.stderr.splitlines()[-1] == "loaded:"
+    return [Ended(*each) for each in json.loads(done.stdout)]
+
+
+NEEDING = {
+    ("demo", "--clock", "sim"): "sim", ("hil",): "sim", ("bench", "sim"): "sim", ("verify", "--quick"): "sim",
+    ("bound",): "sim", ("plot", "map", "-o", "x.png"): "", ("train", "surrogate", "--smoke"): "train",
+    ("evaluate", "classifier"): "train", ("reproduce", "--quick"): "train"}
+"""Commands that need an extra."""
+
+
+def test_a_command_without_its_extra_names_it_in_one_line() -> None:
+    for (arguments, extra), ended in zip(NEEDING.items(), without((*SIM, *TRAIN), *NEEDING), strict=True):
+        assert ended.code == 2, (arguments, ended)
+        assert ended.err.count("\n") == 1, (arguments, ended)
+        assert f"orbitd[{extra}" in ended.err, (arguments, ended)
+
+
+def test_help_needs_no_extra() -> None:
+    for name, ended in zip(POINTS, without((*SIM, *TRAIN), *((name, "--help") for name in POINTS)), strict=True):
+        assert ended.code == 0, (name, ended)
+        assert f"usage: orbitd {name}" in ended.out
+
+
+def test_help_of_what_simulates_imports_nothing_heavy() -> None:
+    ended = without((), *((name, "--help") for name in ("inject", "demo", "hil")))
+    assert [each.code for each in ended] == [0, 0, 0]
+    assert ended[-1].loaded == []
 
 
 def test_inject_needs_no_compiler() -> None:
-    done = run("inject", "unbalance", "40", "--runtime-dir", "/tmp/no-rig-here", absent=(*SIM, *TRAIN))
-    assert done.returncode == 3, done.stderr
-    assert len(said(done)) == 1
+    ended = without((*SIM, *TRAIN), ("inject", "unbalance", "40", "--runtime-dir", "/tmp/no-rig-here"))[0]
+    assert ended.code == 3
+    assert ended.err.count("\n") == 1
 
 
 @pytest.mark.parametrize("arguments", [
@@ -84,24 +103,24 @@ def test_inject_needs_no_compiler() -> None:
     ("replay", "/none.mcap"), ("replay", "/"), ("replay", "/dev/null"), ("bound", "--duty", "/none.json"),
     ("train", "surrogate", "--config", "/none.toml"), ("status", "--config", "/none.toml"),
     ("reproduce", "--seed", "x"), ("inject", "status", "--config", "/"), ("mode", "sideways"), ("bench", "sin")])
-def test_wrong_input_is_exit_code_2_and_no_traceback(arguments: tuple[str, ...]) -> None:
-    done = run(*arguments)
-    assert done.returncode == 2, done.stderr
-    assert "Traceback" not in done.stderr
-    assert said(done)[-1].startswith("orbitd")
+def test_wrong_input_is_exit_code_2_and_no_traceback(
+    arguments: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main(list(arguments)) == 2
+    assert capsys.readouterr().err.splitlines()[-1].startswith("orbitd")
 
 
 @pytest.mark.parametrize("name", ["status", "inject", "guard", "bus", "gate"])
-def test_a_runtime_folder_that_cannot_be_made_is_one_line(name: str) -> None:
-    what = ("status",) if name == "inject" else ()
-    done = run(name, *what, "--runtime-dir", "/proc/x/y")
-    assert done.returncode in (1, 2, 3)
-    assert len(said(done)) == 1, done.stderr
-    assert "/proc/x" in said(done)[0]
+def test_a_runtime_folder_that_cannot_be_made_is_one_line(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    what = ["status"] if name == "inject" else []
+    assert cli.main([name, *what, "--runtime-dir", "/proc/x/y"]) in (1, 2, 3)
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1, said
+    assert "/proc/x" in said
 
 
 @pytest.mark.parametrize("redirect", [">&-", "2>&-", ">&- 2>&-", "<&- >&-", "| true", "> /dev/full"])
-@pytest.mark.parametrize("arguments", ["--help", "demo --help", "check firmware_py/configs/bench.toml"])
+@pytest.mark.parametrize("arguments", ["--help", "demo --help"])
 def test_output_that_goes_nowhere_is_no_traceback(arguments: str, redirect: str, tmp_path: Path) -> None:
     errors = tmp_path / "errors"
     command = f"{{ {sys.executable} -m firmware_py {arguments} {redirect}; }} 2>{errors}"
@@ -115,12 +134,13 @@ def test_output_that_goes_nowhere_is_no_traceback(arguments: str, redirect: str,
 
 def test_a_terminal_that_knows_only_ascii_is_no_traceback() -> None:
     environment = {**os.environ, "PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0", "LC_ALL": "C"}
-    done = run("check", "firmware_py/configs/bench.toml", env=environment)
+    done = subprocess.run([sys.executable, "-m", "firmware_py", "check", "firmware_py/configs/bench.toml"], cwd=ROOT,
+                          capture_output=True, text=True, timeout=100, env=environment, check=False)
     assert done.returncode == 0, done.stderr
     assert "Traceback" not in done.stderr
 
 
-@pytest.mark.parametrize("arguments", [("demo", "--clock", "sim", "--json"), ("verify",), ("bus", "--instance", "a")])
+@pytest.mark.parametrize("arguments", [("demo", "--clock", "sim", "--json"), ("bus", "--instance", "a")])
 def test_ctrl_c_is_exit_code_130_and_no_traceback(arguments: tuple[str, ...], tmp_path: Path) -> None:
     process = subprocess.Popen([sys.executable, "-m", "firmware_py", *arguments], cwd=ROOT, stderr=subprocess.PIPE,
                                stdout=subprocess.DEVNULL, text=True)
