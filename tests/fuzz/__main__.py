@@ -33,6 +33,7 @@ class Target(NamedTuple):
 TARGETS: Final = {
     "configurations": Target("configurations:run", 3000, 50, "configurations built in process (3 minutes)"),
     "starts": Target("configurations:run_started", 100, 5, "configurations started as processes (8 minutes)"),
+    "recordings": Target("damaged_recordings:run", 20_000, 500, "damaged recordings read (8 minutes)"),
 } | {each.name: Target(f"inputs:run:{each.name}", each.cases, each.cases // 100, each.words) for each in INPUTS}
 
 

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from tests.fuzz import damaged_recordings
 
 
-def test_random_damage_is_survived_and_nothing_false_is_believed() -> None:
-    assert damaged_recordings.run(seed=1, n=150) == []
+def test_random_damage_is_survived_and_nothing_false_is_believed(tmp_path: Path) -> None:
+    outcome = damaged_recordings.run(1, 150, tmp_path)
+    assert outcome.failures == []
+    assert outcome.tried == 150
+    assert outcome.good > 100
