@@ -163,11 +163,11 @@ def main(argv: list[str]) -> int:
     launch.add_options(parser)
     launch.add_peers(parser, "brain", "gate")
     started = launch.from_options(parser.parse_args(argv))
+    stop: list[int] = []
+    for number in (signal.SIGTERM, signal.SIGINT):  # before the start is noted: who is told to stop has not crashed
+        signal.signal(number, lambda received, _frame: stop.append(received))
     state = Path(os.environ.get("STATE_DIRECTORY", started.runtime))
     guard = build(started.config, started.runtime, state, started.peers)
-    stop: list[int] = []
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda received, _frame: stop.append(received))
     _real_time()
     run(guard, MonotonicClock(), from_environment(), lambda: not stop)
     guard.close()
