@@ -13,13 +13,12 @@ import tempfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
 
 from firmware_py.brain.core import BrainCore
 from firmware_py.brain.loop import prewarm
 from firmware_py.brain.store import Models, load_models
 from firmware_py.config import Config
-from firmware_py.config.checks_network import Address, parse_endpoint
+from firmware_py.config.checks_network import DATAGRAM, Address, parse_endpoint
 from firmware_py.gate import keys, session
 from firmware_py.gate.loop import recordings_dir
 from firmware_py.guard.core import GuardCore
@@ -27,9 +26,6 @@ from firmware_py.guard.shield import Shield
 from firmware_py.wire.link import codec_for
 
 Found = tuple[str, object, str]
-
-DATAGRAM: Final = ("udp", "quic")
-
 
 @dataclass(frozen=True)
 class Built:
@@ -62,8 +58,11 @@ def surroundings(config: Config, runtime: Path, environment: Mapping[str, str]) 
         yield "metrics.port", config.metrics.port, f"{cause}; choose another port, or 0 for none"
     for i, text in enumerate(config.zenoh.listen):
         parsed = parse_endpoint(text)
-        if not isinstance(parsed, str) and parsed.port and not running and (cause := _unbindable(parsed)):
-            yield f"zenoh.listen[{i}]", text, f"{cause}; correct address and port"
+        if isinstance(parsed, str) or running:
+            continue
+        cause = _unbindable(parsed) if parsed.port else _unwritable(Path(parsed.host).parent)
+        if cause:
+            yield f"zenoh.listen[{i}]", text, f"{cause}; correct it"
     yield from _certificates(config)
 
 

@@ -14,6 +14,7 @@ from firmware_py.config.schema import Config
 
 SECURE: Final = ("tls", "quic")
 PLAIN: Final = ("tcp", "udp", "ws")
+DATAGRAM: Final = ("udp", "quic")
 LOCAL: Final = "unixsock-stream"
 SOCKET_PATH_MAX: Final = 107
 """Bytes of a Unix socket's path in Linux."""
@@ -36,14 +37,23 @@ class Address(NamedTuple):
     port: int
 
     @property
+    def ip(self) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
+        """The address; None for a name, which may come to mean anything."""
+        try:
+            return ipaddress.ip_address("127.0.0.1" if self.host == "localhost" else self.host)
+        except ValueError:
+            return None
+
+    @property
     def loopback(self) -> bool:
         """Whether only this machine reaches it."""
-        if self.protocol == LOCAL or self.host == "localhost":
-            return True
-        try:
-            return ipaddress.ip_address(self.host).is_loopback
-        except ValueError:
-            return False  # a name, which may come to mean anything
+        return self.protocol == LOCAL or (self.ip is not None and self.ip.is_loopback)
+
+    def collides(self, other: Address) -> bool:
+        """Whether one process cannot listen at both."""
+        if self.port != other.port or (self.protocol in DATAGRAM) != (other.protocol in DATAGRAM):
+            return False
+        return self.ip == other.ip or any(each.ip is not None and each.ip.is_unspecified for each in (self, other))
 
 
 def parse_endpoint(text: str) -> Address | str:
@@ -75,7 +85,7 @@ def parse_endpoint(text: str) -> Address | str:
 
 
 def _endpoints(config: Config) -> Iterator[Found]:
-    """Endpoints that are none, twice there, or open to everybody on the network."""
+    """Endpoints that are none, or open to everybody on the network."""
     zenoh = config.zenoh
     for name, endpoints in (("listen", zenoh.listen), ("connect", zenoh.connect)):
         for i, text in enumerate(endpoints):
@@ -86,8 +96,21 @@ def _endpoints(config: Config) -> Iterator[Found]:
                 yield key, text, (
                     "without TLS beyond this machine, whoever is on the network reads along; use tls/, or set "
                     "zenoh.insecure_network = true")
-        if len(set(endpoints)) < len(endpoints):
-            yield f"zenoh.{name}", None, "names an endpoint twice; remove one"
+            elif name == "listen" and parsed.protocol != LOCAL and parsed.ip is None:
+                yield key, text, "a name; write the address of this machine at which to listen, 0.0.0.0 for all"
+
+
+def _ports(config: Config) -> Iterator[Found]:
+    """Ports of this machine that are wanted twice."""
+    taken = {"metrics.port": Address("tcp", "127.0.0.1", config.metrics.port)}
+    for i, text in enumerate(config.zenoh.listen):
+        parsed = parse_endpoint(text)
+        if isinstance(parsed, str) or not parsed.port:
+            continue
+        for key, other in taken.items():
+            if parsed.collides(other):
+                yield f"zenoh.listen[{i}]", text, f"at the port of {key}; choose another port"
+        taken[f"zenoh.listen[{i}]"] = parsed
 
 
 def _certificates(config: Config) -> Iterator[Found]:
@@ -123,4 +146,4 @@ def _port(config: Config) -> Iterator[Found]:
         yield "metrics.port", port, f"below {FREE_PORT_MIN}, where only root may serve; raise it, or 0 for none"
 
 
-NETWORK_CHECKS: Final = (_endpoints, _certificates, _keys, _port)
+NETWORK_CHECKS: Final = (_endpoints, _ports, _certificates, _keys, _port)

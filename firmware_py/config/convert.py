@@ -197,7 +197,8 @@ class _View:
             found = getattr(cls, name)
             return cast(Any, found).fget(self) if isinstance(found, property) else MethodType(found, self)
         dotted = prefix + name
-        if dotted in holes or prefix[:-1] in holes or (name not in values and key.required):
+        missing = name not in values and (key.required or any(hole.startswith(f"{dotted}[") for hole in holes))
+        if missing or dotted in holes or prefix[:-1] in holes:
             raise FaultedError(dotted)
         return _seen(key.kind, values[name] if name in values else key.default(), dotted, holes)
 

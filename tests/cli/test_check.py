@@ -1,0 +1,105 @@
+"""``orbitd check``: what the machine lacks is a fault as well, and what it calls good has been built."""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+from pathlib import Path
+
+import pytest
+
+from firmware_py.commands import check
+from firmware_py.config import SHIPPED, ConfigError
+
+BENCH = (SHIPPED / "bench.toml").read_text(encoding="utf-8")
+
+
+@pytest.fixture
+def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder in which everything of the device lies."""
+    monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path / "state"))
+    monkeypatch.setenv("RUNTIME_DIRECTORY", str(tmp_path))
+    return tmp_path
+
+
+def said(place: Path, extra: str) -> dict[str, str]:
+    """What is wrong by key with the shipped configuration and ``extra``."""
+    path = place / "rotor.toml"
+    path.write_text(f"{BENCH}\n{extra}\n")
+    try:
+        assert check.main([str(path)]) == 0
+    except ConfigError as error:
+        return {fault.key: fault.cause for fault in error.faults}
+    return {}
+
+
+def test_good_is_told_with_what_holds_and_what_is_default(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert said(place, "[metrics]\nport = 0") == {}
+    out = capsys.readouterr().out
+    assert "rotor.toml: good\n" in out
+    assert "default device.instance = 'default'" in out
+    assert "default metrics.port" not in out
+    assert not (place / "state").exists()
+
+
+def test_programs_read_the_same(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = place / "rotor.toml"
+    path.write_text(BENCH)
+    assert check.main([str(path), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert (found["good"], found["config"]["device"]["rig"], len(found["models"])) == (True, "bench", 3)
+    path.write_text(BENCH.replace("film_max_C = 60.0", "film_max_C = inf"))
+    assert check.main([str(path), "--json"]) == 2
+    found = json.loads(capsys.readouterr().out)
+    assert (found["good"], [fault["key"] for fault in found["faults"]]) == (False, ["oil.film_max_C"])
+
+
+def test_a_model_that_is_not_used_is_exit_code_1(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert check.main([str(SHIPPED / "seed.toml")]) == 1
+    assert "REFUSED classifier: " in capsys.readouterr().out
+
+
+def test_folders_that_cannot_be_written_are_named(place: Path) -> None:
+    (place / "file").write_text("")
+    assert "no folder" in said(place, f'[recorder]\ndirectory = "{place}/file/x"')["recorder.directory"]
+    assert "recorder.directory" in said(place, '[recorder]\ndirectory = "/proc/orbitd"')
+    assert said(place, '[recorder]\ndirectory = "/proc/orbitd"\nenabled = false') == {}
+    (place / "kept").mkdir(mode=0o500)
+    if os.geteuid():
+        assert "by this user" in said(place, f'[recorder]\ndirectory = "{place}/kept/x"')["recorder.directory"]
+    key = "MCowBQYDK2VwAyEA" + "A" * 43 + "="
+    assert list(said(place, f'[models]\ndirectory = "{place}/no"\npublic_keys = ["{key}"]')) == ["models.directory"]
+    assert list(said(place, f'[zenoh]\nlisten = ["unixsock-stream/{place}/file/s"]')) == ["zenoh.listen[0]"]
+    assert said(place, f'[zenoh]\nlisten = ["unixsock-stream/{place}/s"]') == {}
+
+
+def test_an_address_that_is_taken_or_not_ours_is_named(place: Path) -> None:
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        port = other.getsockname()[1]
+        assert "in use" in said(place, f"[metrics]\nport = {port}")["metrics.port"]
+        assert "in use" in said(place, f'[zenoh]\nlisten = ["tcp/127.0.0.1:{port}"]')["zenoh.listen[0]"]
+        assert said(place, f'[zenoh]\nlisten = ["udp/127.0.0.1:{port}"]') == {}
+    far = '[zenoh]\ninsecure_network = true\nlisten = ["tcp/192.0.2.1:7447", "tcp/[2001:db8::1]:7447"]'
+    assert list(said(place, far)) == ["zenoh.listen[0]", "zenoh.listen[1]"]
+
+
+def test_what_this_device_itself_serves_is_not_taken(place: Path) -> None:
+    (place / "default").mkdir()
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as gate, socket.socket() as page:
+        gate.bind(str(place / "default" / "gate.sock"))
+        gate.listen()
+        page.bind(("127.0.0.1", 0))
+        page.listen()
+        port = page.getsockname()[1]
+        assert said(place, f'[metrics]\nport = {port}\n[zenoh]\nlisten = ["tcp/127.0.0.2:{port}"]') == {}
+
+
+def test_certificates_are_opened(place: Path) -> None:
+    (place / "junk.pem").write_text("no certificate")
+    names = "".join(f'tls_{name} = "{place}/{file}"\n' for name, file in (
+        ("root_ca", "absent.pem"), ("certificate", "junk.pem"), ("private_key", "junk.pem")))
+    found = said(place, f'[zenoh]\nlisten = ["tls/127.0.0.1:7447"]\n{names}')
+    assert list(found) == ["zenoh.tls_certificate", "zenoh.tls_root_ca"]
