@@ -84,7 +84,8 @@ def open_device(settings: Zenoh, runtime: Path, prefix: str) -> zenoh.Session:
         (runtime / SOCKET).chmod(SOCKET_MODE)
     except (zenoh.ZError, OSError) as error:
         where = ", ".join([endpoint(runtime), *settings.listen])
-        raise SessionError(f"zenoh: cannot listen on {where}: {error}; check [zenoh] in the configuration") from error
+        cause = str(error).partition(" at /")[0]  # what follows is a place in Zenoh's source
+        raise SessionError(f"zenoh: cannot listen on {where}: {cause}; check [zenoh] in the configuration") from error
     return opened
 
 

@@ -143,7 +143,7 @@ class Arming:
         self._state.standing = {
             f.name: self._state.standing.get(f.name) or Alarm(
                 f.name, Severity.FAULT if f.action >= Action.RECOVER else Severity.ALERT, situation.now_ns, 0.0, 0.0,
-                False, f.text)
+                False, f.reason(situation))
             for f in failsafes if f.action in ALARMING or f.name in ALSO_ALARMS}
         return [Notice(Severity.FAULT if f.action >= Action.RECOVER else Severity.ALERT, f.name,
                        "; ".join([f.reason(situation), *(situation.node_reasons if f.name == "node_mismatch" else [])]))

@@ -46,7 +46,7 @@ class Situation(msgspec.Struct):
     tripped: list[str]
     brain_connected: bool
     doubts: dict[str, str] = {}
-    """Alarms of the slow readings and of the oil that hold now, with what a person is told of them."""
+    """Alarms of the slow readings, the oil and the link that hold now, with what a person is told of them."""
 
 
 class Failsafe(msgspec.Struct, frozen=True):
@@ -81,13 +81,13 @@ FAILSAFES: Final = (
     Failsafe("node_elsewhere", lambda s: s.node_elsewhere, Action.DISARM, True,
              "the node follows another session; wait until it lets go or disconnect the other device"),
     Failsafe("link_down", lambda s: not s.link_up, Action.RECOVER, True,
-             "the link to the node is down; check adapter, hub or port"),
+             "the link to the node is down; check adapter, hub or port", ("link_fault",)),
     Failsafe("samples_stale", lambda s: not s.samples_fresh, Action.RECOVER, True,
-             "no fresh samples; check that the node is running"),
+             "no fresh samples; check that the node is running", ("link_fault",)),
     Failsafe("clock_unsettled", lambda s: s.link_up and not s.clock_settled, Action.RECOVER, True,
              "the node's clock is not settled yet; wait a second"),
     Failsafe("node_silent", lambda s: not s.node_heard, Action.RECOVER, True,
-             "the node gives no account of itself (NODE_STATE, NODE_INFO)"),
+             "the node gives no account of itself (NODE_STATE, NODE_INFO)", ("link_fault",)),
     Failsafe("cycle_gap", lambda s: s.cycle_gap, Action.RECOVER, False,
              "guard, host or node stood still for longer than the time to live"),
     Failsafe("foreign_heartbeat", lambda s: s.foreign_heartbeat, Action.TAKE_AUTHORITY, True,

@@ -158,6 +158,19 @@ def test_an_endpoint_that_cannot_be_bound_is_named(bench, tmp_path, prefix):
         session.open_device(settings, tmp_path, prefix)
 
 
+@pytest.mark.parametrize("junk", [
+    b"", b"\xff\x00" * 50, b"-----BEGIN CERTIFICATE-----\nAAAA\n-----END CERTIFICATE-----\n"])
+@pytest.mark.parametrize("file", ["root", "certificate", "key"])
+def test_a_damaged_certificate_is_a_named_refusal(bench, tmp_path, prefix, certificates, junk, file):
+    paths = {"root": certificates["root"], "certificate": certificates["device"][0], "key": certificates["device"][1]}
+    Path(paths[file]).write_bytes(junk)
+    settings = msgspec.structs.replace(
+        bench.zenoh, listen=[f"tls/localhost:{free_port()}"], tls_root_ca=paths["root"],
+        tls_certificate=paths["certificate"], tls_private_key=paths["key"])
+    with pytest.raises(session.SessionError, match="cannot listen"):
+        session.open_device(settings, tmp_path, prefix).close()
+
+
 def test_without_configured_endpoints_the_device_opens_no_network_socket(bench, tmp_path, prefix):
     opened = session.open_device(bench.zenoh, tmp_path, prefix)
     try:

@@ -205,7 +205,7 @@ class Bench:
         self.now_ns = 1_000 * MS
         self.seq = 0
         self.link_up = self.brain = self.gate = True
-        self.memory_fault = ""
+        self.memory_fault = self.link_fault = ""
         self.advise_um: float | None = None
         self.advice_seq = 0
         self.events: list[Event] = []
@@ -231,6 +231,7 @@ class Bench:
             self.gate,
             self.link_up,
             self.memory_fault,
+            self.link_fault,
         )
         self.cycles.append(cycle)
         decision = self.core.step(cycle)

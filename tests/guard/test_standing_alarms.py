@@ -1,0 +1,102 @@
+"""What stands is in the alarm list with its cause, and what flutters does not bury the event list."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import pytest
+
+from firmware_py.records import Cycle, DeviceHeartbeat, GuardState
+
+from .scripted_node import MS, Bench, working
+
+BUS_OFF = "the CAN controller is bus-off; check cable"
+
+
+def alarms(b: Bench) -> dict[str, str]:
+    """Names and texts of the next published list."""
+    state: GuardState = next(d.state for d in iter(b.cycle, None) if d.state)
+    assert len({alarm.name for alarm in state.alarms}) == len(state.alarms), "one alarm of each name"
+    return {alarm.name: alarm.text for alarm in state.alarms}
+
+
+def test_a_healthy_working_machine_has_no_alarm() -> None:
+    assert alarms(working()) == {}
+
+
+@pytest.mark.parametrize(("up", "name"), [(False, "link_down"), (True, "link_fault")])
+def test_a_sick_link_is_told_in_event_alarm_and_refusal_and_so_is_its_recovery(up: bool, name: str) -> None:
+    b = working()
+    b.link_up, b.link_fault = up, BUS_OFF
+    b.run(0.3)
+    found = alarms(b)
+    assert BUS_OFF in found["link_fault"]
+    assert name in found
+    assert [event.text for event in b.events if event.name == "link_fault"] == [BUS_OFF]
+    if not up:
+        assert any(BUS_OFF in reason for reason in b.ask("arm")[1])
+        assert any(BUS_OFF in event.text for event in b.events if event.name == "link_lost")
+    b.link_up, b.link_fault = True, ""
+    b.run(3.0)
+    assert "link_fault" not in alarms(b)
+    assert "link_well" in b.names()
+
+
+def test_no_samples_is_an_alarm_at_once_and_over_with_the_samples() -> None:
+    b = working()
+    b.node.running = False
+    b.run(0.2)
+    assert "samples_stale" in alarms(b)
+    b.node.running = True
+    b.run(3.0)
+    assert "samples_stale" not in alarms(b)
+
+
+def test_authority_that_was_lost_stands_until_it_is_back() -> None:
+    b = working()
+    b.brain = False
+    b.run(0.2)
+    assert "brain is not connected" in alarms(b)["authority_lost"]
+    b.brain = True
+    b.run(5.0)
+    assert "authority_lost" not in alarms(b)
+
+
+def heartbeat_of_another(b: Bench, n: int) -> None:
+    b.extra = [b.node.codec.encode(DeviceHeartbeat(n & 0xFFFF, 0x9999, 0, 0, True, False), b.now_ns)]
+
+
+def stall(b: Bench, n: int) -> None:
+    b.now_ns += 200 * MS
+
+
+def link_flutter(b: Bench, n: int) -> None:
+    b.link_up = not b.link_up
+
+
+def fault_flutter(b: Bench, n: int) -> None:
+    b.link_fault = "" if b.link_fault else BUS_OFF
+
+
+def mark_flutter(b: Bench, n: int) -> None:
+    b.node.mark_valid = not b.node.mark_valid
+
+
+def brain_flutter(b: Bench, n: int) -> None:
+    b.brain = not b.brain
+
+
+@pytest.mark.parametrize("act", [heartbeat_of_another, stall, link_flutter, fault_flutter, mark_flutter, brain_flutter])
+def test_whatever_flutters_ten_times_a_second_gives_a_handful_of_events_of_each_name(act) -> None:
+    b = working()
+    b.events.clear()
+    for n in range(40):
+        act(b, n)
+        b.run(0.1)
+    counted = Counter(event.name for event in b.events)
+    assert not counted or max(counted.values()) <= 4, counted
+    assert all(event.count >= 1 for event in b.events)
+
+
+def test_a_cycle_of_an_old_recording_has_a_well_link() -> None:
+    assert Cycle(1, 1, [], None, [], True, True, True).link_fault == ""
