@@ -159,7 +159,7 @@ class _Teller:
 
     def kill(self, start: float, end: float, point: _Point) -> _Scene:
         beats = [Beat(start + float(self.rng.uniform(1.0, 2.0)), "kill_brain")]
-        return Act("kill", start, end, "the brain is killed; the guard keeps the machine safe"), beats, point
+        return Act("kill", start, end, "the brain is killed; the actuator goes to its safe value"), beats, point
 
     def _injected(self, name: str, start: float, end: float, point: _Point) -> _Scene:
         """A hold, one fault injected at a drawn moment, cleared at the end of the act."""

@@ -254,6 +254,25 @@ def test_a_folder_that_cannot_be_read_is_named_and_left_as_it_is(tmp_path, monke
     assert list(tmp_path.iterdir()) == []
 
 
+def test_an_old_file_that_cannot_be_removed_does_not_cost_the_present_ones(tmp_path, monkeypatch):
+    first = written(tmp_path, IN_2023_NS, 3)
+    unlink = Path.unlink
+
+    def refuse(path: Path, missing_ok: bool = False) -> None:
+        if path.name in first:
+            raise PermissionError(13, "Permission denied")
+        unlink(path, missing_ok=missing_ok)
+
+    monkeypatch.setattr(Path, "unlink", refuse)
+    second = written(tmp_path, EPOCH_NS, 4)
+    assert {*first, *second} <= {path.name for path in tmp_path.iterdir()}
+    made = recorder(tmp_path, 10**6)
+    made.write(cycle(1), 1)
+    made.close()
+    assert made.counters["recorder_not_removed"] > 0
+    assert made.trouble == ""
+
+
 def test_a_record_that_no_file_can_hold_is_counted_and_the_next_is_stored(tmp_path):
     made = recorder(tmp_path)
     made.write(msgspec.structs.replace(cycle(1), cycle=msgspec.structs.replace(cycle(1).cycle, now_ns=2**70)), 1)

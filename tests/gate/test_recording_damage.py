@@ -10,6 +10,7 @@ from collections.abc import Callable
 
 import msgspec
 import pytest
+from mcap.writer import Writer
 
 from firmware_py import mcap_scan
 from firmware_py.recording import METADATA_NAME, Recording, RecordingError
@@ -116,6 +117,22 @@ def test_a_head_that_is_lost_is_taken_from_its_copy(whole, tmp_path):
     path.write_bytes(everywhere)
     with pytest.raises(RecordingError, match="no whole 'orbitd' metadata"):
         Recording(path)
+
+
+def test_a_recording_of_before_the_digest_is_read_with_its_own_channel_numbers(tmp_path):
+    path = tmp_path / "old.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream, chunk_size=4096)
+        writer.start()
+        writer.add_metadata(METADATA_NAME, {"format": "1", "orbitd": "0.1"})
+        writer.register_channel("event", "json", 0)
+        number = writer.register_channel("guard/cycle", "msgpack", 0)
+        for seq in range(300):
+            writer.add_message(number, seq, msgspec.msgpack.encode(cycle(seq)), seq)
+        writer.finish()
+    assert [c.cycle.seq for c in stored_cycles(path)] == list(range(300))
+    path.write_bytes(path.read_bytes()[:-2000])
+    assert len(stored_cycles(path)) > 200
 
 
 def test_a_recording_appended_to_another_is_left_out_and_told(whole, tmp_path):

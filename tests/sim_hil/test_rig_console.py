@@ -114,6 +114,8 @@ def test_inject_command(served: Served, capsys: pytest.CaptureFixture[str]) -> N
     assert "unbalance" in capsys.readouterr().out
     assert main(["status", "--json", *where]) == 0
     assert json.loads(capsys.readouterr().out)["faults"] == {"unbalance": 16.0}
+    assert main(["unbalance", "40", *where]) == 0
+    assert "40" in capsys.readouterr().out
     with pytest.raises(SystemExit):
         main(["unbalance", *where])
     with pytest.raises(SystemExit):
