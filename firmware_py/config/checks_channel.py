@@ -119,9 +119,9 @@ def _acceleration_seen(config: Config) -> Iterator[Found]:
 
 
 def _slow_channels_seen(config: Config) -> Iterator[Found]:
-    """What the feed and an open contact give is a good signal."""
+    """What the feed, one that has failed, and an open contact give is a good signal."""
     feed, contact = config.feed, config.contact
-    wanted = [(SUPPLY_PRESSURE, feed.pressure_min_bar, feed.pressure_max_bar, "the feed's pressures")]
+    wanted = [(SUPPLY_PRESSURE, 0.0, feed.pressure_max_bar, "the feed's pressures and of none")]
     if contact is not None:
         wanted.append((CONTACT, 0.0, contact.circuit_V, "the voltages of contact.circuit_V"))
     for i, low, high, words in wanted:

@@ -8,13 +8,20 @@ from typing import Final
 from firmware_py.config.convert import Found
 from firmware_py.config.schema import Config
 
+PRESSURE_SEEN_BAR: Final = 0.05
+"""What zero and noise of a pressure sensor leave of a supply that has failed."""
+
 
 def _pressure(config: Config) -> Iterator[Found]:
     """Limits of low supply pressure, as set or as they follow from the feed."""
     alert_bar, danger_bar = config.oil_pressure_limits_bar
-    if danger_bar > alert_bar:
+    if danger_bar >= alert_bar > 0.0:
         yield "limits.oil_pressure_low_danger_bar", danger_bar, (
-            f"above oil_pressure_low_alert_bar ({alert_bar:g}); lower it")
+            f"not below oil_pressure_low_alert_bar ({alert_bar:g}); lower it")
+    if danger_bar < PRESSURE_SEEN_BAR:
+        yield "limits.oil_pressure_low_danger_bar", danger_bar, (
+            f"below {PRESSURE_SEEN_BAR:g} bar, a supply that has failed does not show less; raise it, and "
+            "feed.pressure_min_bar above it")
     if alert_bar > config.feed.pressure_min_bar:
         yield "limits.oil_pressure_low_alert_bar", alert_bar, (
             f"above feed.pressure_min_bar ({config.feed.pressure_min_bar:g}), which may be commanded; lower it")
@@ -23,9 +30,9 @@ def _pressure(config: Config) -> Iterator[Found]:
 def _outlet(config: Config) -> Iterator[Found]:
     """Limits of a hot outlet, as set or as they follow from the film."""
     oil, (alert_C, danger_C) = config.oil, config.oil_outlet_limits_C
-    if alert_C > danger_C:
+    if alert_C >= danger_C:
         yield "limits.oil_outlet_high_alert_C", alert_C, (
-            f"above oil_outlet_high_danger_C ({danger_C:g}); lower it")
+            f"not below oil_outlet_high_danger_C ({danger_C:g}); lower it")
     if alert_C < oil.inlet_max_C:
         yield "limits.oil_outlet_high_alert_C", alert_C, (
             f"below oil.inlet_max_C ({oil.inlet_max_C:g}): oil as declared would alarm; raise it")
