@@ -9,9 +9,9 @@ import msgspec
 import numpy as np
 
 from firmware_py.acquire.channel_ok import ChannelOk
-from firmware_py.acquire.clock_map import ClockMap, unwrap
+from firmware_py.acquire.clock_map import ClockMap
 from firmware_py.acquire.counting import RESTARTED, CounterTrack, advance
-from firmware_py.acquire.speed import SpeedMeter
+from firmware_py.acquire.speed import SpeedMeter, Turn
 from firmware_py.config import Config
 from firmware_py.records import INSTANTS_PER_FRAME, N_CHANNELS, Block, Quality, SampleFrame
 
@@ -55,7 +55,8 @@ class Assembler:
         self._clock = clock
         self._counters = counters
         self.channel_ok = ChannelOk(config.channel, config.sampling.rate_hz)
-        self.speed = SpeedMeter(config.operating.speed_ramp_max_rpm_s * pi / 30)
+        self.speed = SpeedMeter(config.operating.speed_ramp_max_rpm_s * pi / 30, self._period_us)
+        self.turns: list[Turn] = []
         self.state = AssemblerState(CounterTrack())
 
     def step(self, frame: SampleFrame, arrival_ns: int) -> list[Block]:
@@ -96,7 +97,7 @@ class Assembler:
         else:
             return blocks
         self._clock.reset()
-        self.speed.lose()
+        self.speed.forget()
         return blocks
 
     def _mark(self, frame: SampleFrame, tick_us: int) -> None:
@@ -104,9 +105,12 @@ class Assembler:
         if not frame.flags & MARK_VALID:
             self.speed.lose()
             return
-        mark_us = unwrap(frame.mark_tick_us, tick_us)
-        if self.speed.mark(mark_us, frame.turn_count):
-            self.state.marks.append(mark_us)
+        before_us = self.speed.state.mark_us
+        turn = self.speed.mark(frame.mark_tick_us, frame.turn_count, tick_us + self._frame_us - self._period_us)
+        if turn is not None:
+            self.turns.append(turn)
+        if self.speed.state.paired and self.speed.state.mark_us != before_us:
+            self.state.marks.append(self.speed.state.mark_us)
 
     def _close(self) -> Block:
         """The block under construction as a record; the next one starts empty and good."""
@@ -117,7 +121,7 @@ class Assembler:
         quality = s.block_quality
         if not self._clock.settled:
             quality |= Quality.CLOCK_UNSETTLED
-        if self.speed.state.lost:
+        if not self.speed.state.known:
             quality |= Quality.NO_MARK
         block = Block(
             seq=s.seq, t_acq_ns=self._clock.host_ns(s.block_tick_us), period_ns=self._period_us * 1000,

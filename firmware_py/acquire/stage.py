@@ -11,7 +11,7 @@ from firmware_py.acquire.assembler import Assembler, AssemblerState
 from firmware_py.acquire.channel_ok import ChannelOkState
 from firmware_py.acquire.clock_map import ClockMap, ClockMapState, unwrap
 from firmware_py.acquire.counting import REPEATED, RESTARTED, CounterTrack, advance
-from firmware_py.acquire.speed import SpeedState
+from firmware_py.acquire.speed import SpeedState, Turn
 from firmware_py.acquire.stamps import TICK_AHEAD_MAX_NS, bounded_arrival_ns
 from firmware_py.config import Config
 from firmware_py.records import (
@@ -76,6 +76,7 @@ class AcquireOutput(msgspec.Struct):
     restarted: bool = False
     node_ahead_ns: int = 0
     clock_jumped: bool = False
+    turns: list[Turn] = []
 
 
 class Acquire:
@@ -144,12 +145,18 @@ class Acquire:
                     self._forget_node(output)
             else:
                 self._handlers[type(message)](message, arrival_ns, output)
+        output.turns, self._assembler.turns = self._assembler.turns, []
         output.clock_jumped = self.counters["clock_jumps"] != jumps
         if self._clock.ahead_ns > self._leap_max_ns:
             self.counters["clock_leaps"] += 1
             output.node_ahead_ns = self._clock.ahead_ns
             self._clock.reset()
         return output
+
+    def doubt_speed(self, doubted: bool) -> None:
+        """Whether the mark is implausible: blocks say so."""
+        if doubted != self.speed.doubted:
+            self._assembler.speed.doubt(doubted)
 
     def reset_clock(self) -> None:
         """The link was away: its delays say nothing about the ones to come."""

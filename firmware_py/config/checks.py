@@ -47,6 +47,9 @@ CLEARANCE_RATIO_MIN: Final = 1e-4
 DIAMETRAL_SHARE_MAX: Final = 0.7
 """Of the diametral clearance: a danger limit above is hardly reached before the shaft touches."""
 
+SPEED_HIGH_SHARES: Final = (1.03, 1.25)
+"""Of the greatest declared speed: above where authority ends, and where a rotor is still whole."""
+
 FILM_SHARE_MAX: Final = 0.8
 """Of the narrowest bearing: a film limit above leaves the shaft no place to be."""
 
@@ -125,6 +128,16 @@ def _displacement(config: Config) -> Iterator[Found]:
             "bearing.radial_clearance_nominal_um")
 
 
+def _speed_high(config: Config) -> Iterator[Found]:
+    """A trip speed above what the machine runs at, and not far above."""
+    limit_rpm = config.limits.speed_high_rpm
+    low_rpm, high_rpm = (share * config.operating.speed_max_rpm for share in SPEED_HIGH_SHARES)
+    if limit_rpm and not low_rpm <= limit_rpm <= high_rpm:
+        yield "limits.speed_high_rpm", limit_rpm, (
+            f"outside {low_rpm:g} .. {high_rpm:g} rpm, {SPEED_HIGH_SHARES[0]:g} to {SPEED_HIGH_SHARES[1]:g} of "
+            "operating.speed_max_rpm; choose one inside, or 0 for 1.1")
+
+
 def _retreat(config: Config) -> Iterator[Found]:
     """The way back to the safe clearance ends in time."""
     b, a = config.bearing, config.actuator
@@ -156,7 +169,7 @@ def _windage(config: Config) -> Iterator[Found]:
 
 
 RELATED: Final[tuple[Callable[[Any], Iterator[Found]], ...]] = (
-    *(_ordered(*row) for row in ORDERED), _shape, _built, _groove, _oil_node, _displacement, _retreat, _unbalance,
-    _windage, *OIL_CHECKS, *CHANNEL_CHECKS, *BUS_CHECKS, *NETWORK_CHECKS,
+    *(_ordered(*row) for row in ORDERED), _shape, _built, _groove, _oil_node, _displacement, _speed_high, _retreat,
+    _unbalance, _windage, *OIL_CHECKS, *CHANNEL_CHECKS, *BUS_CHECKS, *NETWORK_CHECKS,
 )  # fmt: skip
 """Every check of values together."""

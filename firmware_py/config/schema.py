@@ -251,6 +251,8 @@ class Limits(Section, frozen=True):
     hysteresis_share: Annotated[float, Meta(ge=0, le=0.5)] = 0.05
     min_speed_rpm: SpeedRpm = 300.0
     """Slower than this the window of protection is not a full turn but this long."""
+    speed_high_rpm: Annotated[float, Meta(ge=0, le=200_000)] = 0.0
+    """Speed-high trip; 0: 1.1 times ``operating.speed_max_rpm``.  It takes the place of no overspeed protection."""
     oil_pressure_low_alert_bar: PressureBar = 0.0
     """Least supply pressure; 0: 0.8 of ``feed.pressure_min_bar``.  It also bars arming."""
     oil_pressure_low_danger_bar: PressureBar = 0.0

@@ -22,6 +22,9 @@ from firmware_py.guard.protection import Protection, ProtectionState, zone
 from firmware_py.guard.readings import OIL, Readings, ReadingsState
 from firmware_py.guard.shield import PERIOD_S, Shield
 from firmware_py.guard.speaker import Codec, Speaker, SpeakerState
+from firmware_py.guard.speed_check import SpeedCheck, SpeedCheckState
+from firmware_py.guard.speed_high import NAME as SPEED_HIGH
+from firmware_py.guard.speed_high import SpeedHigh, SpeedHighState
 from firmware_py.guard.telling import Telling, Told
 from firmware_py.records import (
     Advice,
@@ -94,6 +97,8 @@ class CoreState(msgspec.Struct):
     telling: dict[str, Told] = {}
     readings: ReadingsState | None = None
     oil: OilProtectionState | None = None
+    speed_check: SpeedCheckState = msgspec.field(default_factory=SpeedCheckState)
+    speed_high: SpeedHighState = msgspec.field(default_factory=SpeedHighState)
 
 
 class GuardCore:
@@ -122,8 +127,12 @@ class GuardCore:
         self._speeds = (config.operating.speed_min_rpm * pi / 30, config.operating.speed_max_rpm * pi / 30)
         self._turning_rad_s = config.limits.min_speed_rpm * pi / 30
         self._acquire = Acquire(config, codec)
-        self._oil = OilProtection(config, latched or [])
-        self._protection = Protection(config, [name for name in latched or [] if name not in self._oil.state.alarms])
+        names = latched or []
+        self._oil = OilProtection(config, names)
+        self._speed_high = SpeedHigh(config, SPEED_HIGH in names)
+        self._speed_check = SpeedCheck(config)
+        self._protection = Protection(config, [
+            name for name in names if name != SPEED_HIGH and name not in self._oil.state.alarms])
         self._readings = Readings(config)
         for stage in (self._protection, self._oil):
             stage.resume(timers or {})
@@ -158,6 +167,7 @@ class GuardCore:
         if acquired.blocks:
             cap_um = self._readings.smaller_clearance_um(self._acquire.node)
             notices += self._protection.step(acquired.blocks, cap_um)
+        notices += self._judge_speed(acquired, now_ns)
         if cycle.advice is not None:
             m.advice = cycle.advice
             m.advices_ahead += is_ahead(cycle.advice, now_ns)
@@ -184,7 +194,7 @@ class GuardCore:
         state = CoreState(self._acquire.state, self._protection.state, self._arming.state, self._speaker.state,
                           self._memory, self._announcements.state, self._load.state, self._permit.state,
                           self._unwritable.state, self._telling.state,
-                          self._readings.state, self._oil.state)
+                          self._readings.state, self._oil.state, self._speed_check.state, self._speed_high.state)
         return Snapshot(seq, now_ns, msgspec.msgpack.encode(state))
 
     def restore(self, snapshot: Snapshot) -> None:
@@ -197,11 +207,12 @@ class GuardCore:
         self._telling.state = state.telling
         self._readings.state = state.readings or self._readings.state
         self._oil.state = state.oil or self._oil.state
+        self._speed_check.state, self._speed_high.state = state.speed_check, state.speed_high
 
     @property
     def tripped(self) -> list[str]:
         """Names of latched danger alarms: what the loop keeps over a restart."""
-        return self._protection.tripped + self._oil.tripped
+        return self._protection.tripped + self._oil.tripped + self._speed_high.tripped
 
     @property
     def timers(self) -> dict[str, int]:
@@ -222,7 +233,7 @@ class GuardCore:
     def counters(self) -> dict[str, int]:
         """What came in and what was lost or refused, by name."""
         return dict(self._acquire.counters, cycle_gaps=self._memory.cycle_gaps,
-                    advices_ahead=self._memory.advices_ahead)
+                    advices_ahead=self._memory.advices_ahead, speed_doubts=self._speed_check.state.doubts)
 
     # ------------------------------------------------------------------ what changed around the guard
 
@@ -291,13 +302,22 @@ class GuardCore:
                 m.foreign_heartbeat_ns = now_ns
         return notices
 
+    def _judge_speed(self, acquired: AcquireOutput, now_ns: int) -> list[Notice]:
+        """Too fast, or as no shaft turns: then the speed is unknown at once."""
+        notices = self._speed_high.step(acquired.turns, now_ns)
+        notices += self._speed_check.step(acquired.turns, acquired.blocks, self._acquire.speed, now_ns)
+        self._acquire.doubt_speed(self._speed_check.doubted)
+        if not self._acquire.speed.known:
+            self._memory.interval_m = None
+        return notices
+
     # ------------------------------------------------------------------ facts
 
     def _slow(self, acquired: AcquireOutput, now_ns: int) -> list[Notice]:
         """Judge the slow readings, and by them the oil."""
         a, readings = self._acquire, self._readings
         notices = readings.step(acquired.blocks, a.status, a.status_heard_ns, a.node, a.speed.speed_rad_s, now_ns)
-        turning = a.speed.lost or a.speed.speed_rad_s >= self._turning_rad_s
+        turning = not a.speed.known or a.speed.speed_rad_s >= self._turning_rad_s
         return notices + self._oil.step(readings.pressure_bar(now_ns), readings.value(OIL), turning, now_ns)
 
     def _look_around(self, now_ns: int) -> None:
@@ -308,14 +328,14 @@ class GuardCore:
         p2p_m = max(motion.peak_to_peak_um) * 1e-6
         smaller_um = readings.smaller_clearance_um(self._acquire.node)
         m.vibration_high = p2p_m * 1e6 > self._protection.set_points_um(smaller_um)[1]
-        if known is None or not motion.complete or speed.lost or not self._protection.displacement_ok:
+        if known is None or not motion.complete or not speed.known or not self._protection.displacement_ok:
             m.load = self._load.declared()
         else:
             m.load = self._load.estimate(Look(
                 now_ns * 1e-9, motion.mean_x_m, motion.mean_y_m, p2p_m, known.clearance_um * 1e-6,
                 speed.speed_rad_s, known.oil_C, known.power_W, known.pressure_bar))
         oil_C, oil = self._load.oil_at(readings.value(OIL))
-        m.interval_m = None if speed.lost else self._shield.interval(
+        m.interval_m = None if not speed.known else self._shield.interval(
             speed.speed_rad_s, m.load.low_N, m.load.film_N, oil_C, p2p_m, readings.narrowest_um(smaller_um) * 1e-6,
             self._announcements.ahead(now_ns), oil)
 
@@ -330,7 +350,7 @@ class GuardCore:
             node_elsewhere=node is not None and node.mode == NodeMode.FOLLOWING and node.session != self._session,
             foreign_command=now_ns - m.foreign_command_ns < FOREIGN_HOLD_NS,
             foreign_heartbeat=now_ns - m.foreign_heartbeat_ns < FOREIGN_HOLD_NS,
-            cycle_gap=gap, mark_lost=speed.lost, displacement_ok=self._protection.displacement_ok,
+            cycle_gap=gap, mark_lost=not speed.known, displacement_ok=self._protection.displacement_ok,
             vibration_high=m.vibration_high,
             speed_declared=self._speeds[0] * 0.98 <= speed.speed_rad_s <= self._speeds[1] * 1.02,
             interval_m=m.interval_m, tripped=self.tripped, brain_connected=cycle.brain_connected,
@@ -345,7 +365,8 @@ class GuardCore:
         replies = []
         for request in sorted(commands, key=lambda c: c.verb != "disarm"):
             if request.verb == "reset":
-                left = self._protection.reset() + self._oil.reset()
+                left = self._protection.reset() + self._oil.reset() + self._speed_high.reset(self._acquire.speed.lost)
+                notices += self._speed_check.reset()
                 self._arming.reset(left)
                 self._permit.reset()
                 situation.tripped = self.tripped
@@ -400,6 +421,7 @@ class GuardCore:
         m = self._memory
         link = [Alarm("link_fault", Severity.FAULT, m.link_fault_ns, 0.0, 0.0, False, m.link_fault)]
         found = [*self._protection.standing(), *self._readings.standing(), *self._oil.standing(),
+                 *self._speed_high.standing(), *self._speed_check.standing(),
                  *self._permit.standing(), *self._unwritable.standing(), *(link if m.link_fault else []),
                  *self._arming.standing()]
         return list({alarm.name: alarm for alarm in reversed(found)}.values())[::-1]

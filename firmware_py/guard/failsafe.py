@@ -93,7 +93,7 @@ FAILSAFES: Final = (
     Failsafe("foreign_heartbeat", lambda s: s.foreign_heartbeat, Action.TAKE_AUTHORITY, True,
              "another device sends heartbeats on this bus; disconnect it"),
     Failsafe("mark_lost", lambda s: s.mark_lost, Action.TAKE_AUTHORITY, False,
-             "the once-per-turn mark is lost; the speed is unknown"),
+             "the once-per-turn mark is lost or implausible; the speed is unknown"),
     Failsafe("displacement_not_ok", lambda s: not s.displacement_ok, Action.TAKE_AUTHORITY, False,
              "a shaft displacement channel is not OK; check sensor and cable"),
     Failsafe("vibration_high", lambda s: s.vibration_high, Action.TAKE_AUTHORITY, False,

@@ -3,7 +3,6 @@ from math import pi
 import numpy as np
 import pytest
 
-from firmware_py.acquire.speed import SpeedMeter
 from firmware_py.acquire.stage import NEVER_NS, Acquire
 from firmware_py.records import Block, Quality, RawFrame
 from firmware_py.wire.codec import CanCodec
@@ -141,36 +140,3 @@ def test_a_mark_that_is_called_invalid_is_quality_not_zero_speed() -> None:
     stream.run(50)
     assert stream.blocks[-1].quality & Quality.NO_MARK
     assert stream.blocks[-1].speed_rad_s == pytest.approx(6000 * pi / 30, rel=2e-3)
-
-
-def test_a_mark_that_stops_faster_than_any_ramp_is_lost() -> None:
-    meter = SpeedMeter(4000 * pi / 30)
-    meter.mark(0, 0)
-    meter.mark(10_000, 1)
-    meter.idle(25_000)
-    assert not meter.state.lost
-    meter.idle(31_000)
-    assert meter.state.lost
-    assert meter.state.speed_rad_s == pytest.approx(2 * pi / 0.01)
-
-
-def test_a_shaft_that_slows_within_its_ramp_comes_to_rest() -> None:
-    meter = SpeedMeter(4000 * pi / 30)
-    meter.mark(0, 0)
-    meter.mark(2_000_000, 1)
-    for t in range(2_000_000, 10_000_000, 6000):
-        meter.idle(t)
-    assert meter.state.speed_rad_s == 0.0
-    assert not meter.state.lost
-
-
-def test_two_new_marks_bring_a_lost_speed_back() -> None:
-    meter = SpeedMeter(400.0)
-    meter.mark(0, 0)
-    meter.mark(10_000, 1)
-    meter.lose()
-    meter.mark(1_000_000, 40)
-    assert meter.state.lost
-    meter.mark(1_010_000, 41)
-    assert not meter.state.lost
-    assert meter.state.speed_rad_s == pytest.approx(2 * pi / 0.01)

@@ -285,8 +285,8 @@ def test_a_lost_mark_takes_authority() -> None:
 def test_a_speed_beyond_the_declared_range_takes_authority(rpm: float, kept: bool) -> None:
     b = working()
     b.advise_um = 55.0
-    b.node.speed_rpm = rpm
     b.node.mean_um = (-5.0, -5.0)
+    b.ramp_to(rpm)
     b.run(0.3)
     assert state(b).authority == kept
 

@@ -58,6 +58,11 @@ class ScriptedNode:
         self.supply_bar: float | None = None
         self.mode, self.session = 0, 0
         self.mark_valid = True
+        self.edges: tuple[float, ...] = (0.0,)
+        """Where on the shaft the mark has edges, in turns."""
+        self.edge_seen: Callable[[int], bool] = lambda number: True
+        self.turns_an_edge = 1
+        self._edge_number = 0
         self.running = True
         self.info_boot_um = config.actuator.safe_radial_clearance_um
         self.delay_ns = 100_000
@@ -115,12 +120,13 @@ class ScriptedNode:
     def _samples(self, tick_us: int, period_us: int) -> SampleFrame:
         rows = b""
         for i in range(3):
-            self._phase += self.speed_rpm * pi / 30 * period_us * 1e-6
+            before, self._phase = self._phase, self._phase + self.speed_rpm * pi / 30 * period_us * 1e-6
+            for edge in self.edges:
+                for angle in (2 * pi * edge, 2 * pi * (1 + edge)):
+                    if before < angle <= self._phase:
+                        self._edge(tick_us + i * period_us, self._phase - angle)
             if self._phase >= 2 * pi:
                 self._phase -= 2 * pi
-                self._turns = (self._turns + 1) & 0xFFFF
-                late_us = round(self._phase / max(self.speed_rpm * pi / 30, 1e-9) * 1e6)
-                self._mark_tick = tick_us + i * period_us - late_us
             rows += self._row(tick_us // period_us + i)
         return SampleFrame(
             self.counter(SampleFrame),
@@ -130,6 +136,13 @@ class ScriptedNode:
             2 * self.mark_valid,
             rows,
         )
+
+    def _edge(self, tick_us: int, since_rad: float) -> None:
+        """An edge of the mark passes, a little before the instant at ``tick_us``."""
+        self._edge_number += 1
+        if self.edge_seen(self._edge_number):
+            self._turns = (self._turns + self.turns_an_edge) & 0xFFFF
+            self._mark_tick = tick_us - round(since_rad / max(self.speed_rpm * pi / 30, 1e-9) * 1e6)
 
     def _row(self, n: int) -> bytes:
         a, p = self.amplitude_um, self._phase
@@ -242,6 +255,13 @@ class Bench:
     def run(self, seconds: float) -> list[Decision]:
         """Many milliseconds."""
         return [self.cycle() for _ in range(round(seconds * 1000))]
+
+    def ramp_to(self, speed_rpm: float, rate_rpm_s: float = 4000.0) -> None:
+        """Change the speed as fast as a shaft can, in steps of a millisecond."""
+        while self.node.speed_rpm != speed_rpm:
+            step = rate_rpm_s * 1e-3
+            self.node.speed_rpm += max(-step, min(step, speed_rpm - self.node.speed_rpm))
+            self.cycle()
 
     def ask(self, verb: str, value: float | None = None, mode: int | None = None) -> tuple[bool, list[str]]:
         """One request and its answer."""
