@@ -109,7 +109,8 @@ class SpeedCheck:
         s = self._state
         if not s.cause:
             return []
-        return [Alarm(NAME, int(Severity.FAULT), s.since_ns, s.value_rpm, s.limit_rpm, latched=False)]
+        text = _CAUSES[s.cause].format(value=s.value_rpm, limit=s.limit_rpm)
+        return [Alarm(NAME, int(Severity.FAULT), s.since_ns, s.value_rpm, s.limit_rpm, False, text)]
 
     def reset(self) -> list[Notice]:
         """A person has looked at mark and machine."""
