@@ -62,6 +62,13 @@ def add_peers(parser: argparse.ArgumentParser, *roles: str) -> None:
         )
 
 
+def add_guard_user(parser: argparse.ArgumentParser) -> None:
+    """``--guard-user``: whose guard this process talks to, when it is another user's."""
+    parser.add_argument("--guard-user", type=user_id, metavar="USER",
+                        help="user that the guard must be (default: this one, root, or the socket's owner in a folder "
+                             "that the administrator shares)")
+
+
 def instance_name(name: str) -> str:
     """``name`` if it may be one of a device, and so of a folder; else a refusal of argparse."""
     if not re.search(NAME_PATTERN, name):

@@ -46,19 +46,21 @@ def main(argv: list[str]) -> int:
     parser.add_argument("--ground-station", type=port, default=0, metavar="PORT",
                         help="speak MAVLink to the ground station on this UDP port of the loopback, e.g. 14550")
     launch.add_peers(parser, "brain")
+    launch.add_guard_user(parser)
     options = parser.parse_args(argv)
     started = launch.from_options(options)
     stop = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stop.set())
     directory = options.record or recordings_dir(started.config, os.environ)
-    run(started, directory, notify.from_environment(), stop.is_set, MonotonicClock(), options.ground_station)
+    run(started, directory, notify.from_environment(), stop.is_set, MonotonicClock(), options.ground_station,
+        options.guard_user)
     return 0
 
 
 def run(started: Launch, recordings: Path, notifier: notify.Notifier, stopped: Callable[[], bool],
-        clock: Clock, ground_station: int = 0) -> None:
-    """Serve until ``stopped``; ``ground_station`` is a UDP port, 0 for none.
+        clock: Clock, ground_station: int = 0, guard_uid: int | None = None) -> None:
+    """Serve until ``stopped``; ``ground_station`` is a UDP port, 0 for none; ``guard_uid`` whose guard it must be.
 
     Raises
     ------
@@ -67,7 +69,7 @@ def run(started: Launch, recordings: Path, notifier: notify.Notifier, stopped: C
     """
     config = started.config
     models = read_models(config)
-    doors = _open_doors(started, recordings, models)
+    doors = _open_doors(started, recordings, models, guard_uid)
     gate = Gate(config, doors, models, time.time_ns)
     if ground_station:
         gate.station = GroundStation(ground_station, config, gate.ask)
@@ -99,7 +101,7 @@ def _loop(gate: Gate, page: Page | None, notifier: notify.Notifier, stopped: Cal
         clock.sleep_until(due_ns)
 
 
-def _open_doors(started: Launch, recordings: Path, models: Any) -> Doors:
+def _open_doors(started: Launch, recordings: Path, models: Any, guard_uid: int | None) -> Doors:
     config, folder = started.config, started.runtime
     prefix = keys.prefix(config.device.site, config.device.rig)
     brain = RoomServer(folder / "gate.sock", started.peers)
@@ -110,7 +112,7 @@ def _open_doors(started: Launch, recordings: Path, models: Any) -> Doors:
         recorder = Recorder(recordings, name, metadata(config, models), config.recorder.max_megabytes * 10**6,
                             time.time_ns, raw_frames=config.recorder.raw_frames)
     normal = NormalFile(state_dir(config, os.environ), time.time_ns)
-    return Doors(RoomClient(folder / "guard.sock", "gate"), brain, telemetry, recorder, normal)
+    return Doors(RoomClient(folder / "guard.sock", "gate", guard_uid), brain, telemetry, recorder, normal)
 
 
 def _close(doors: Doors) -> None:

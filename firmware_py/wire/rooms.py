@@ -215,12 +215,18 @@ class RoomServer:
             except OSError:
                 return
             if len(self._newcomers) >= MAX_WAITING:
-                self.counters["refused_crowd"] += 1
-                sock.close()
-                continue
+                self._dismiss_oldest()
             peer = Peer(sock, self.counters, limit=NEWCOMER)
             self._newcomers[sock.fileno()] = (peer, now_ns)
             self._epoll.register(sock, select.EPOLLIN)
+
+    def _dismiss_oldest(self) -> None:
+        """Make room in the hall: who crowds it without a word must not keep a peer out."""
+        fd, (oldest, _) = next(iter(self._newcomers.items()))
+        del self._newcomers[fd]
+        self._epoll.unregister(fd)
+        oldest.sock.close()
+        self.counters["refused_crowd"] += 1
 
     def _question(self, now_ns: int) -> None:
         """Read the first packet of each newcomer: admit it to its role, or refuse it."""

@@ -53,8 +53,11 @@ from firmware_py.records import (
     decode,
     encode,
 )
+from firmware_py.wire import hub
 from firmware_py.wire import mav_dialect as mav
+from firmware_py.wire.can_link import CanLink
 from firmware_py.wire.codec import CanCodec
+from firmware_py.wire.hub_bus import OrbitdHubBus
 from firmware_py.wire.mav_codec import MavCodec
 from firmware_py.wire.mav_packet import Framer
 
@@ -176,6 +179,45 @@ def http_requests() -> tuple[Feeder, Sequence[bytes]]:
                   b"POST / HTTP/1.1\r\n\r\n"]
 
 
+def hub_packets() -> tuple[Feeder, Sequence[bytes]]:
+    """Packets of a node on the hub, through the hub to another node's link."""
+    folder = tempfile.TemporaryDirectory()
+    path = Path(folder.name) / "t.sock"
+    listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    listener.bind(str(path))
+    listener.listen(8)
+    listener.setblocking(False)
+    bus = hub.Hub(listener)
+    ends: list[socket.socket] = []
+
+    def joined() -> socket.socket:
+        end = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        end.connect(str(path))
+        bus.step(0)
+        end.recv(hub.MAX_PACKET)
+        end.setblocking(False)
+        return end
+
+    node = OrbitdHubBus.__new__(OrbitdHubBus)
+    node._socket, node._buffer, node._filters, node.lost, node._own = joined(), bytearray(hub.MAX_PACKET), None, 0, 0
+    node._is_shutdown = True
+    link = CanLink(lambda wait_s: node)
+
+    def feed(data: bytes, _kept: object = folder) -> None:
+        if not ends:
+            ends.append(joined())
+        try:
+            ends[0].send(data)
+        except OSError:
+            ends.pop().close()
+        bus.step(0)
+        link.receive(0)
+        assert link._bus is node, "what one node sends must not take another off the bus"
+
+    packet = hub.HEADER.pack(0, 0xC0, 0, hub.FD, 64) + bytes(64)
+    return feed, [packet, hub.HEADER.pack(0, 0x40, 0, hub.ERROR_FRAME, 8) + bytes(8)]
+
+
 def ground_station() -> tuple[Feeder, Sequence[bytes]]:
     """Datagrams of a ground station."""
     config = load(SHIPPED / "bench.toml")[0]
@@ -239,6 +281,7 @@ INPUTS: Final = (
     Input("room_packets", room_packets, 1_000_000, "packets of the local sockets"),
     Input("zenoh_payloads", zenoh_payloads, 1_000_000, "payloads of commands on Zenoh"),
     Input("http_requests", http_requests, 1_000_000, "requests to page and metrics"),
+    Input("hub_packets", hub_packets, 200_000, "packets on the hub of the bus"),
     Input("ground_station", ground_station, 200_000, "datagrams of a ground station"),
     Input("normal_file", normal_file, 20_000, "the stored normal state"),
     Input("manifest", manifest, 20_000, "the manifest of the models"),

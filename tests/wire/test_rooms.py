@@ -196,6 +196,19 @@ def test_crowd_of_newcomers_is_bounded(server: RoomServer) -> None:
         sock.close()
 
 
+def test_a_crowd_without_a_word_keeps_no_peer_out(server: RoomServer) -> None:
+    crowd = [raw_peer(server) for _ in range(30)]
+    client = RoomClient(server.path, "gate")
+    client.poll(0)
+    server.poll(0)
+    crowd += [raw_peer(server) for _ in range(3)]
+    server.poll(0)
+    assert server.connected("gate")
+    client.close()
+    for sock in crowd:
+        sock.close()
+
+
 def test_garbage_is_counted_and_survived(server: RoomServer) -> None:
     peer = raw_peer(server, hello())
     peer.send(b"\xc1 not a record")
