@@ -13,7 +13,7 @@ import pytest
 
 from firmware_py.gate import commands, session
 from firmware_py.gate.client import Client, NoAnswerError
-from firmware_py.gate.commands import ANSWER_WITHIN_NS, BURST, IDS_KEPT, CommandDesk
+from firmware_py.gate.commands import ANSWER_WITHIN_NS, BURST, IDS_KEPT, MAX_PENDING, CommandDesk
 from firmware_py.gate.session import SessionError
 from firmware_py.gate.wishes import MalformedCommandError, parse, read
 from firmware_py.records import CommandReply, CommandRequest, Mode, PlannedRamp
@@ -164,6 +164,23 @@ def test_disarms_of_one_step_are_one_request_unless_something_came_between():
     d.hear("arm", "y")
     d.hear("disarm", "z")
     assert [request.verb for request in d.sent] == ["disarm", "arm", "disarm"]
+
+
+def test_a_disarm_joins_one_that_still_waits():
+    d = Desk()
+    crowd = [d.hear("disarm", f"x{number}") for number in range(3)]
+    d.guard_answers()
+    assert [answers[0].id for answers in crowd] == ["x0", "x1", "x2"]
+
+
+def test_too_many_that_wait_are_refused_but_no_disarm():
+    d = Desk()
+    for number in range(MAX_PENDING):
+        verb, value = (("arm", ""), ("reset", ""), ("set_clearance", ', "value": 60'), ("set_pressure", ', "value": 1'),
+                       ("mode", ', "value": "auto"'))[number % 5]
+        d.hear(verb, f"x{number}", number * 100_000_000, value)
+    assert "already wait" in d.hear("commission", "y", 0, ', "value": "start"')[0].reasons[0]
+    assert not d.hear("disarm", "z")
 
 
 def test_remembered_ids_are_bounded_and_a_flood_of_disarms_forgets_no_other():

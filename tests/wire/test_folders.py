@@ -79,6 +79,30 @@ def test_a_client_does_not_talk_to_another_users_server(tmp_path):
 
 
 @needs_root
+def test_a_server_of_another_user_is_trusted_only_where_the_folder_is_shared(tmp_path, monkeypatch):
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as listener, \
+            socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as sock:
+        path = tmp_path / "guard.sock"
+        listener.bind(str(path))
+        listener.listen(1)
+        sock.connect(str(path))
+        monkeypatch.setattr("firmware_py.wire.folders.peer_uid", lambda _: STRANGER)
+        assert f"served by user {STRANGER}" in foreign_server(sock, path)
+        tmp_path.chmod(0o1770)
+        assert f"served by user {STRANGER}" in foreign_server(sock, path), "not the socket's owner"
+        os.chown(path, STRANGER, STRANGER)
+        assert foreign_server(sock, path) == ""
+        path.unlink()
+        assert f"served by user {STRANGER}" in foreign_server(sock, path)
+
+
+def test_what_is_no_folder_or_absent_is_refused(tmp_path):
+    (tmp_path / "file").touch()
+    assert "not a folder" in unsafe(tmp_path / "file")
+    assert "No such file" in unsafe(tmp_path / "absent")
+
+
+@needs_root
 def test_the_bus_folder_is_checked_even_when_it_was_named(tmp_path):
     os.chown(tmp_path, STRANGER, 0)
     with pytest.raises(can.CanInitializationError, match=f"user {STRANGER}"):
