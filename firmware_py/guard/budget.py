@@ -46,5 +46,8 @@ slower than the reference still keeps it.
 
 The last four cannot last on a real bus: 1 Mbit/s and 5 Mbit/s carry some 8 frames of 64 bytes in a millisecond."""
 
+JUNK_US: Final = 2500
+"""Looking through what one call reads from a serial port, where none of it is a packet."""
+
 REFERENCE_US: Final = 255.0
 """The reference: 1000 rounds of packing, unpacking and summing eight 16-bit numbers (see the test)."""

@@ -8,7 +8,7 @@ from struct import pack, unpack
 
 import pytest
 
-from firmware_py.guard.budget import CYCLE_US, EVENTS_PER_CYCLE, REFERENCE_US, ROOM_LIMITS
+from firmware_py.guard.budget import CYCLE_US, EVENTS_PER_CYCLE, JUNK_US, REFERENCE_US, ROOM_LIMITS
 from firmware_py.guard.loop import _bounded
 from firmware_py.guard.outbox import Outbox
 from firmware_py.records import (
@@ -25,8 +25,10 @@ from firmware_py.records import (
 )
 from firmware_py.wire.can_link import BATCH
 from firmware_py.wire.codec import CanCodec
+from firmware_py.wire.mav_packet import Framer
 from firmware_py.wire.room_socket import MAX_WAITING, NEWCOMER
 from firmware_py.wire.rooms import RoomServer
+from firmware_py.wire.serial_link import READ_BYTES
 
 from .scripted_node import MS, Bench, working
 
@@ -220,6 +222,13 @@ def test_requests_do_not_make_the_shield_work_nor_fill_the_bus() -> None:
     assert len(looks) <= 51 + 200
     assert frames <= 400
     assert states <= 51
+
+
+@pytest.mark.parametrize("junk", [b"\xfd", b"\0", b"\xfd\x20\0\0\0\x01\x01\x0a\0\0"])
+def test_bytes_that_are_no_packets_cost_a_bounded_time(junk: bytes) -> None:
+    data = (junk * READ_BYTES)[:READ_BYTES]
+    beside = min(cost_s(reference, 5) for _ in range(3))
+    assert min(cost_s(lambda: Framer().feed(data, BATCH)) for _ in range(5)) / beside <= JUNK_US / REFERENCE_US
 
 
 # ------------------------------------------------------------------ what a peer may put in
