@@ -19,7 +19,7 @@ PAGE = Path("SERVICE.md").read_text(encoding="utf-8")
 ORBITD = "/opt/orbitd/bin/orbitd"
 UNITS = Path("/usr/lib/systemd/system")
 CONFIG = Path("/etc/orbitd/orbitd.toml")
-WATCHDOG_S = {"guard": 2, "brain": 10, "gate": 10}
+WATCHDOG_S = {"guard": 1, "brain": 10, "gate": 10}
 ROOMS = tuple(WATCHDOG_S)
 RIG = "rotor-rig.service"
 STRANGER = """

@@ -80,6 +80,7 @@ BAD_FILES: dict[str, Callable[[Path], object]] = {
     "folder": folder_in_its_place,
     "link to itself": lambda p: p.symlink_to(p),
     "link elsewhere": lambda p: p.symlink_to("/dev/zero"),
+    "link to a good file": lambda p: (p.with_name("other").write_bytes(b"[]"), p.symlink_to(p.with_name("other"))),
     "pipe": lambda p: os.mkfifo(p),
     "socket": lambda p: socket.socket(socket.AF_UNIX).bind(str(p)),
 }
