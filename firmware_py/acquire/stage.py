@@ -77,6 +77,7 @@ class AcquireOutput(msgspec.Struct):
     node_ahead_ns: int = 0
     clock_jumped: bool = False
     turns: list[Turn] = []
+    node_states: list[NodeState] = []
 
 
 class Acquire:
@@ -199,6 +200,10 @@ class Acquire:
         """Whether node ticks map reliably to host time."""
         return self._clock.settled
 
+    def two_senders(self, now_ns: int) -> list[str]:
+        """Streams that have two senders."""
+        return []
+
     def sample_age_ns(self, now_ns: int) -> int:
         """The larger of the newest sample's arrival age and mapped age."""
         s = self._assembler.state
@@ -243,6 +248,7 @@ class Acquire:
     def _on_node(self, message: NodeState, arrival_ns: int, output: AcquireOutput) -> None:
         if self._is_new(message, arrival_ns):
             self._rest.node, self._rest.node_heard_ns = message, arrival_ns
+            output.node_states.append(message)
 
     def _on_info(self, message: NodeInfo, arrival_ns: int, output: AcquireOutput) -> None:
         if self._is_new(message, arrival_ns):

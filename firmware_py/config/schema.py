@@ -233,6 +233,16 @@ class Actuator(Section, frozen=True):
     time_constant_s: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.05
     time_to_live_ms: Annotated[int, Meta(ge=10, le=1000)] = 100
     command_period_ms: Annotated[int, Meta(ge=1, le=100)] = 20
+    pressure_time_constant_s: Annotated[float, Meta(ge=0.01, le=60)] = 1.0
+    """Of the supply pressure behind its target, generously: three of them pass before an error counts."""
+    following_error_um: Annotated[float, Meta(ge=0.1, le=1000)] = 5.0
+    """The measured clearance may lie this far beyond where an actuator of the declared rate can be."""
+    following_error_bar: Annotated[float, Meta(ge=0.01, le=100)] = 0.3
+    """And the measured supply pressure."""
+    following_time_s: Annotated[float, Meta(ge=0.5, le=30)] = 2.0
+    """For this long, before it is an alarm; gross errors and slow movement are one sooner."""
+    reversals_per_minute_max: Annotated[int, Meta(ge=2, le=6000)] = 60
+    """The target may turn back this often within a minute; then authority goes, and a set point holds."""
 
 
 class Limits(Section, frozen=True):
@@ -304,6 +314,8 @@ class Drive(Section, frozen=True):
     """What the rig's drive is told to do on a trip."""
 
     trip_on_danger: bool = True
+    trip_on_foreign: bool = False
+    """Withdraw the run permit while the node follows commands that this device did not send."""
     coast_down_on_lost_heartbeat: bool = True
     blind_max_s: Annotated[float, Meta(ge=0.5, le=60)] = 3.0
     """The run permit is withdrawn after so long without fresh samples; on probation after a restart, 2 s at most."""

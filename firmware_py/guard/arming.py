@@ -15,6 +15,7 @@ from firmware_py.config import Config
 from firmware_py.guard.alarm import Notice
 from firmware_py.guard.authority import Authority, AuthorityState
 from firmware_py.guard.failsafe import Action, Failsafe, Situation, active
+from firmware_py.guard.target import Target
 from firmware_py.records import VERBS, Advice, Alarm, ArmState, CommandReply, CommandRequest, Mode, Severity
 
 RECOVERY_MAX_NS: Final = 60_000_000_000
@@ -30,13 +31,6 @@ ALARMING: Final = (Action.RECOVER, Action.DISARM)
 ALSO_ALARMS: Final = ("foreign_heartbeat", "mark_lost")
 """Faults that take authority alone; the other conditions of that kind are operating states or have alarms of their
 own."""
-
-
-class Target(msgspec.Struct, frozen=True):
-    """Radial clearance and supply pressure that the guard wants."""
-
-    clearance_um: float
-    pressure_bar: float
 
 
 class ArmingState(msgspec.Struct):
@@ -144,10 +138,10 @@ class Arming:
             f.name: self._state.standing.get(f.name) or Alarm(
                 f.name, Severity.FAULT if f.action >= Action.RECOVER else Severity.ALERT, situation.now_ns, 0.0, 0.0,
                 False, f.reason(situation))
-            for f in failsafes if f.action in ALARMING or f.name in ALSO_ALARMS}
+            for f in failsafes if (f.action in ALARMING or f.name in ALSO_ALARMS) and not f.alarmed}
         return [Notice(Severity.FAULT if f.action >= Action.RECOVER else Severity.ALERT, f.name,
                        "; ".join([f.reason(situation), *(situation.node_reasons if f.name == "node_mismatch" else [])]))
-                for f in failsafes if f.name not in before and f.action != Action.TRIP]
+                for f in failsafes if f.name not in before and f.action != Action.TRIP and not f.alarmed]
 
     def _target(self, situation: Situation, advice: Advice | None, sound: bool) -> Target:
         """Set point or advice narrowed to the admissible interval; otherwise the safe values.

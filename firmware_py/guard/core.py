@@ -11,7 +11,7 @@ from firmware_py.acquire.stage import Acquire, AcquireOutput, AcquireState
 from firmware_py.config import Config
 from firmware_py.guard.alarm import Notice
 from firmware_py.guard.announcements import Announced, Announcements
-from firmware_py.guard.arming import Arming, ArmingState, Target
+from firmware_py.guard.arming import Arming, ArmingState
 from firmware_py.guard.authority import is_ahead
 from firmware_py.guard.condition import Condition, ConditionState
 from firmware_py.guard.failsafe import Situation, node_reasons
@@ -19,12 +19,14 @@ from firmware_py.guard.load_estimate import LoadEstimator, LoadInterval, LoadSta
 from firmware_py.guard.oil_protection import OilProtection, OilProtectionState
 from firmware_py.guard.permit import Permit, PermitFacts, PermitState, Start
 from firmware_py.guard.protection import Protection, ProtectionState, zone
-from firmware_py.guard.readings import OIL, Readings, ReadingsState
+from firmware_py.guard.readings import CLEARANCE, OIL, PRESSURE, Readings, ReadingsState
 from firmware_py.guard.shield import PERIOD_S, Shield
 from firmware_py.guard.speaker import Codec, Speaker, SpeakerState
 from firmware_py.guard.speed_check import SpeedCheck, SpeedCheckState
 from firmware_py.guard.speed_high import NAME as SPEED_HIGH
 from firmware_py.guard.speed_high import SpeedHigh, SpeedHighState
+from firmware_py.guard.supervision import Heard, Measured, Supervision, SupervisionState
+from firmware_py.guard.target import Target
 from firmware_py.guard.telling import Telling, Told
 from firmware_py.records import (
     Advice,
@@ -99,6 +101,7 @@ class CoreState(msgspec.Struct):
     oil: OilProtectionState | None = None
     speed_check: SpeedCheckState = msgspec.field(default_factory=SpeedCheckState)
     speed_high: SpeedHighState = msgspec.field(default_factory=SpeedHighState)
+    supervision: SupervisionState | None = None
 
 
 class GuardCore:
@@ -141,6 +144,7 @@ class GuardCore:
         self._arming = Arming(config)
         self._speaker = Speaker(config, codec, session)
         self._shield = Shield(config)
+        self._supervision = Supervision(config, session)
         self._load = LoadEstimator(config)
         self._announcements = Announcements(config, self._shield.lead_s)
         self._telling = Telling()
@@ -164,6 +168,7 @@ class GuardCore:
         if acquired.restarted or acquired.node_info is not None:
             m.node_reasons = node_reasons(self._config, self._acquire.node_info)
         notices += self._slow(acquired, now_ns)
+        notices += self._supervise(acquired, now_ns)
         if acquired.blocks:
             cap_um = self._readings.smaller_clearance_um(self._acquire.node)
             notices += self._protection.step(acquired.blocks, cap_um)
@@ -194,7 +199,8 @@ class GuardCore:
         state = CoreState(self._acquire.state, self._protection.state, self._arming.state, self._speaker.state,
                           self._memory, self._announcements.state, self._load.state, self._permit.state,
                           self._unwritable.state, self._telling.state,
-                          self._readings.state, self._oil.state, self._speed_check.state, self._speed_high.state)
+                          self._readings.state, self._oil.state, self._speed_check.state, self._speed_high.state,
+                          self._supervision.state)
         return Snapshot(seq, now_ns, msgspec.msgpack.encode(state))
 
     def restore(self, snapshot: Snapshot) -> None:
@@ -208,6 +214,8 @@ class GuardCore:
         self._readings.state = state.readings or self._readings.state
         self._oil.state = state.oil or self._oil.state
         self._speed_check.state, self._speed_high.state = state.speed_check, state.speed_high
+        if state.supervision is not None:  # a recording of a device that had none
+            self._supervision.state = state.supervision
 
     @property
     def tripped(self) -> list[str]:
@@ -311,6 +319,15 @@ class GuardCore:
             self._memory.interval_m = None
         return notices
 
+    def _supervise(self, acquired: AcquireOutput, now_ns: int) -> list[Notice]:
+        """Hold what node and actuator report against what they were told."""
+        a = self._acquire
+        fresh = a.sample_age_ns(now_ns) < self._fresh_ns
+        measured = Measured(self._readings.value(CLEARANCE), self._readings.value(PRESSURE))
+        return self._supervision.step(Heard(
+            acquired.node_states, measured if acquired.readings else None, acquired.restarted, a.node, a.node_info,
+            a.newest_tick_us if fresh else None, a.two_senders(now_ns)), now_ns)
+
     # ------------------------------------------------------------------ facts
 
     def _slow(self, acquired: AcquireOutput, now_ns: int) -> list[Notice]:
@@ -341,20 +358,19 @@ class GuardCore:
 
     def _situation(self, cycle: Cycle, gap: bool) -> Situation:
         m, a, now_ns = self._memory, self._acquire, cycle.now_ns
-        node, speed = a.node, a.speed
+        speed = a.speed
         return Situation(
             now_ns=now_ns, link_up=cycle.link_up, samples_fresh=a.sample_age_ns(now_ns) < self._fresh_ns,
             clock_settled=a.clock_settled,
             node_heard=a.node_age_ns(now_ns) < NODE_SILENT_NS and a.node_info is not None,
             node_reasons=m.node_reasons,
-            node_elsewhere=node is not None and node.mode == NodeMode.FOLLOWING and node.session != self._session,
             foreign_command=now_ns - m.foreign_command_ns < FOREIGN_HOLD_NS,
             foreign_heartbeat=now_ns - m.foreign_heartbeat_ns < FOREIGN_HOLD_NS,
             cycle_gap=gap, mark_lost=not speed.known, displacement_ok=self._protection.displacement_ok,
             vibration_high=m.vibration_high,
             speed_declared=self._speeds[0] * 0.98 <= speed.speed_rad_s <= self._speeds[1] * 1.02,
             interval_m=m.interval_m, tripped=self.tripped, brain_connected=cycle.brain_connected,
-            doubts=self._readings.doubts | self._oil.beyond
+            doubts=self._readings.doubts | self._oil.beyond | self._supervision.doubts
             | ({"link_fault": cycle.link_fault} if cycle.link_fault else {}),
         )
 
@@ -369,6 +385,7 @@ class GuardCore:
                 notices += self._speed_check.reset()
                 self._arming.reset(left)
                 self._permit.reset()
+                self._supervision.reset()
                 situation.tripped = self.tripped
                 replies.append(CommandReply(request.seq, not left, left))
                 notices.append(Notice(Severity.INFO, "command", f"reset from {request.origin}: {len(left)} trips left"))
@@ -385,12 +402,16 @@ class GuardCore:
                 notices += told
         return replies
 
+    def _foreign_trip(self) -> bool:
+        """Whether the node follows somebody else, and the permit is configured to go for that."""
+        return self._config.drive.trip_on_foreign and "node_elsewhere" in self._supervision.doubts
+
     def _judge_permit(self, situation: Situation, blocks: bool) -> list[Notice]:
         """The permit of this cycle, after arming has judged it."""
         tripped = self._arming.state.arm_state == ArmState.TRIPPED and self._config.drive.trip_on_danger
         return self._permit.step(PermitFacts(
             situation.now_ns, situation.samples_fresh, blocks and situation.samples_fresh and situation.displacement_ok,
-            situation.tripped if tripped else []))
+            situation.tripped if tripped else [], self._foreign_trip()))
 
     def _command_due(self, cycle: Cycle) -> bool:
         """Whether a command is due that can really be sent: it rests on an interval of its own."""
@@ -408,6 +429,8 @@ class GuardCore:
         frames = []
         if self._may_command(situation.samples_fresh, situation.link_up):
             frames += self._speaker.command(situation.now_ns, m.target, self._acquire.newest_tick_us)
+        if frames:
+            self._supervision.sent(self._speaker.state.command_counter, m.target, situation.now_ns)
         return frames + self._speaker.heartbeat(situation.now_ns, arming.mode, arming.arm_state, permit.granted,
                                                 permit.trip_request)
 
@@ -422,6 +445,7 @@ class GuardCore:
         link = [Alarm("link_fault", Severity.FAULT, m.link_fault_ns, 0.0, 0.0, False, m.link_fault)]
         found = [*self._protection.standing(), *self._readings.standing(), *self._oil.standing(),
                  *self._speed_high.standing(), *self._speed_check.standing(),
+                 *self._supervision.standing(),
                  *self._permit.standing(), *self._unwritable.standing(), *(link if m.link_fault else []),
                  *self._arming.standing()]
         return list({alarm.name: alarm for alarm in reversed(found)}.values())[::-1]

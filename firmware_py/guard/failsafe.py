@@ -34,7 +34,6 @@ class Situation(msgspec.Struct):
     clock_settled: bool
     node_heard: bool
     node_reasons: list[str]
-    node_elsewhere: bool
     foreign_command: bool
     foreign_heartbeat: bool
     cycle_gap: bool
@@ -59,9 +58,13 @@ class Failsafe(msgspec.Struct, frozen=True):
     text: str
     alarms: tuple[str, ...] = ()
     """It holds while one of these of :attr:`Situation.doubts` does, whose texts follow its own."""
+    alarmed: bool = False
+    """Its name is that of an alarm, whose text says it all: no further event, no text of its own."""
 
     def reason(self, situation: Situation) -> str:
         """What a person reads now."""
+        if self.alarmed:
+            return "; ".join(situation.doubts[name] for name in self.alarms if name in situation.doubts)
         return ": ".join([self.text, *(situation.doubts[name] for name in self.alarms if name in situation.doubts)])
 
 
@@ -71,6 +74,11 @@ def _doubt(name: str, alarms: tuple[str, ...], text: str, *, bars_arming: bool =
                     text, alarms)
 
 
+def _supervised(name: str, action: Action, *, bars_arming: bool = True) -> Failsafe:
+    """A row for an alarm of the supervision."""
+    return Failsafe(name, lambda s: name in s.doubts, action, bars_arming, "", (name,), alarmed=True)
+
+
 FAILSAFES: Final = (
     Failsafe("tripped", lambda s: bool(s.tripped), Action.TRIP, True,
              "a danger alarm is latched; remove the cause, then `reset`"),
@@ -78,8 +86,9 @@ FAILSAFES: Final = (
              "the node is not the configured one"),
     Failsafe("foreign_command", lambda s: s.foreign_command, Action.DISARM, True,
              "another device sends commands on this bus; disconnect it"),
-    Failsafe("node_elsewhere", lambda s: s.node_elsewhere, Action.DISARM, True,
-             "the node follows another session; wait until it lets go or disconnect the other device"),
+    _supervised("node_elsewhere", Action.DISARM),
+    _supervised("two_senders", Action.RECOVER),
+    _supervised("node_state_frozen", Action.RECOVER),
     Failsafe("link_down", lambda s: not s.link_up, Action.RECOVER, True,
              "the link to the node is down; check adapter, hub or port", ("link_fault",)),
     Failsafe("samples_stale", lambda s: not s.samples_fresh, Action.RECOVER, True,
@@ -90,6 +99,12 @@ FAILSAFES: Final = (
              "the node gives no account of itself (NODE_STATE, NODE_INFO)", ("link_fault",)),
     Failsafe("cycle_gap", lambda s: s.cycle_gap, Action.RECOVER, False,
              "guard, host or node stood still for longer than the time to live"),
+    _supervised("node_not_expired", Action.TAKE_AUTHORITY),
+    _supervised("node_not_following", Action.TAKE_AUTHORITY, bars_arming=False),
+    _supervised("node_target_differs", Action.TAKE_AUTHORITY),
+    _supervised("node_refuses", Action.TAKE_AUTHORITY, bars_arming=False),
+    _supervised("clearance_not_following", Action.TAKE_AUTHORITY),
+    _supervised("pressure_not_following", Action.TAKE_AUTHORITY),
     Failsafe("foreign_heartbeat", lambda s: s.foreign_heartbeat, Action.TAKE_AUTHORITY, True,
              "another device sends heartbeats on this bus; disconnect it"),
     Failsafe("mark_lost", lambda s: s.mark_lost, Action.TAKE_AUTHORITY, False,

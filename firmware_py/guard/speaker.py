@@ -7,7 +7,7 @@ from typing import Final, Protocol
 import msgspec
 
 from firmware_py.config import Config
-from firmware_py.guard.arming import Target
+from firmware_py.guard.target import Target
 from firmware_py.records import Command, DeviceHeartbeat, RawFrame, Rejected, WireMessage
 
 HEARTBEAT_PERIOD_NS: Final = 50_000_000

@@ -10,7 +10,6 @@ from firmware_py.records import (
     Command,
     DeviceHeartbeat,
     GuardState,
-    NodeState,
     RawFrame,
     SampleFrame,
 )
@@ -249,14 +248,6 @@ def test_a_masquerade_in_our_own_name_disarms() -> None:
     assert found.arm_state == ArmState.DISARMED
     assert found.counters["reject_masquerade"] == 1
     assert "masquerade" in b.names()
-
-
-def test_a_node_that_follows_somebody_else_disarms() -> None:
-    b = working()
-    counter = b.node.counter(NodeState)
-    b.extra = [CODEC.encode(NodeState(counter, 0, 1, 0x9999, 0, 120.0, 1.0, True, 0, 0, 0, 0), b.now_ns)]
-    b.cycle()
-    assert state(b).arm_state == ArmState.DISARMED
 
 
 # ------------------------------------------------------------------ sensors

@@ -52,9 +52,20 @@ class ScriptedNode:
         self.mean_um = (-10.0, -18.0)
         self.clearance_um = config.actuator.safe_radial_clearance_um
         self.target_um = self.clearance_um
+        self.pressure_bar = self.target_bar = config.actuator.safe_pressure_bar
+        self.actuate: Callable[[float], float] = lambda target_um: target_um
+        """Where the actuator goes for a target; faults replace it."""
+        self.rate_um_s = config.actuator.rate_um_s
+        self.obeys = True
+        self.expires = True
+        self.command_counter = 0
+        self.refused = [0, 0, 0, 0]
+        self._obeyed_ns = 0
+        self._moved_ns = self._now_ns = 0
+        self.moved = (self.clearance_um, self.pressure_bar)
+        """Where the actuators went last: a measured value that a test has set stays as it is."""
         self.oil_C = 41.0
         self.power_W = 50.0
-        self.pressure_bar = config.actuator.safe_pressure_bar
         self.supply_bar: float | None = None
         self.mode, self.session = 0, 0
         self.mark_valid = True
@@ -84,7 +95,32 @@ class ScriptedNode:
     def restart(self) -> None:
         """Power off and on: counters and ticks begin anew."""
         self._counters.clear()
-        self.session, self.mode = 0, 0
+        self.session, self.mode, self.command_counter = 0, 0, 0
+        self.refused = [0, 0, 0, 0]
+        self._go_safe()
+
+    def _go_safe(self) -> None:
+        self.mode = 0
+        self.target_um = self.config.actuator.safe_radial_clearance_um
+        self.target_bar = self.config.actuator.safe_pressure_bar
+
+    def _move(self, now_ns: int) -> None:
+        """The actuator runs to its target at its rate; commands expire."""
+        if self.expires and now_ns - self._obeyed_ns > self.config.actuator.time_to_live_ms * MS:
+            self._go_safe()
+        way_um = self.rate_um_s * min(now_ns - self._moved_ns, 1_000 * MS) * 1e-9
+        self._moved_ns = now_ns
+        wanted_um = self.actuate(self.target_um)
+        if self.clearance_um == self.moved[0]:
+            self.clearance_um += min(max(wanted_um - self.clearance_um, -way_um), way_um)
+            self.moved = (self.clearance_um, self.moved[1])
+        if self.pressure_bar == self.moved[1]:
+            self.pressure_bar = self.supply(self.target_bar)
+            self.moved = (self.moved[0], self.pressure_bar)
+
+    def supply(self, target_bar: float) -> float:
+        """The pressure that a target gives (overwrite me)."""
+        return target_bar
 
     def hear(self, frames: list[RawFrame]) -> None:
         """What the device said; commands are obeyed at once."""
@@ -93,11 +129,15 @@ class ScriptedNode:
             assert not isinstance(message, type(None))
             if isinstance(message, (Command, DeviceHeartbeat)):
                 self.heard.append(message)
-            if isinstance(message, Command):
+            if isinstance(message, Command) and self.obeys:
                 self.target_um, self.session, self.mode = message.clearance_um, message.session, 1
+                self.target_bar, self.command_counter = message.pressure_bar, message.counter
+                self._obeyed_ns = self._now_ns
 
     def step(self, now_ns: int) -> list[RawFrame]:
         """Every frame that is complete at ``now_ns`` and was not before."""
+        self._now_ns = now_ns
+        self._move(now_ns)
         if not self.running:
             period_us = self.config.sampling.period_us
             self._sample = (self.tick_at(now_ns) - self._start_tick) // (3 * period_us)
@@ -173,14 +213,11 @@ class ScriptedNode:
                 tick_us,
                 self.mode,
                 self.session,
-                0,
+                self.command_counter,
                 self.target_um,
-                a.safe_pressure_bar,
-                True,
-                0,
-                0,
-                0,
-                0,
+                self.target_bar,
+                abs(self.target_um - self.clearance_um) < 0.5,
+                *self.refused,
             ),
             RigStatus(self.counter(RigStatus), tick_us, self.power_W, self.oil_C, self.clearance_um,
                       self.pressure_bar),
