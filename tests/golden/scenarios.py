@@ -194,6 +194,23 @@ class Playback:
         return [*frames, *(msgspec.structs.replace(frame, arrival_ns=now_ns) for frame in again)]
 
 
+class SecondSender:
+    """From 5 s to 7 s a second rig, of another build, sends the same streams on the same bus."""
+
+    def __init__(self) -> None:
+        self._rig: Rig | None = None
+
+    def __call__(self, cycle: int, frames: list[RawFrame]) -> list[RawFrame]:
+        if cycle == 1:
+            setting = prepare("bench", SEED + 1)
+            self._rig = Rig(setting.rig, codec_for(setting.config), node_limits(setting.rig, setting.config), SEED + 1,
+                            build=setting.build, rate_hz=setting.config.sampling.rate_hz)
+        if not 4900 <= cycle < 7000 or self._rig is None:
+            return frames
+        others = self._rig.step(START_NS + (cycle + 1) * 1_000_000, [])
+        return [*frames, *others] if cycle >= 5000 else frames
+
+
 def _silence(cycle: int, frames: list[RawFrame]) -> list[RawFrame]:
     """Nothing from the node from 5 s to 9.5 s."""
     return [] if 5000 <= cycle < 9500 else frames
@@ -219,9 +236,9 @@ def _wrong(advice: Advice) -> Advice:
 
 
 FAULTS: Final[list[tuple[int, Action]]] = [
-    (3000, _inject("sensor_stuck:disp_x", 1.0)), (4500, _clear), (5500, _inject("sensor_dropout:acc_motor", 1.0)),
-    (7000, _clear), (7500, _inject("sensor_offset:disp_y", 1.0)), (9000, _clear),
-    (9500, _inject("sensor_hum:disp_x", 1.0))]
+    (4500, _inject("sensor_stuck:disp_x", 1.0)), (5500, _clear), (6000, _inject("sensor_dropout:acc_motor", 1.0)),
+    (7500, _clear), (8000, _inject("sensor_offset:disp_y", 1.0)), (9000, _clear),
+    (9500, _inject("sensor_hum:disp_x", 1.0)), (10500, _clear), (10700, _inject("sensor_gain:disp_y", 1.0))]
 DANGER: Final[list[tuple[int, Action]]] = [
     *ARMED_AUTO, (3500, _inject("unbalance", 100.0)), (8500, _do("reset")), (9000, _clear), (11500, _do("reset")),
     (12000, _do("arm"))]
@@ -246,15 +263,18 @@ SCENARIOS: Final = (
         *ARMED_AUTO, (3000, _operate(1200.0, 300.0, 3.0)), (7000, _operate(0.0, 100.0, 2.0)),
         (10000, _operate(6000.0, 100.0, 1.5))]),
     Scenario("overspeed", "the drive runs away beyond its declared speed", 11.0, [
-        *ARMED_AUTO, (3000, _operate(12000.0, 100.0, 2.0)), (6000, _operate(15000.0, 100.0, 2.0))]),
+        *ARMED_AUTO, (3000, _operate(12000.0, 100.0, 2.0)), (6000, _operate(18000.0, 100.0, 3.0))],
+        ("speed_undeclared",)),
     Scenario("oil", "armed; the oil starves, then its pressure is lost", 12.0, [
         *ARMED_AUTO, (3500, _inject("starvation", 1.0)), (7000, _clear), (7500, _inject("pressure_loss", 1.0))]),
-    Scenario("sensors", "armed; a stuck, an intermittent, a shifted and a humming sensor", 11.0,
+    Scenario("sensors", "armed; a stuck, an intermittent, a shifted, a humming and a wrong sensor", 12.0,
              [*ARMED_AUTO, *FAULTS]),
     Scenario("bus", "armed; frames lost, doubled, out of order, cut, flipped, misdated; a hole of 0.4 s", 10.0,
              ARMED_AUTO, wire=noisy),
     Scenario("playback", "armed; an earlier second of the bus is played back onto it", 9.0, ARMED_AUTO,
              wire=Playback()),
+    Scenario("second_sender", "armed; another rig sends on the same bus for 2 s", 11.0, ARMED_AUTO,
+             wire=SecondSender()),
     Scenario("silence", "armed; the node falls silent for 4.5 s", 11.0, ARMED_AUTO, wire=_silence),
     Scenario("advice", "armed; a model gone wild advises", 11.0, ARMED_AUTO, advice=_wrong),
     Scenario("serial_auto", "the flight of `auto` over MAVLink", 12.0, AUTO, ("command",), "serial"),
