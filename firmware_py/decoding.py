@@ -24,6 +24,9 @@ UNDECODABLE: Final = (msgspec.DecodeError, ValueError, OverflowError, RecursionE
 FILE_LIMIT_BYTES: Final = 16 << 20
 """No JSON file of the device (manifest, normal state) comes near this."""
 
+SAID_LETTERS: Final = 200
+"""Of the decoder's own words in a refusal: they can repeat what somebody sent, whatever that is."""
+
 
 class OutsideError(OrbitdError, ValueError):
     """Bytes from outside that are not what they should be; ``kind`` is the name under which they are counted."""
@@ -70,6 +73,7 @@ def _named(error: BaseException, otherwise: str, language: str) -> OutsideError:
         return OutsideError("too_deep", "nested too deeply")
     if isinstance(error, UnicodeDecodeError):
         return OutsideError("not_utf8", f"not UTF-8 text (byte {error.start})")
+    said = "".join(letter if letter.isprintable() else "?" for letter in str(error)[:SAID_LETTERS])
     if isinstance(error, msgspec.ValidationError):
-        return OutsideError("wrong_shape", str(error))
-    return OutsideError(otherwise, f"no {language} ({error})")
+        return OutsideError("wrong_shape", said)
+    return OutsideError(otherwise, f"no {language} ({said})")

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Final
 
 import msgspec
 
-from firmware_py.decoding import OutsideError, from_json
+from firmware_py.decoding import SAID_LETTERS, OutsideError, from_json
 from firmware_py.records import BRAIN_VERBS, COMMISSION_ACTIONS, VERBS, CommandRequest, Mode, PlannedRamp
 
 PAYLOAD_LIMIT_BYTES: Final = 4096
@@ -88,7 +88,8 @@ def _ramp(value: object) -> PlannedRamp:
     try:
         return msgspec.convert(value, PlannedRamp)
     except (msgspec.ValidationError, OverflowError) as error:
-        raise MalformedCommandError(f"announce: {error}; send e.g. {_EXAMPLES['announce']} as the value") from error
+        said = str(error)[:SAID_LETTERS]
+        raise MalformedCommandError(f"announce: {said}; send e.g. {_EXAMPLES['announce']} as the value") from error
 
 
 def _mode(value: object) -> int:

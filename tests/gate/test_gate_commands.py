@@ -59,10 +59,12 @@ def test_a_malformed_wish_is_named_in_few_words(verb, value, cause):
 
 @pytest.mark.parametrize("payload", [b"", b"null", b"60", b'"auto"', b"[]", b"{}", b'{"value": 60}', b'{"id": ""}',
                                      b'{"id": 7}', b'{"id": "a b"}', b'{"id": "a", "ID": "b"}', b"\xff", b"\x00",
-                                     b'{"id": "' + b"a" * 65 + b'"}', b'\xef\xbb\xbf{"id": "a"}'])
+                                     b'{"id": "' + b"a" * 65 + b'"}', b'{"id": "a", "' + b"[" * 3000 + b'": 1}',
+                                     b'\xef\xbb\xbf{"id": "a"}'])
 def test_a_payload_without_an_id_is_refused_with_the_right_form(payload):
-    with pytest.raises(MalformedCommandError, match=r'send a JSON object .*\{"id": "7f3a", "value": 60.0\}'):
+    with pytest.raises(MalformedCommandError, match=r'send a JSON object .*\{"id": "7f3a", "value": 60.0\}') as refused:
         read("set_clearance", payload)
+    assert len(str(refused.value)) < 400
 
 
 def test_each_reply_finds_who_asked():
