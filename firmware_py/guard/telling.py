@@ -20,13 +20,17 @@ BURST: Final = 3
 EVERY_NS: Final = 10_000_000_000
 """A source that flutters for a minute gives nine events, whatever its rate."""
 
-NAMES_MAX: Final = 64
+COMMANDS_BURST: Final = 20
+"""Of each verb: every act of a person is told, a program in a loop is not."""
+
+NAMES_MAX: Final = 256
 """Names that are remembered: more than there are kinds of notices."""
 
 
 class Told(msgspec.Struct):
     """One name: how many tellings are free, since when, and what is held back."""
 
+    most: int = BURST
     free: int = BURST
     since_ns: int = 0
     waiting: Notice | None = None
@@ -46,25 +50,27 @@ class Telling:
             if notice.severity == Severity.DANGER:
                 told.append((notice, 1))
                 continue
-            place = f"{notice.name}: {notice.text}" if notice.name == "command" else notice.name
-            known = self._known(place, now_ns)
+            known = self._known(notice, now_ns)
             known.waiting, known.count = notice, known.count + 1
         for known in self.state.values():
-            gained = min(BURST - known.free, (now_ns - known.since_ns) // EVERY_NS)
+            gained = min(known.most - known.free, (now_ns - known.since_ns) // EVERY_NS)
             if gained > 0:
                 known.free, known.since_ns = known.free + gained, known.since_ns + gained * EVERY_NS
             if known.waiting is not None and known.free > 0:
-                if known.free == BURST:
+                if known.free == known.most:
                     known.since_ns = now_ns
                 known.free -= 1
                 told.append((known.waiting, known.count))
                 known.waiting, known.count = None, 0
         return told
 
-    def _known(self, place: str, now_ns: int) -> Told:
+    def _known(self, notice: Notice, now_ns: int) -> Told:
+        """Where ``notice`` stands; a command by its verb, which its text begins with."""
+        command = notice.name == "command"
+        place = f"command {notice.text.partition(' ')[0]}" if command else notice.name
         if place not in self.state:
-            for old in [name for name, known in self.state.items() if known.free == BURST and known.waiting is None]:
-                if len(self.state) >= NAMES_MAX:
-                    del self.state[old]
-            self.state[place] = Told(since_ns=now_ns)
+            if len(self.state) >= NAMES_MAX:
+                del self.state[next(iter(self.state))]
+            most = COMMANDS_BURST if command else BURST
+            self.state[place] = Told(most, most, now_ns)
         return self.state[place]

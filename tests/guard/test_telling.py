@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from firmware_py.guard.alarm import Notice
-from firmware_py.guard.telling import BURST, EVERY_NS, NAMES_MAX, Telling
+from firmware_py.guard.telling import BURST, COMMANDS_BURST, EVERY_NS, NAMES_MAX, Telling
 from firmware_py.records import Severity
 
 
@@ -36,16 +36,19 @@ def test_the_first_is_told_at_once_and_the_held_back_one_with_its_latest_text():
     assert telling.step([], 5 + 2 * EVERY_NS) == []
 
 
-def test_danger_and_different_commands_are_never_held_back():
+def test_danger_is_never_held_back_and_commands_of_a_person_are_not():
     telling = Telling()
     danger = Notice(Severity.DANGER, "tripped", "x")
-    command = [Notice(Severity.INFO, "command", f"{n}") for n in range(9)]
+    commands = [Notice(Severity.INFO, "command", f"{verb} accepted") for verb in ("arm", "disarm", "mode auto")]
     assert [len(telling.step([danger], n)) for n in range(9)] == [1] * 9
-    assert len(telling.step(command, 9)) == 9
+    for n in range(COMMANDS_BURST):
+        assert len(telling.step(commands, 9 + n)) == 3
+    assert telling.step(commands, 100) == []
 
 
-def test_names_that_are_remembered_are_bounded_once_they_are_quiet():
+def test_names_that_are_remembered_are_bounded():
     telling = Telling()
-    for number in range(300):
-        telling.step([Notice(Severity.INFO, "command", f"{number}")], number * EVERY_NS)
+    for number in range(3 * NAMES_MAX):
+        telling.step([Notice(Severity.INFO, "command", f"{number} accepted")], 1)
+        telling.step([Notice(Severity.INFO, f"{number}", "")], 1)
     assert len(telling.state) <= NAMES_MAX
