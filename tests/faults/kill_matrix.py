@@ -158,8 +158,9 @@ class Stalls(threading.Thread):
 
     def run(self) -> None:
         for line in self._process.stdout or ():
-            t_ns, late_ms = line.split()
-            self._found.append((int(t_ns), float(late_ms)))
+            with contextlib.suppress(ValueError):  # the last line, cut off at the end
+                t_ns, late_ms = line.split()
+                self._found.append((int(t_ns), float(late_ms)))
 
     def worst_ms(self, from_ns: int, to_ns: int) -> float:
         """The longest stall between two host times."""
