@@ -130,15 +130,17 @@ class LoadEstimator:
         The declared range when the position is not that of a static equilibrium under a downward load, or
         contradicts the declared range altogether.
         """
-        look = self._amid(msgspec.structs.replace(look, clearance_m=look.clearance_m + self._offset_m))
+        newest = msgspec.structs.replace(look, clearance_m=look.clearance_m + self._offset_m)
+        look = self._amid(newest)
+        self._oil.forget(self.state.oil, look.time_s)
         if not look.speed_rad_s > 0.0 or look.peak_to_peak_m > ORBIT_SHARE_MAX * look.clearance_m:
             return self.declared()
         credible = self._credible(look)
         if credible is None:
             return self.declared()
-        if look.power_W is not None:
-            self._oil.learn(self.state.oil, Steady(look.time_s, look.speed_rad_s, look.clearance_m, look.temperature_C,
-                                                   look.power_W), credible)
+        if newest.power_W is not None:
+            self._oil.learn(self.state.oil, Steady(newest.time_s, newest.speed_rad_s, newest.clearance_m,
+                                                   newest.temperature_C, newest.power_W), credible)
         return self._interval(look, credible)
 
     def _amid(self, look: Look) -> Look:

@@ -16,10 +16,21 @@ from firmware_py.guard.bearing_laws import StaticFilm
 from firmware_py.guard.viscosity import ViscosityTable
 
 WINDAGE_ERROR: Final = 0.1
+"""Of the windage, as a share of it."""
+
 STEADY_S: Final = 0.5
 STEADY_SPEED: Final = 1e-3
 STEADY_M: Final = 1e-6
-"""Power is that of the film where speed and clearance have kept within these for so long: nothing accelerates."""
+STEADY_C: Final = 0.25
+STEADY_POWER: Final = 0.1
+STEADY_W: Final = 2.0
+"""Power is that of the film where speed, clearance, temperature and power keep within these (of speed and power a share
+of the highest) for two windows of that length: nothing accelerates, moves or warms up, and readings of different age
+are of one state.  The first window lets the mean of the shaft's place and the slower readings follow; the means of
+the second are what counts, so that noise does not add up over a long time to what it never was."""
+
+GAP_S: Final = 0.25
+"""Looks further apart are not one window."""
 
 FORGOTTEN_1_S: Final = 2e-4
 """What is known widens at this rate: oil ages, and other oil is filled in."""
@@ -34,6 +45,48 @@ class Steady(msgspec.Struct, frozen=True):
     temperature_C: float
     power_W: float
 
+    def values(self) -> tuple[float, float, float, float]:
+        """All but the time."""
+        return self.speed_rad_s, self.clearance_m, self.temperature_C, self.power_W
+
+
+class Window(msgspec.Struct):
+    """Instants that were steady together; ``settled``: so were those of the window before."""
+
+    start_s: float
+    last_s: float
+    settled: bool
+    count: int
+    lows: tuple[float, float, float, float]
+    highs: tuple[float, float, float, float]
+    sums: tuple[float, float, float, float]
+    places: tuple[int, int]
+
+    @classmethod
+    def of(cls, now: Steady, credible: tuple[int, int], *, settled: bool) -> Window:
+        """The window that begins now."""
+        values = now.values()
+        return cls(now.time_s, now.time_s, settled, 1, values, values, values, credible)
+
+    def add(self, now: Steady, credible: tuple[int, int]) -> bool:
+        """Take ``now`` in; whether all is steady still."""
+        (w0, c0, t0, p0), (w1, c1, t1, p1) = self.lows, self.highs
+        w, c, t, p = now.values()
+        self.lows = min(w0, w), min(c0, c), min(t0, t), min(p0, p)
+        self.highs = max(w1, w), max(c1, c), max(t1, t), max(p1, p)
+        s0, s1, s2, s3 = self.sums
+        self.sums = s0 + w, s1 + c, s2 + t, s3 + p
+        self.count, self.last_s = self.count + 1, now.time_s
+        self.places = min(self.places[0], credible[0]), max(self.places[1], credible[1])
+        (w0, c0, t0, p0), (w1, c1, t1, p1) = self.lows, self.highs
+        return (w1 - w0 <= STEADY_SPEED * w1 and c1 - c0 <= STEADY_M and t1 - t0 <= STEADY_C
+                and p1 - p0 <= STEADY_POWER * abs(p1) + STEADY_W)
+
+    def mean(self) -> Steady:
+        """Of all instants."""
+        w, c, t, p = (total / self.count for total in self.sums)
+        return Steady(self.last_s, w, c, t, p)
+
 
 class OilInterval(msgspec.Struct, frozen=True):
     """Viscosity over that of the law at the outlet's reading; ``thinnest_wide`` if the bearing is as wide as may be."""
@@ -44,13 +97,13 @@ class OilInterval(msgspec.Struct, frozen=True):
 
 
 class OilState(msgspec.Struct):
-    """What has been learnt, when, and since when the machine is steady (for snapshots)."""
+    """What has been learnt, when, and the window that may be steady (for snapshots)."""
 
     thinnest: float
     thickest: float
     thinnest_wide: float
     learnt_s: float = 0.0
-    since: Steady | None = None
+    window: Window | None = None
 
 
 class OilEstimator:
@@ -96,9 +149,11 @@ class OilEstimator:
         in the widest clearance, with its square.  A power that contradicts what is known is no news of the oil: all
         is forgotten.
         """
-        if not self._learns or not self._steady(state, now):
+        self.forget(state, now.time_s)
+        window = self._steady(state, now, credible) if self._learns else None
+        if window is None:
             return
-        self._forget(state, now.time_s)
+        now, credible = window.mean(), window.places
         w, wind_W = now.speed_rad_s, self._windage_W_s3 * now.speed_rad_s * now.speed_rad_s * now.speed_rad_s
         law = self._law.law(now.temperature_C) * w * w
         low_W = now.power_W - self._power_error_W - (1.0 + WINDAGE_ERROR) * wind_W
@@ -114,14 +169,19 @@ class OilEstimator:
         else:
             state.thinnest, state.thickest, state.thinnest_wide = thinnest, thickest, max(state.thinnest_wide, wide)
 
-    def _steady(self, state: OilState, now: Steady) -> bool:
-        since = state.since
-        if since is None or abs(now.speed_rad_s - since.speed_rad_s) > STEADY_SPEED * since.speed_rad_s:
-            state.since = now
-            return False
-        return now.time_s - since.time_s >= STEADY_S
+    def _steady(self, state: OilState, now: Steady, credible: tuple[int, int]) -> Window | None:
+        """The window that ``now`` completes, if the one before it was steady too."""
+        window = state.window
+        steady = window is not None and 0.0 <= now.time_s - window.last_s <= GAP_S and window.add(now, credible)
+        if window is None or not steady:
+            state.window = Window.of(now, credible, settled=False)
+            return None
+        if now.time_s - window.start_s < STEADY_S - 1e-6:
+            return None
+        state.window = Window.of(now, credible, settled=True)
+        return window if window.settled else None
 
-    def _forget(self, state: OilState, time_s: float) -> None:
+    def forget(self, state: OilState, time_s: float) -> None:
         """Widen what was learnt by the time that has passed."""
         share = FORGOTTEN_1_S * max(0.0, time_s - state.learnt_s)
         state.learnt_s = time_s

@@ -138,3 +138,42 @@ def seen(clearance_m: float, built_m: float, share: float, load_N: float, speed:
     power_W = float(film.film.friction_torque_N_m) * speed + config.rotor.windage_W_s3 * speed**3 + error_W
     x, y = film.position_m.tolist()
     return Look(0.0, x, y, 5e-6, clearance_m, speed, 45.0, power_W)
+
+
+def held(change: dict[str, float], ticks: int = 60) -> bool:
+    """Whether anything is learnt while one quantity goes on changing by so much a tick of 50 ms."""
+    oil, state = estimator(bench()), estimator(bench()).unknown()
+    start = {"speed_rad_s": FAST, "clearance_m": 60e-6, "temperature_C": 45.0, "power_W": 250.0}
+    for tick in range(ticks):
+        now = Steady(0.05 * tick, **{name: value + tick * change.get(name, 0.0) for name, value in start.items()})
+        oil.learn(state, now, (80, 90))
+    return oil.interval(state) == oil.interval(oil.unknown())
+
+
+@pytest.mark.parametrize("change", [
+    {"clearance_m": 2.5e-6}, {"clearance_m": -2.5e-6}, {"clearance_m": 0.2e-6}, {"temperature_C": 0.05},
+    {"power_W": -5.0}, {"speed_rad_s": 0.3},
+])  # fmt: skip
+def test_nothing_is_learnt_while_clearance_temperature_power_or_speed_move(change: dict[str, float]) -> None:
+    assert held(change)
+    assert not held({})
+
+
+def test_one_reading_that_jumps_teaches_nothing_and_a_gap_begins_anew() -> None:
+    oil, state = estimator(bench()), estimator(bench()).unknown()
+    for tick in range(15):
+        oil.learn(state, Steady(0.05 * tick, FAST, 60e-6, 45.0, 250.0 + 400.0 * (tick == 12)), (80, 90))
+    assert oil.interval(state) == oil.interval(oil.unknown())
+    for tick in range(15):
+        oil.learn(state, Steady(5.0 + 0.3 * tick, FAST, 60e-6, 45.0, 250.0), (80, 90))
+    assert oil.interval(state) == oil.interval(oil.unknown())
+
+
+def test_what_was_learnt_is_forgotten_while_the_power_is_not_ok() -> None:
+    loads = LoadEstimator(bench())
+    steady = seen(60e-6, 0.0, 0.9, 60.0, FAST, 0.0)
+    for tick in range(41):
+        loads.estimate(msgspec.structs.replace(steady, time_s=0.05 * tick))
+    assert loads.oil != LoadEstimator(bench()).oil
+    loads.estimate(msgspec.structs.replace(steady, time_s=3600.0, power_W=None))
+    assert loads.oil == LoadEstimator(bench()).oil
