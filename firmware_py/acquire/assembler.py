@@ -54,7 +54,7 @@ class Assembler:
         self._frames_per_block = config.sampling.frames_per_block
         self._clock = clock
         self._counters = counters
-        self.channel_ok = ChannelOk(config.channel, config.sampling.rate_hz)
+        self.channel_ok = ChannelOk.of(config)
         self.speed = SpeedMeter(config.operating.speed_ramp_max_rpm_s * pi / 30, self._period_us)
         self.turns: list[Turn] = []
         self.state = AssemblerState(CounterTrack())
@@ -123,11 +123,14 @@ class Assembler:
             quality |= Quality.CLOCK_UNSETTLED
         if not self.speed.state.known:
             quality |= Quality.NO_MARK
+        speed_rad_s = self.speed.state.speed_rad_s if self.speed.state.known else 0.0
+        ok = self.channel_ok.step(counts, speed_rad_s, bool(s.block_quality & Quality.GAP_BEFORE))
         block = Block(
             seq=s.seq, t_acq_ns=self._clock.host_ns(s.block_tick_us), period_ns=self._period_us * 1000,
             tick_us=s.block_tick_us, sample_period_us=self._period_us, quality=int(quality),
-            channel_ok=self.channel_ok.step(counts), speed_rad_s=self.speed.state.speed_rad_s,
+            channel_ok=ok, speed_rad_s=self.speed.state.speed_rad_s,
             turn_count=max(self.speed.state.turn, 0), mark_ticks_us=s.marks, samples=samples,
+            channel_cause=self.channel_ok.state.causes, unusable=self.channel_ok.state.unusable,
         )
         s.seq += 1
         s.block_quality, s.parts, s.marks = 0, [], []

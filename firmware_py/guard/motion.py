@@ -13,24 +13,35 @@ from firmware_py.records import N_CHANNELS, Block, Quality
 
 DISPLACEMENTS: Final = (0, 1)
 ACCELERATIONS: Final = (2, 3, 4)
+WATCHED: Final = DISPLACEMENTS + ACCELERATIONS
+_WATCHED_MASK: Final = (1 << len(WATCHED)) - 1
+KEPT: Final = 3.0
 WINDOW_S: Final = 0.1
 """The window is one full turn, and at least this long (API 670, 5th ed.: the rms time constant is of this order)."""
 
 
 class BlockSums(msgspec.Struct, array_like=True, gc=False):
-    """Extremes, sums and squares of one block in counts; squares of the accelerations only."""
+    """Extremes, sums and squares of one block in counts; squares of the accelerations only.
+
+    ``unusable`` has the bits of channels that are not to be judged by this block; ``gap`` says that samples are
+    missing before it; ``t_ns`` is when it began.
+    """
 
     count: int
     lows: tuple[int, int]
     highs: tuple[int, int]
     sums: tuple[int, int, int, int, int]
     squares: tuple[int, int, int]
+    unusable: int = 0
+    gap: bool = False
+    t_ns: int = 0
 
 
 class Motion(msgspec.Struct, frozen=True):
-    """Statistics over the window; ``complete`` says that it covers a full turn without a gap.
+    """Statistics over the window; ``complete`` says that it covers a full turn of both displacements without a gap.
 
-    Before that, peak-to-peak and rms are too small, never too large.
+    ``whole`` says the same of each of the five channels.  Before that, peak-to-peak and rms are too small, never
+    too large.
     """
 
     complete: bool
@@ -38,10 +49,14 @@ class Motion(msgspec.Struct, frozen=True):
     rms_m_s2: tuple[float, float, float]
     mean_x_m: float
     mean_y_m: float
+    whole: tuple[bool, bool, bool, bool, bool] = (False, False, False, False, False)
 
 
 class MotionMeter:
     """Rolling statistics of displacement and acceleration.
+
+    Around a gap, or a block that is not to be judged, the window keeps what is good for up to :data:`KEPT` times its
+    length: a loss every few milliseconds must not make a vibration look small.
 
     Parameters
     ----------
@@ -55,39 +70,64 @@ class MotionMeter:
         self._longest_s = 60.0 / max(config.limits.min_speed_rpm, 1.0)
         self._scales = [abs(channel.scale) for channel in channels]
         self._offsets = [(channels[i].scale, channels[i].offset) for i in DISPLACEMENTS]
-        self._to_xy = _inverse(channels[0].angle_deg, channels[1].angle_deg)
+        self._to_xy = probes_to_xy(channels[0].angle_deg, channels[1].angle_deg)
         self.window: list[BlockSums] = []
 
     def step(self, block: Block) -> Motion:
-        """Statistics including ``block``; a gap before it starts a new window."""
-        if block.quality & Quality.GAP_BEFORE:
-            self.window.clear()
-        self.window.append(_sums(block))
-        needed_s = min(2 * pi / block.speed_rad_s, self._longest_s) if block.speed_rad_s > 0 else self._longest_s
-        needed = max(needed_s, WINDOW_S) / self._period_s
-        total = sum(b.count for b in self.window)
-        while total - self.window[0].count >= needed:
-            total -= self.window.pop(0).count
-        return self._motion(total, needed)
-
-    def _motion(self, n: int, needed: float) -> Motion:
+        """Statistics including ``block``."""
         window = self.window
-        spans = [max(b.highs[i] for b in window) - min(b.lows[i] for b in window) for i in DISPLACEMENTS]
-        sums = [sum(b.sums[i] for b in window) for i in range(len(DISPLACEMENTS) + len(ACCELERATIONS))]
-        squares = [sum(b.squares[j] for b in window) for j in range(len(ACCELERATIONS))]
-        a, b = (sums[i] / n * scale + offset for i, (scale, offset) in zip(DISPLACEMENTS, self._offsets, strict=True))
+        window.append(_sums(block))
+        turn_s = 2 * pi / block.speed_rad_s if block.speed_rad_s > 0 else self._longest_s
+        needed_s = max(min(turn_s, self._longest_s), WINDOW_S)
+        needed = needed_s / self._period_s
+        oldest_ns = block.t_acq_ns - round(KEPT * needed_s * 1e9)
+        while window[0].t_ns < oldest_ns:
+            del window[0]
+        if any(b.unusable or b.gap for b in window):
+            found = [self._newest(i, needed) for i in WATCHED]
+            return self._motion([good for good, _ in found], [whole for _, whole in found], needed)
+        total = sum(b.count for b in window)
+        while total - window[0].count >= needed:
+            total -= window.pop(0).count
+        return self._motion([window] * len(WATCHED), [total >= needed] * len(WATCHED), needed)
+
+    def _newest(self, i: int, needed: float) -> tuple[list[BlockSums], bool]:
+        """Newest blocks of channel ``i`` that may be judged, and whether they cover the window without a hole."""
+        good, n, hole = list[BlockSums](), 0, False
+        for b in reversed(self.window):
+            if b.unusable >> i & 1:
+                hole = True
+                continue
+            good.append(b)
+            n += b.count
+            if n >= needed:
+                break
+            hole = hole or b.gap
+        return good, n >= needed and not hole
+
+    def _motion(self, good: list[list[BlockSums]], whole: list[bool], needed: float) -> Motion:
+        """Of the good blocks of each channel; the mean position of those that are good on both probes."""
+        both = [b for b in good[0] if not b.unusable >> DISPLACEMENTS[1] & 1]
+        n = max(sum(b.count for b in both), 1)
+        a, b = (sum(block.sums[i] for block in both) / n * scale + offset
+                for i, (scale, offset) in zip(DISPLACEMENTS, self._offsets, strict=True))
         (xa, xb), (ya, yb) = self._to_xy
+
+        def span_um(i: int) -> float:
+            blocks = good[i]
+            return (max(b.highs[i] for b in blocks) - min(b.lows[i] for b in blocks)) * self._scales[i] * 1e6 \
+                if blocks else 0.0
 
         def rms(i: int) -> float:
             """Of the alternating part; what is missing of the window counts as still."""
-            square = n * squares[i - ACCELERATIONS[0]] - sums[i] * sums[i]
-            return sqrt(square / (n * max(float(n), needed))) * self._scales[i]
+            n, total = sum(b.count for b in good[i]), sum(b.sums[i] for b in good[i])
+            square = n * sum(b.squares[i - ACCELERATIONS[0]] for b in good[i]) - total * total
+            return sqrt(square / (n * max(float(n), needed))) * self._scales[i] if n else 0.0
 
         return Motion(
-            complete=n >= needed,
-            peak_to_peak_um=(spans[0] * self._scales[0] * 1e6, spans[1] * self._scales[1] * 1e6),
-            rms_m_s2=(rms(2), rms(3), rms(4)),
-            mean_x_m=xa * a + xb * b, mean_y_m=ya * a + yb * b,
+            complete=whole[0] and whole[1], peak_to_peak_um=(span_um(0), span_um(1)),
+            rms_m_s2=(rms(2), rms(3), rms(4)), mean_x_m=xa * a + xb * b, mean_y_m=ya * a + yb * b,
+            whole=(whole[0], whole[1], whole[2], whole[3], whole[4]),
         )
 
 
@@ -96,10 +136,11 @@ def _sums(block: Block) -> BlockSums:
     wide = counts.astype(np.int64)
     lows, highs = counts[:, :2].min(axis=0).tolist(), counts[:, :2].max(axis=0).tolist()
     return BlockSums(len(counts), tuple(lows), tuple(highs), tuple(wide.sum(axis=0).tolist()),
-                     tuple((wide[:, 2:] * wide[:, 2:]).sum(axis=0).tolist()))
+                     tuple((wide[:, 2:] * wide[:, 2:]).sum(axis=0).tolist()),
+                     block.unusable & _WATCHED_MASK, bool(block.quality & Quality.GAP_BEFORE), block.t_acq_ns)
 
 
-def _inverse(first_deg: float, second_deg: float) -> tuple[tuple[float, float], tuple[float, float]]:
+def probes_to_xy(first_deg: float, second_deg: float) -> tuple[tuple[float, float], tuple[float, float]]:
     """Matrix from two probe readings to (x, y); probes measure ``x cos(a) + y sin(a)``.
 
     Rounded to 12 digits, so that differences between math libraries cannot reach a decision.

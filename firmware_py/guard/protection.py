@@ -2,9 +2,12 @@
 
 Displacement and acceleration, alert and danger, channel OK.
 
-Danger with its delay latches and trips; alert does not latch.  A channel that is not OK raises an alarm
-and defeats its own trip.  The displacement set points are capped by a share of the *smaller* of reported
-and commanded radial clearance: a vibration that was harmless in a wide bearing is not in a narrow one.
+Danger with its delay latches and trips; alert does not latch.  A channel that is not OK raises an alarm with its
+cause; one that is open or stuck leaves the vote, one that saturates counts as at least the end of its range, of the
+others what is good counts (:mod:`firmware_py.acquire.channel_ok`).  Timers hold while nothing can be said.
+
+The displacement set points are capped by a share of the *smaller* of reported and commanded radial clearance: a
+vibration that was harmless in a wide bearing is not in a narrow one.
 """
 
 from __future__ import annotations
@@ -16,23 +19,36 @@ import msgspec
 
 from firmware_py.config import Config
 from firmware_py.guard.alarm import QUIET_NS, AlarmState, Notice
-from firmware_py.guard.motion import ACCELERATIONS, DISPLACEMENTS, BlockSums, Motion, MotionMeter
-from firmware_py.records import CHANNELS, N_CHANNELS, Alarm, Block, Severity
+from firmware_py.guard.motion import DISPLACEMENTS, WATCHED, BlockSums, Motion, MotionMeter
+from firmware_py.records import CHANNELS, N_CHANNELS, Alarm, Block, ChannelCause, Severity, cause_of
 
 ZONES: Final = (("A", 4800.0), ("B", 9000.0), ("C", 13200.0))
 """Zone boundaries ``k / sqrt(rpm)`` um peak-to-peak, by analogy with ISO 20816 / ISO 7919."""
 
-WATCHED: Final = DISPLACEMENTS + ACCELERATIONS
 QUIET: Final = Motion(False, (0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0)
 
 
+OUT_OF_VOTE: Final = frozenset({ChannelCause.OPEN, ChannelCause.STUCK})
+UNKNOWN: Final = "not OK"
+CAUSES: Final = {
+    ChannelCause.OPEN: "is open: at the end of its range without an alternating part; its trip is defeated",
+    ChannelCause.STUCK: "is stuck: it does not move by one count; its trip is defeated",
+    ChannelCause.INTERMITTENT: "is intermittent: it steps, drops out or touches the end of its range out of step with "
+                               "the shaft; what is clean still counts, and it is OK after 30 s without",
+    ChannelCause.SATURATED: "is saturated: it touches the end of its range in step with the shaft and counts as that",
+    ChannelCause.BEYOND: "lies beyond its range; it counts as measured",
+}
+
+
 class ProtectionState(msgspec.Struct):
-    """Alarms by name, the OK mask, the window of the last turn and what it said."""
+    """Alarms by name, channels that are not OK or saturated, the window of the last turn and what it said."""
 
     alarms: dict[str, AlarmState]
     not_ok: dict[str, AlarmState]
     window: list[BlockSums]
     motion: Motion = QUIET
+    saturated: dict[str, AlarmState] = {}
+    causes: list[int] = msgspec.field(default_factory=lambda: [0] * N_CHANNELS)
 
 
 def zone(peak_to_peak_um: float, speed_rpm: float) -> str:
@@ -69,7 +85,9 @@ class Protection:
         for name in latched:  # even one that this version does not judge stands until somebody resets it
             alarms.setdefault(name, AlarmState(name, int(Severity.DANGER), latching=True)).standing = True
         not_ok = {name: AlarmState(f"{name}_not_ok", int(Severity.FAULT), False) for name in CHANNELS}
-        self._state = ProtectionState(alarms, not_ok, self._meter.window)
+        self._rails = [abs(c.ok_high - c.ok_low) / 2 * (1e6 if i in DISPLACEMENTS else 1.0)
+                       for i, c in enumerate(config.channel)]
+        self._state = ProtectionState(alarms, not_ok, self._meter.window, saturated=self._no_saturated())
         self.tripped = self._latched()
 
     @property
@@ -80,8 +98,13 @@ class Protection:
     @state.setter
     def state(self, state: ProtectionState) -> None:
         self._state = state
+        state.saturated = self._no_saturated() | state.saturated  # a snapshot of an earlier version has none
         self._meter.window = state.window
         self.tripped = self._latched()
+
+    @staticmethod
+    def _no_saturated() -> dict[str, AlarmState]:
+        return {CHANNELS[i]: AlarmState(f"{CHANNELS[i]}_saturated", int(Severity.FAULT), False) for i in WATCHED}
 
     def step(self, blocks: list[Block], clearance_um: float) -> list[Notice]:
         """Judge new blocks at the smaller of reported and commanded radial clearance."""
@@ -89,7 +112,7 @@ class Protection:
         for block in blocks:
             self._state.motion = self._meter.step(block)
             t_ns = block.t_acq_ns + len(block.samples) // (2 * N_CHANNELS) * block.period_ns
-            self._judge_channels(block.channel_ok, t_ns, notices)
+            self._judge_channels(block, t_ns, notices)
             self._judge_vibration(block, clearance_um, t_ns, notices)
         if notices:
             self.tripped = self._latched()
@@ -119,13 +142,25 @@ class Protection:
 
     @property
     def displacement_ok(self) -> bool:
-        """Whether both shaft displacements are OK."""
-        return not any(self._state.not_ok[CHANNELS[i]].standing for i in DISPLACEMENTS)
+        """Whether both shaft displacements are OK: what they measure is where the shaft is."""
+        s = self._state
+        return not any(s.not_ok[CHANNELS[i]].standing or s.saturated[CHANNELS[i]].standing for i in DISPLACEMENTS)
+
+    @property
+    def causes(self) -> dict[str, str]:
+        """Why each channel that is not OK is not."""
+        s = self._state
+        return {name: ChannelCause(s.causes[i]).name.lower() if s.causes[i] else UNKNOWN
+                for i, name in enumerate(CHANNELS)
+                if s.not_ok[name].standing or (name in s.saturated and s.saturated[name].standing)}
 
     def standing(self) -> list[Alarm]:
         """Every alarm that stands now."""
         s = self._state
-        return [a.record() for a in [*s.alarms.values(), *s.not_ok.values()] if a.standing]
+        limits = [a.record() for a in s.alarms.values() if a.standing]
+        bad = [(a.record(), f"channel {name} {CAUSES.get(ChannelCause(s.causes[i]), 'is ' + UNKNOWN)}")
+               for i, name in enumerate(CHANNELS) for a in (s.not_ok[name], s.saturated.get(name)) if a and a.standing]
+        return limits + [msgspec.structs.replace(record, text=text) for record, text in bad]
 
     def reset(self) -> list[str]:
         """Clear the latches; the reasons why some stay."""
@@ -142,33 +177,66 @@ class Protection:
 
     # ------------------------------------------------------------------ one block
 
-    def _judge_channels(self, mask: int, t_ns: int, notices: list[Notice]) -> None:
+    def _judge_channels(self, block: Block, t_ns: int, notices: list[Notice]) -> None:
+        """Alarms of channels that are not OK, and one notice for each change of the cause."""
+        s = self._state
         for i, name in enumerate(CHANNELS):
-            alarm = self._state.not_ok[name]
-            bad = not mask >> i & 1
-            if bad and not alarm.standing:
-                alarm.since_ns = t_ns
-                notices.append(Notice(Severity.FAULT, alarm.name, (
-                    f"channel {name} is not OK (rail or stuck); its trip is defeated: check sensor and cable")))
-            elif alarm.standing and not bad:
+            cause = cause_of(block.channel_cause, i)
+            saturated = cause == ChannelCause.SATURATED and name in s.saturated
+            bad = not saturated and (cause != ChannelCause.OK or not block.channel_ok >> i & 1)
+            if bad and (not s.not_ok[name].standing or s.causes[i] != cause):
+                notices.append(Notice(Severity.FAULT, s.not_ok[name].name, (
+                    f"channel {name} {CAUSES.get(cause, 'is ' + UNKNOWN)}; check sensor, cable and driver")))
+            elif saturated and not s.saturated[name].standing:
+                notices.append(self._saturated(i, name))
+            elif not bad and not saturated and name in self.causes:
                 notices.append(Notice(Severity.INFO, f"{name}_ok", f"channel {name} is OK again"))
-            alarm.standing = bad
+            s.causes[i] = int(cause)
+            _stand(s.not_ok[name], bad, t_ns)
+            if name in s.saturated:
+                _stand(s.saturated[name], saturated, t_ns, self._rails[i])
+
+    def _saturated(self, i: int, name: str) -> Notice:
+        """A vibration reaches the end of the range: it counts as that, and a limit beyond it cannot be reached."""
+        danger = self._limits.displacement_danger_um if i in DISPLACEMENTS else self._limits.acceleration_danger_m_s2
+        rail, unit = self._rails[i], _unit(i)
+        beyond = "" if rail > danger else f"; the danger limit {danger:.4g} lies beyond what it can show: lower one"
+        return Notice(Severity.FAULT, f"{name}_saturated", (
+            f"channel {name} touches the end of its range in step with the shaft: its vibration is at least "
+            f"{rail:.4g} {unit} and counts as that{beyond}; reduce the vibration or fit a wider range"), rail, danger)
 
     def _judge_vibration(self, block: Block, clearance_um: float, t_ns: int, notices: list[Notice]) -> None:
         """Judge the time of ``block`` alone: what lies between two blocks is a gap, in which the timers hold."""
         motion, lim = self._state.motion, self._limits
-        values = motion.peak_to_peak_um + motion.rms_m_s2
+        measured = motion.peak_to_peak_um + motion.rms_m_s2
         displacement = self.set_points_um(clearance_um)
         acceleration = (lim.acceleration_alert_m_s2, lim.acceleration_danger_m_s2)
-        for i, value in zip(WATCHED, values, strict=True):
+        for i, value, whole in zip(WATCHED, measured, motion.whole, strict=True):
             limits = displacement if i in DISPLACEMENTS else acceleration
+            cause = cause_of(block.channel_cause, i)
+            saturated = cause == ChannelCause.SATURATED
+            unknown = cause == ChannelCause.OK and not block.channel_ok >> i & 1
+            silent = cause in OUT_OF_VOTE or unknown or (block.unusable >> i & 1 and not saturated)
+            value = max(value, self._rails[i]) if saturated else value
             for kind, limit, delay_ns in zip(("alert", "danger"), limits, self._delays_ns, strict=True):
                 alarm = self._state.alarms[f"{CHANNELS[i]}_{kind}"]
                 alarm.hold(block.t_acq_ns)
-                if not block.channel_ok >> i & 1:
+                if silent:
                     alarm.hold(t_ns)
                 elif alarm.judge(value, limit, t_ns, delay_ns=delay_ns, hysteresis=lim.hysteresis_share,
-                                 complete=motion.complete):
-                    unit = "um peak-to-peak" if i in DISPLACEMENTS else "m/s2 rms"
+                                 complete=whole and not saturated):
+                    least = "at least " if saturated else ""
                     notices.append(Notice(Severity(alarm.severity), alarm.name, (
-                        f"{CHANNELS[i]} {value:.4g} {unit} above {limit:.4g} for {delay_ns * 1e-9:g} s"), value, limit))
+                        f"{CHANNELS[i]} {least}{value:.4g} {_unit(i)} above {limit:.4g} for {delay_ns * 1e-9:g} s"),
+                        value, limit))
+
+
+def _unit(i: int) -> str:
+    return "um peak-to-peak" if i in DISPLACEMENTS else "m/s2 rms"
+
+
+def _stand(alarm: AlarmState, standing: bool, t_ns: int, value: float = 0.0) -> None:
+    """Let an alarm that has no limit stand or go."""
+    if standing and not alarm.standing:
+        alarm.since_ns, alarm.value = t_ns, value
+    alarm.standing = standing

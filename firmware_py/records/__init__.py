@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import msgspec
 
-from firmware_py.records.acquired import Block, Quality, RigReading
+from firmware_py.records.acquired import Block, ChannelCause, Quality, RigReading, cause_bits, cause_of
 from firmware_py.records.base import CHANNELS, INSTANTS_PER_FRAME, N_CHANNELS, Record
 from firmware_py.records.brain import Advice, BrainState, Diagnosis, Forecast
 from firmware_py.records.command import BRAIN_VERBS, VERBS, CommandReply, CommandRequest, EventAck, Hello, PlannedRamp
@@ -47,6 +47,7 @@ __all__ = [
     "Belonging",
     "Block",
     "BrainState",
+    "ChannelCause",
     "Command",
     "CommandReply",
     "CommandRequest",
@@ -79,6 +80,8 @@ __all__ = [
     "Snapshot",
     "WindowRecord",
     "WireMessage",
+    "cause_bits",
+    "cause_of",
     "decode",
     "encode",
 ]

@@ -18,13 +18,37 @@ class Quality(enum.IntFlag):
     STALE = 8
 
 
+class ChannelCause(enum.IntEnum):
+    """Why a channel is not OK (:mod:`firmware_py.acquire.channel_ok`)."""
+
+    OK = 0
+    OPEN = 1
+    STUCK = 2
+    SATURATED = 3
+    INTERMITTENT = 4
+    BEYOND = 5
+
+
+def cause_bits(channel: int, cause: ChannelCause) -> int:
+    """``cause`` of a channel in its four bits of ``Block.channel_cause``."""
+    return int(cause) << (4 * channel)
+
+
+def cause_of(word: int, channel: int) -> ChannelCause:
+    """The cause of a channel in ``Block.channel_cause``; one of a later version counts as a bad contact."""
+    value = word >> (4 * channel) & 0xF
+    return ChannelCause(value) if value <= max(ChannelCause) else ChannelCause.INTERMITTENT
+
+
 class Block(Record, frozen=True, tag=True):
     """A gap-free run of samples, time-stamped on the host's clock (ISO 13374 DA).
 
     ``samples`` holds ``n x 8`` little-endian ``int16``, row = instant.  ``t_acq_ns`` is the mapped host
     time of the first row, ``period_ns`` the sample period on the host's clock.  ``mark_ticks_us`` are the
     (unwrapped) node ticks of the once-per-turn marks that fell inside the block; ``tick_us`` is the
-    unwrapped node tick of the first row.  Bit ``i`` of ``channel_ok`` is channel ``i``.
+    unwrapped node tick of the first row.  Bit ``i`` of ``channel_ok`` is channel ``i``: what the diagnosis goes by.
+    ``channel_cause`` holds a :class:`ChannelCause` in four bits a channel: what protection goes by; bit ``i`` of
+    ``unusable`` says that this block of channel ``i`` is not to be judged at all.
     """
 
     seq: int
@@ -38,6 +62,8 @@ class Block(Record, frozen=True, tag=True):
     turn_count: int
     mark_ticks_us: list[int]
     samples: bytes
+    channel_cause: int = 0
+    unusable: int = 0
 
     def __post_init__(self) -> None:
         """Refuse what is no whole number of instants; in a decoder this is a ``ValidationError``."""

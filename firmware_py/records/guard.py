@@ -77,3 +77,5 @@ class GuardState(Record, frozen=True, tag=True):
     zone: str = ""
     permit_reasons: list[str] = msgspec.field(default_factory=list)
     """Why ``run_permit`` is withheld; empty while it is granted."""
+    channel_causes: dict[str, str] = msgspec.field(default_factory=dict)
+    """Channels that are not OK, and why: ``open``, ``stuck``, ``saturated``, ``intermittent``, ``beyond``."""

@@ -105,12 +105,45 @@ def test_probe_angles_give_the_position_in_x_and_y() -> None:
     assert (motion.mean_x_m * 1e6, motion.mean_y_m * 1e6) == pytest.approx((x_um, y_um), abs=0.02)
 
 
-def test_a_gap_starts_a_new_window() -> None:
+def test_after_a_gap_the_window_is_whole_only_after_another_turn_but_forgets_nothing() -> None:
+    meter, source = MotionMeter(bench()), Source()
+    source.rms = 12.0
+    for _ in range(30):
+        meter.step(source.block())
+    motions = [meter.step(source.block(Quality.GAP_BEFORE * (k == 0))) for k in range(17)]
+    assert [m.complete for m in motions] == [False] * 16 + [True]
+    assert all(m.rms_m_s2[0] == pytest.approx(12.0, rel=0.05) for m in motions)
+
+
+def test_a_block_that_is_not_to_be_judged_leaves_its_channel_out_alone() -> None:
     meter, source = MotionMeter(bench()), Source()
     for _ in range(30):
         meter.step(source.block())
-    assert not meter.step(source.block(Quality.GAP_BEFORE)).complete
-    assert len(meter.window) == 1
+    source.amplitude_um, source.rms = 50.0, 50.0
+    motion = meter.step(msgspec.structs.replace(source.block(), unusable=0b01001))
+    assert motion.peak_to_peak_um[0] == pytest.approx(10.0, rel=0.1)
+    assert motion.peak_to_peak_um[1] > 50.0
+    assert motion.rms_m_s2[1] == pytest.approx(1.0, rel=0.1)
+    assert motion.rms_m_s2[0] > 5.0
+    assert motion.whole == (False, True, True, False, True)
+    assert not motion.complete
+
+
+def test_what_lies_too_far_back_is_forgotten() -> None:
+    meter, source = MotionMeter(bench()), Source()
+    source.amplitude_um = 50.0
+    for _ in range(30):
+        meter.step(source.block())
+    source.amplitude_um, source.seq = 5.0, source.seq + 60
+    assert meter.step(source.block(Quality.GAP_BEFORE)).peak_to_peak_um[0] < 11.0
+
+
+def test_nothing_to_judge_is_no_vibration() -> None:
+    meter, source = MotionMeter(bench()), Source()
+    motion = meter.step(msgspec.structs.replace(source.block(), unusable=0xFF))
+    assert motion.peak_to_peak_um == (0.0, 0.0)
+    assert motion.rms_m_s2 == (0.0, 0.0, 0.0)
+    assert not any(motion.whole)
 
 
 # ------------------------------------------------------------------ one alarm
