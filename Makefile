@@ -5,7 +5,7 @@ BIN    := $(VENV)/bin
 PIP    := PYTHONWARNINGS=ignore $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 DEMO   ?=
 
-.PHONY: help demo test lint types layers test-train test-slow test-kill fuzz test-systemd test-socketcan lock dialect clean golden
+.PHONY: help demo test lint types layers test-train test-slow pair-study test-kill fuzz test-systemd test-socketcan lock dialect clean golden
 
 help:            ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 16
@@ -39,6 +39,9 @@ fuzz: $(VENV)/.dev   ## random bytes on every input, the long form; goes on wher
 
 golden: $(VENV)/.dev ## fly and record the golden recordings again: after a meant change of the guard (about 5 minutes)
 	@$(BIN)/python -m tests.golden.make
+
+pair-study: $(VENV)/.dev   ## false alarms of the probe pair's plausibility in 20 simulated hours (about 1 h on 2 cores)
+	@$(BIN)/python -m models.control.pair_study --hours 20
 
 test-systemd: $(VENV)/.dev   ## boots a real systemd, installs, starts and kills the service (root, about 4 minutes)
 	@deploy/systemd_test/run.sh

@@ -17,6 +17,7 @@ from firmware_py.guard.condition import Condition, ConditionState
 from firmware_py.guard.failsafe import Situation, node_reasons
 from firmware_py.guard.load_estimate import LoadEstimator, LoadInterval, LoadState, Look
 from firmware_py.guard.oil_protection import OilProtection, OilProtectionState
+from firmware_py.guard.pair import NO_FACTS, PairCheck, PairState
 from firmware_py.guard.permit import Permit, PermitFacts, PermitState, Start
 from firmware_py.guard.protection import Protection, ProtectionState, zone
 from firmware_py.guard.readings import CLEARANCE, OIL, PRESSURE, Readings, ReadingsState
@@ -32,6 +33,7 @@ from firmware_py.records import (
     Advice,
     Alarm,
     ArmState,
+    Block,
     Command,
     CommandReply,
     CommandRequest,
@@ -54,6 +56,9 @@ STATE_GAP_NS: Final = 20_000_000
 NODE_SILENT_NS: Final = 500_000_000
 FOREIGN_HOLD_NS: Final = 5_000_000_000
 """How long another device counts as present after it was last heard."""
+
+UNKNOWN_VIBRATION: Final = 1.01
+"""A vibration that is not known counts as this many times what may fill the clearance: the bearing narrows to safe."""
 
 NEVER_NS: Final = -(1 << 62)
 
@@ -102,6 +107,7 @@ class CoreState(msgspec.Struct):
     speed_check: SpeedCheckState = msgspec.field(default_factory=SpeedCheckState)
     speed_high: SpeedHighState = msgspec.field(default_factory=SpeedHighState)
     supervision: SupervisionState | None = None
+    pair: PairState = msgspec.field(default_factory=PairState)
 
 
 class GuardCore:
@@ -146,6 +152,7 @@ class GuardCore:
         self._shield = Shield(config)
         self._supervision = Supervision(config, session)
         self._load = LoadEstimator(config)
+        self._pair = PairCheck(config)
         self._announcements = Announcements(config, self._shield.lead_s)
         self._telling = Telling()
         self._memory = MemoryState(self._arming.safe, self._load.declared())
@@ -173,6 +180,7 @@ class GuardCore:
             cap_um = self._readings.smaller_clearance_um(self._acquire.node)
             notices += self._protection.step(acquired.blocks, cap_um)
         notices += self._judge_speed(acquired, now_ns)
+        notices += self._judge_pair(acquired.blocks)
         if cycle.advice is not None:
             m.advice = cycle.advice
             m.advices_ahead += is_ahead(cycle.advice, now_ns)
@@ -200,7 +208,7 @@ class GuardCore:
                           self._memory, self._announcements.state, self._load.state, self._permit.state,
                           self._unwritable.state, self._telling.state,
                           self._readings.state, self._oil.state, self._speed_check.state, self._speed_high.state,
-                          self._supervision.state)
+                          self._supervision.state, self._pair.state)
         return Snapshot(seq, now_ns, msgspec.msgpack.encode(state))
 
     def restore(self, snapshot: Snapshot) -> None:
@@ -216,6 +224,7 @@ class GuardCore:
         self._speed_check.state, self._speed_high.state = state.speed_check, state.speed_high
         if state.supervision is not None:  # a recording of a device that had none
             self._supervision.state = state.supervision
+        self._pair.state = state.pair
 
     @property
     def tripped(self) -> list[str]:
@@ -345,7 +354,11 @@ class GuardCore:
         p2p_m = max(motion.peak_to_peak_um) * 1e-6
         smaller_um = readings.smaller_clearance_um(self._acquire.node)
         m.vibration_high = p2p_m * 1e6 > self._protection.set_points_um(smaller_um)[1]
-        if known is None or not motion.complete or not speed.known or not self._protection.displacement_ok:
+        displacement_ok = self._protection.displacement_ok and self._pair.plausible
+        if not displacement_ok:  # a vibration that is not known may be the largest that is admissible, and more
+            share = self._config.limits.clearance_share
+            p2p_m = max(p2p_m, UNKNOWN_VIBRATION * share * readings.narrowest_um(smaller_um) * 1e-6)
+        if known is None or not motion.complete or not speed.known or not displacement_ok:
             m.load = self._load.declared()
         else:
             m.load = self._load.estimate(Look(
@@ -355,6 +368,15 @@ class GuardCore:
         m.interval_m = None if not speed.known else self._shield.interval(
             speed.speed_rad_s, m.load.low_N, m.load.film_N, oil_C, p2p_m, readings.narrowest_um(smaller_um) * 1e-6,
             self._announcements.ahead(now_ns), oil)
+
+    def _judge_pair(self, blocks: list[Block]) -> list[Notice]:
+        """Whether the two displacements tell of one shaft, with the slow readings of now."""
+        known, notices = self._readings.known(), list[Notice]()
+        facts = self._pair.facts(known.clearance_um * 1e-6, known.oil_C) if known else NO_FACTS
+        for block in blocks:
+            p2p_m = max(self._protection.motion.peak_to_peak_um) * 1e-6
+            notices += self._pair.step(block, facts, p2p_m)
+        return notices
 
     def _situation(self, cycle: Cycle, gap: bool) -> Situation:
         m, a, now_ns = self._memory, self._acquire, cycle.now_ns
@@ -367,7 +389,7 @@ class GuardCore:
             foreign_command=now_ns - m.foreign_command_ns < FOREIGN_HOLD_NS,
             foreign_heartbeat=now_ns - m.foreign_heartbeat_ns < FOREIGN_HOLD_NS,
             cycle_gap=gap, mark_lost=not speed.known, displacement_ok=self._protection.displacement_ok,
-            vibration_high=m.vibration_high,
+            vibration_high=m.vibration_high, pair_ok=self._pair.plausible,
             speed_declared=self._speeds[0] * 0.98 <= speed.speed_rad_s <= self._speeds[1] * 1.02,
             interval_m=m.interval_m, tripped=self.tripped, brain_connected=cycle.brain_connected,
             doubts=self._readings.doubts | self._oil.beyond | self._supervision.doubts
@@ -443,8 +465,8 @@ class GuardCore:
         """Every alarm that stands, one of each name: protection's, the failsafes', the link's."""
         m = self._memory
         link = [Alarm("link_fault", Severity.FAULT, m.link_fault_ns, 0.0, 0.0, False, m.link_fault)]
-        found = [*self._protection.standing(), *self._readings.standing(), *self._oil.standing(),
-                 *self._speed_high.standing(), *self._speed_check.standing(),
+        found = [*self._protection.standing(), *self._pair.standing(), *self._readings.standing(),
+                 *self._oil.standing(), *self._speed_high.standing(), *self._speed_check.standing(),
                  *self._supervision.standing(),
                  *self._permit.standing(), *self._unwritable.standing(), *(link if m.link_fault else []),
                  *self._arming.standing()]
@@ -470,6 +492,7 @@ class GuardCore:
             node_following=node is not None and node.mode == NodeMode.FOLLOWING and node.session == self._session,
             alarms=self._standing(), counters=self.counters,
             zone=zone(max(p2p_um), a.speed.speed_rad_s * 30 / pi), permit_reasons=permit.reasons,
+            channel_causes=self._protection.causes,
         )
 
 

@@ -46,6 +46,7 @@ class Situation(msgspec.Struct):
     brain_connected: bool
     doubts: dict[str, str] = {}
     """Alarms of the slow readings, the oil and the link that hold now, with what a person is told of them."""
+    pair_ok: bool = True
 
 
 class Failsafe(msgspec.Struct, frozen=True):
@@ -110,7 +111,9 @@ FAILSAFES: Final = (
     Failsafe("mark_lost", lambda s: s.mark_lost, Action.TAKE_AUTHORITY, False,
              "the once-per-turn mark is lost or implausible; the speed is unknown"),
     Failsafe("displacement_not_ok", lambda s: not s.displacement_ok, Action.TAKE_AUTHORITY, False,
-             "a shaft displacement channel is not OK; check sensor and cable"),
+             "a shaft displacement channel is not OK or saturated; check sensor and cable"),
+    Failsafe("pair_implausible", lambda s: not s.pair_ok, Action.TAKE_AUTHORITY, False,
+             "the shaft displacements contradict the machine; check wiring, order, sign, gain and zero of both probes"),
     Failsafe("vibration_high", lambda s: s.vibration_high, Action.TAKE_AUTHORITY, False,
              "the shaft vibration is above the danger set point of this clearance"),
     Failsafe("speed_undeclared", lambda s: not s.speed_declared, Action.TAKE_AUTHORITY, False,

@@ -1,0 +1,368 @@
+"""Do the two displacement probes tell of one shaft?  Plausibility of the pair by static position, load and orbit.
+
+Every second without a gap, a bad sample or a lost mark is judged as a whole.  Four things no shaft does:
+
+========  ==================================================================  =========================================
+kind      what is implausible                                                 smallest size that is found, in 3 to 5 s
+========  ==================================================================  =========================================
+outside   the mean position lies outside the clearance                        beyond clearance, its error and the zero
+position  no place of the film at rest, at any declared load and oil, is      each probe off by 2 um + 3 % of its
+          credible for both probes (steady speed and clearance)               reading (0.5 um + 1 % once zeroed)
+backward  the orbit runs against the rotation by more than runout can feign   orbit of about 8 um (1 um once zeroed and
+                                                                              slow-rolled)
+copied    both channels carry one signal, its noise included                  0.3 um rms
+========  ==================================================================  =========================================
+
+So swapped probes, a reversed sign, a lost gain, one channel copied from the other, an offset and a drift are found by
+``position`` wherever they move the mean by more than the error that is allowed for away from the curve of the film, at
+whatever vibration, and by the orbit where there is one.  What moves the mean along the curve is another load.
+``python -m models.control.pair_study`` measures all that on random builds.
+
+A mean that was off the curve from the first second on, in a round and forward orbit, is no bad probe but a zero (or a
+direction of the load) other than configured: the load estimate rests on the declared range, and nothing is said here
+until it moves.  All sums are integers, so that they are the same on every machine.
+"""
+
+from __future__ import annotations
+
+from math import pi, sqrt
+from typing import Final, NamedTuple
+
+import msgspec
+import numpy as np
+
+from firmware_py.config import Config
+from firmware_py.guard.alarm import Notice
+from firmware_py.guard.bearing_laws import KNOTS, static_film
+from firmware_py.guard.groove import Groove
+from firmware_py.guard.load_estimate import (
+    GAIN_ERROR,
+    ORBIT_SHARE_MAX,
+    ZERO_ERROR_M,
+    ZEROED_ERROR_M,
+    ZEROED_GAIN_ERROR,
+)
+from firmware_py.guard.motion import DISPLACEMENTS, probes_to_xy
+from firmware_py.guard.viscosity import ViscosityTable
+from firmware_py.records import N_CHANNELS, Alarm, Block, Quality, Severity
+
+WINDOW_S: Final = 1.0
+BAD_LEAST: Final = 3
+"""Windows in a row before a kind stands."""
+GOOD_LEAST: Final = 10
+"""And without it before it goes."""
+
+STEADY_SPEED: Final = 0.03
+STEADY_M: Final = 5e-6
+"""Change of speed (share) and clearance in a window up to which the film is at rest; the latter is allowed for."""
+
+BEYOND_C: Final = 15.0
+"""Outside the declared temperatures by more than this, the outlet says nothing of the film."""
+LOAD_SHARE: Final = 0.05
+"""Allowed for beyond the declared loads."""
+RUNOUT_M: Final = 6e-6
+RUNOUT_ROLLED_M: Final = 0.5e-6
+"""Runout of a probe in one order, before and after slow roll; the latter beside what the configuration names."""
+FLAT_SHARE: Final = 0.5
+"""Of the orbit's amplitude times runout: what runout makes of a flat orbit."""
+COPIED: Final = 0.98
+COPIED_LEAST_M: Final = 0.3e-6
+"""Correlation of the signals, and of their noise (second differences), and the least rms of a signal that is judged."""
+ROUND: Final = 0.7
+FORWARD: Final = 0.8
+ROUND_LEAST_M: Final = 0.2e-6
+"""Axis ratio, area over that of a forward ellipse, and least rms of an orbit that shows that both probes are right."""
+MOVED_M: Final = 6e-6
+"""A mean that was off the curve from the start may move so far beside it."""
+
+OUTSIDE, POSITION, BACKWARD, COPIED_KIND = "outside", "position", "backward", "copied"
+KINDS: Final = (OUTSIDE, POSITION, BACKWARD, COPIED_KIND)
+NEXT_STEP: Final = "check wiring, order, sign, gain and zero of disp_x and disp_y"
+
+
+class Facts(msgspec.Struct, frozen=True):
+    """Slow readings at the time of a block; ``usable`` False: they say nothing of the film now."""
+
+    clearance_m: float
+    temperature_C: float
+    usable: bool = True
+
+
+NO_FACTS: Final = Facts(0.0, 0.0, False)
+
+
+class Verdict(NamedTuple):
+    """Size of one kind beside its limit."""
+
+    value: float
+    limit: float
+    text: str
+
+    @property
+    def bad(self) -> bool:
+        """Whether the limit is passed."""
+        return self.value > self.limit
+
+
+class Kind(msgspec.Struct):
+    """How often a kind was found, or not, in a row."""
+
+    bad: int = 0
+    good: int = 0
+    standing: bool = False
+    since_ns: int = 0
+    value: float = 0.0
+    limit: float = 0.0
+
+
+class PairState(msgspec.Struct):
+    """The window under way, and what earlier ones said.
+
+    ``sums`` are those of a, b, aa, bb, ab, the cross product of neighbours, and aa, bb, ab of second differences, of
+    counts ``a`` and ``b`` of the two probes; ``first`` and ``last`` are the ends of the window.  ``off_m`` is how far
+    beside the curve the mean was in the first window that was judged.
+    """
+
+    kinds: dict[str, Kind] = msgspec.field(default_factory=lambda: {kind: Kind() for kind in KINDS})
+    n: int = 0
+    sums: list[int] = []
+    first: list[int] = []
+    last: list[list[int]] = []
+    start: Facts | None = None
+    start_rad_s: float = 0.0
+    turns: float = 0.0
+    p2p_m: float = 0.0
+    off_m: tuple[float, float] | None = None
+
+
+class Window(NamedTuple):
+    """What a window says, SI: means of the probes and of the shaft, rms of the axes, area over pi, correlations."""
+
+    a_m: float
+    b_m: float
+    x_m: float
+    y_m: float
+    major_m: float
+    minor_m: float
+    area_m2: float
+    least_rms_m: float
+    correlation: float
+    noise_correlation: float
+
+
+class PairCheck:
+    """Judges the pair, second by second.
+
+    Parameters
+    ----------
+    config
+        Bearing, oil, probes and the declared range of static load (downward, along -y).
+    """
+
+    def __init__(self, config: Config) -> None:
+        b, o = config.bearing, config.operating
+        probes = [config.channel[i] for i in DISPLACEMENTS]
+        self._scales = [(p.scale, p.offset) for p in probes]
+        self._to_xy = probes_to_xy(probes[0].angle_deg, probes[1].angle_deg)
+        (xa, xb), (ya, yb) = self._to_xy
+        self._turned_over = xa * yb - xb * ya
+        zeroed = all(p.zeroed for p in probes)
+        self._zero_m = ZEROED_ERROR_M if zeroed else ZERO_ERROR_M
+        self._gain = ZEROED_GAIN_ERROR if zeroed else GAIN_ERROR
+        self._runout_m = max(p.slow_roll_um for p in probes) * 1e-6 + RUNOUT_ROLLED_M if zeroed else RUNOUT_M
+        self._offset_m, self._error_m = b.radial_clearance_offset_um * 1e-6, b.radial_clearance_error_um * 1e-6
+        self._range_m = (b.radial_clearance_min_um * 1e-6 - STEADY_M, b.radial_clearance_max_um * 1e-6 + STEADY_M)
+        self._range_C = (config.oil.inlet_min_C - BEYOND_C, config.oil.film_max_C + BEYOND_C)
+        self._attitude = b.attitude_error_deg * pi / 180.0
+        self._shares = (1.0 - b.load_error_share, 1.0 + b.load_error_share)
+        low_N, high_N = Groove(config).film_loads_N
+        self._loads_N = (low_N * (1.0 - LOAD_SHARE), high_N * (1.0 + LOAD_SHARE))
+        self._film, self._oil = static_film(b.journal_radius_m, b.length_m), ViscosityTable(config.oil)
+        self._coldest_C = 200.0 if config.oil.film_at_outlet else config.oil.inlet_min_C
+        # the inverse of the matrix from probes to xy: what each probe sees of the curve
+        det = self._turned_over
+        self._curve = [(e * s, -e * c) for e, s, c in zip(
+            self._film.eccentricity, self._film.sine, self._film.cosine, strict=True)]
+        self._seen = [((yb * x - xb * y) / det, (xa * y - ya * x) / det) for x, y in self._curve]
+        self._period_s = config.sampling.period_us * 1e-6
+        self._samples = round(WINDOW_S / self._period_s)
+        self._slowest_rad_s = 0.98 * o.speed_min_rpm * pi / 30
+        self.state = PairState()
+
+    def facts(self, clearance_m: float, temperature_C: float, ok: bool = True) -> Facts:
+        """Slow readings as far as they are ``ok`` and within the bearing's range."""
+        (low_m, high_m), (cold_C, hot_C) = self._range_m, self._range_C
+        within = low_m <= clearance_m <= high_m and cold_C <= temperature_C <= hot_C
+        return Facts(clearance_m, temperature_C, ok and within)
+
+    @property
+    def plausible(self) -> bool:
+        """Whether nothing stands against the pair."""
+        return not any(kind.standing for kind in self.state.kinds.values())
+
+    def standing(self) -> list[Alarm]:
+        """One alarm for each kind that stands."""
+        return [Alarm(f"disp_pair_{name}", int(Severity.FAULT), k.since_ns, k.value, k.limit, False,
+                      f"disp_x and disp_y contradict the machine ({name}); {NEXT_STEP}")
+                for name, k in self.state.kinds.items() if k.standing]
+
+    def step(self, block: Block, facts: Facts, peak_to_peak_m: float) -> list[Notice]:
+        """Take in ``block``; judge when it ends a window."""
+        s = self.state
+        broken = block.quality & (Quality.GAP_BEFORE | Quality.NO_MARK) or block.speed_rad_s < self._slowest_rad_s
+        bad = block.channel_ok & 3 != 3 or block.unusable & 3 or block.channel_cause & 0xFF
+        if broken or bad:
+            s.n, s.sums = 0, []
+            return []
+        self._add(block, facts, peak_to_peak_m)
+        if s.n < self._samples:
+            return []
+        notices = self._judge(self._window(), facts, block)
+        s.n, s.sums = 0, []
+        return notices
+
+    # ------------------------------------------------------------------ sums
+
+    def _add(self, block: Block, facts: Facts, peak_to_peak_m: float) -> None:
+        s = self.state
+        rows = np.frombuffer(block.samples, "<i2").reshape(-1, N_CHANNELS)[:, : len(DISPLACEMENTS)].astype(np.int64)
+        if not s.n:
+            s.first, s.last, s.sums = rows[0].tolist(), [], [0] * 9
+            s.start, s.start_rad_s, s.turns, s.p2p_m = facts, block.speed_rad_s, 0.0, 0.0
+        joined = np.concatenate([np.array(s.last, np.int64), rows]) if s.last else rows
+        (a, b), (c, d) = rows.T, joined.T
+        cross = c[:-1] * d[1:] - c[1:] * d[:-1] if len(s.last) < 2 else c[1:-1] * d[2:] - c[2:] * d[1:-1]
+        bends = joined[2:] - 2 * joined[1:-1] + joined[:-2]
+        new = (a.sum(), b.sum(), (a * a).sum(), (b * b).sum(), (a * b).sum(), cross.sum(),
+               (bends[:, 0] * bends[:, 0]).sum(), (bends[:, 1] * bends[:, 1]).sum(), (bends[:, 0] * bends[:, 1]).sum())
+        s.sums = [total + int(more) for total, more in zip(s.sums, new, strict=True)]
+        s.last = joined[-2:].tolist()
+        s.n += len(rows)
+        s.turns += len(rows) * self._period_s * block.speed_rad_s / (2.0 * pi)
+        s.p2p_m = max(s.p2p_m, peak_to_peak_m)
+
+    def _window(self) -> Window:
+        s, n = self.state, self.state.n
+        a, b, aa, bb, ab, cross, daa, dbb, dab = s.sums
+        (ka, oa), (kb, ob) = self._scales
+        va, vb, vab = ((n * aa - a * a) / (n * n) * ka * ka, (n * bb - b * b) / (n * n) * kb * kb,
+                       (n * ab - a * b) / (n * n) * ka * kb)
+        (a1, b1), (a0, b0) = s.last[-1], s.first
+        twice = (n * cross - a * (b1 - b0) + b * (a1 - a0)) / n * ka * kb * self._turned_over
+        (xa, xb), (ya, yb) = self._to_xy
+        xx = xa * xa * va + 2.0 * xa * xb * vab + xb * xb * vb
+        yy = ya * ya * va + 2.0 * ya * yb * vab + yb * yb * vb
+        xy = xa * ya * va + (xa * yb + xb * ya) * vab + xb * yb * vb
+        half, apart = 0.5 * (xx + yy), sqrt(0.25 * (xx - yy) * (xx - yy) + xy * xy)
+        a_m, b_m = a / n * ka + oa, b / n * kb + ob
+        return Window(
+            a_m, b_m, xa * a_m + xb * b_m, ya * a_m + yb * b_m, sqrt(half + apart), sqrt(max(half - apart, 0.0)),
+            0.5 * twice / (pi * s.turns), sqrt(min(va, vb)), _share(vab, va, vb), _share(dab, daa, dbb))
+
+    # ------------------------------------------------------------------ verdicts
+
+    def _judge(self, w: Window, facts: Facts, block: Block) -> list[Notice]:
+        """What the window says of each kind; nothing said leaves a kind as it is."""
+        found = {BACKWARD: self._backward(w), COPIED_KIND: _copied(w)}
+        if facts.usable and self.state.start is not None and self.state.start.usable:
+            found[OUTSIDE] = self._outside(w, facts)
+            position = self._position(w, facts, block.speed_rad_s)
+            if position is not None:
+                found[POSITION] = position
+        t_ns = block.t_acq_ns + len(block.samples) // (2 * N_CHANNELS) * block.period_ns
+        notices = []
+        for name in KINDS:
+            if name in found:
+                notices += _count(name, self.state.kinds[name], found[name], t_ns)
+        return notices
+
+    def _backward(self, w: Window) -> Verdict:
+        limit = self._runout_m * (self._runout_m + FLAT_SHARE * sqrt(2.0) * w.major_m) * abs(self._turned_over)
+        return Verdict(-w.area_m2 * 1e12, limit * 1e12, "the orbit runs against the rotation, um2 over pi")
+
+    def _outside(self, w: Window, facts: Facts) -> Verdict:
+        clearance_m = max(facts.clearance_m, self.state.start.clearance_m if self.state.start else 0.0)
+        limit = (clearance_m + self._offset_m + self._error_m) * (1.0 + self._gain) + sqrt(2.0) * self._zero_m
+        return Verdict(sqrt(w.x_m * w.x_m + w.y_m * w.y_m) * 1e6, limit * 1e6,
+                       "the mean position lies outside the clearance, um")
+
+    def _position(self, w: Window, facts: Facts, speed_rad_s: float) -> Verdict | None:
+        """How far a probe is off the nearest place that is admissible, over what is allowed for; None: not at rest."""
+        s = self.state
+        begun = s.start or facts
+        moved_m = abs(facts.clearance_m - begun.clearance_m)
+        clearance_m = 0.5 * (facts.clearance_m + begun.clearance_m) + self._offset_m
+        unsteady = abs(speed_rad_s - s.start_rad_s) > STEADY_SPEED * s.start_rad_s or moved_m > STEADY_M
+        if unsteady or clearance_m <= 0.0 or s.p2p_m > ORBIT_SHARE_MAX * clearance_m:
+            return None
+        first, last = self._admissible(clearance_m, speed_rad_s, facts.temperature_C)
+        fixed_m = self._zero_m + moved_m + s.p2p_m / (2.0 * pi * max(1.0, s.turns))
+        shifted_m = self._attitude * clearance_m + self._error_m
+        least = float("inf")
+        for k in range(first, last + 1):
+            pa, pb = self._seen[k]
+            slack_m = fixed_m + shifted_m * self._film.eccentricity[k]
+            off = max(abs(w.a_m - clearance_m * pa) / (slack_m + self._gain * clearance_m * abs(pa)),
+                      abs(w.b_m - clearance_m * pb) / (slack_m + self._gain * clearance_m * abs(pb)))
+            least = min(least, off)
+        if self._another_zero(w, clearance_m, least > 1.0):
+            least = 1.0
+        return Verdict(least, 1.0, (
+            "the mean position is none of the film at any declared load; its error over that allowed"))
+
+    def _admissible(self, clearance_m: float, speed_rad_s: float, temperature_C: float) -> tuple[int, int]:
+        """Knots of the film that carry a declared load in any credible oil and clearance."""
+        warm = self._oil.law(temperature_C) * speed_rad_s
+        cold = self._oil.law(min(temperature_C, self._coldest_C)) * speed_rad_s
+        narrow_m = max(clearance_m - self._error_m, 1e-9)
+        wide_m = clearance_m + self._error_m
+        most = self._shares[1] * cold * self._oil.thickest / (narrow_m * narrow_m)
+        least = self._shares[0] * warm * self._oil.thinnest / (wide_m * wide_m)
+        load = self._film.load
+        first = next((k for k in range(KNOTS + 1) if load[k] * most >= self._loads_N[0]), KNOTS)
+        last = next((k for k in range(KNOTS, -1, -1) if load[k] * least <= self._loads_N[1]), 0)
+        return max(first - 1, 0), min(max(last, first) + 1, KNOTS)
+
+    def _another_zero(self, w: Window, clearance_m: float, off: bool) -> bool:
+        """Whether a mean off the curve is that of the first window, and the orbit shows that both probes are right.
+
+        With both signs reversed an orbit is as forward, but the mean lies above the middle.
+        """
+        s = self.state
+        beside = min(((w.x_m - clearance_m * x, w.y_m - clearance_m * y) for x, y in self._curve),
+                     key=lambda d: d[0] * d[0] + d[1] * d[1])
+        round_ = w.minor_m >= ROUND * w.major_m and w.minor_m >= ROUND_LEAST_M
+        forward = w.area_m2 >= FORWARD * 2.0 * w.major_m * w.minor_m and w.y_m <= 0.0
+        if s.off_m is None:
+            s.off_m = beside if off and round_ and forward else (0.0, 0.0)
+        dx, dy = beside[0] - s.off_m[0], beside[1] - s.off_m[1]
+        known = s.off_m != (0.0, 0.0) and dx * dx + dy * dy <= MOVED_M * MOVED_M
+        return off and known and round_ and forward
+
+
+def _copied(w: Window) -> Verdict:
+    """Both correlations, as far as there is a signal."""
+    value = min(abs(w.correlation), abs(w.noise_correlation)) if w.least_rms_m >= COPIED_LEAST_M else 0.0
+    return Verdict(value, COPIED, "both channels carry one signal: correlation with its noise")
+
+
+def _share(both: float, first: float, second: float) -> float:
+    """Correlation coefficient; 0 where there is no signal."""
+    return both / sqrt(first * second) if first > 0 and second > 0 else 0.0
+
+
+def _count(name: str, kind: Kind, found: Verdict, t_ns: int) -> list[Notice]:
+    """Count a verdict; what begins or ends with it."""
+    kind.bad, kind.good = (kind.bad + 1, 0) if found.bad else (0, kind.good + 1)
+    if found.bad:
+        kind.value, kind.limit = found.value, found.limit
+    if kind.bad >= BAD_LEAST and not kind.standing:
+        kind.standing, kind.since_ns = True, t_ns
+        return [Notice(Severity.FAULT, f"disp_pair_{name}", (
+            f"disp_x and disp_y contradict the machine: {found.text} {found.value:.4g} above {found.limit:.4g} for "
+            f"{BAD_LEAST * WINDOW_S:g} s; {NEXT_STEP}"), found.value, found.limit)]
+    if kind.good >= GOOD_LEAST and kind.standing:
+        kind.standing = False
+        return [Notice(Severity.INFO, f"disp_pair_{name}_ok", (
+            f"disp_x and disp_y agree with the machine again ({name}) since {GOOD_LEAST * WINDOW_S:g} s"))]
+    return []

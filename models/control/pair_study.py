@@ -1,0 +1,205 @@
+"""How often the plausibility of the probe pair cries wolf, and how soon it finds a fault, on random builds.
+
+    python -m models.control.pair_study --hours 20            # false alarms of healthy builds
+    python -m models.control.pair_study --faults --builds 40  # share found, and time to detect, by fault
+
+Rig, sample blocks and the guard's own parts, without wire and arming: the machine follows a random duty, and its
+clearance wanders through what the shield admits.  Each build draws its calibration, runout, clearance and oil.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from functools import cache
+from typing import Final
+
+import numpy as np
+
+from firmware_py.acquire.channel_ok import ChannelOk
+from firmware_py.config import SHIPPED, Config, load
+from firmware_py.guard.load_estimate import LoadEstimator, Look
+from firmware_py.guard.motion import MotionMeter
+from firmware_py.guard.pair import KINDS, PairCheck
+from firmware_py.guard.shield import Shield
+from firmware_py.records import Block
+from sim_hil.build import Build
+from sim_hil.duty import Duty
+from sim_hil.machine import Machine
+from sim_hil.rigs import load_rig
+from sim_hil.rotor.parameters import TRUTH_COLUMNS, Floats
+from sim_hil.runs import CLEARANCE_NOISE_M, OIL_ERROR_C, POWER_ERROR_W
+
+RATE_HZ: Final = 5000
+ROWS: Final = 30
+STEP_BLOCKS: Final = 10
+"""Blocks between two looks of the shield: 60 ms."""
+WANDER_S: Final = 4.0
+"""The wished clearance is drawn anew so often, and then stays until the next."""
+EPISODE_S: Final = 120.0
+SETTLED_S: Final = 2.0
+START_S: Final = 20.0
+"""A fault begins so long after the start of its episode."""
+
+Distort = Callable[[Floats, Floats], Floats]
+"""Displacements in counts, shape (n, 2), and seconds since the fault began: what the channels read then."""
+
+_COLUMN = {name: i for i, name in enumerate(TRUTH_COLUMNS)}
+
+
+def _gain(x: float, y: float) -> Distort:
+    return lambda c, t: c * np.array([x, y])
+
+
+FAULTS: Final[dict[str, Distort]] = {
+    "gain of x 0.2": _gain(0.2, 1.0),
+    "gain of x 0.5": _gain(0.5, 1.0),
+    "gain of both 0.2": _gain(0.2, 0.2),
+    "gain of both 0.5": _gain(0.5, 0.5),
+    "gain of y 2": _gain(1.0, 2.0),
+    "swapped": lambda c, t: c[:, ::-1],
+    "x copied from y": lambda c, t: c[:, [1, 1]],
+    "y copied from x": lambda c, t: c[:, [0, 0]],
+    "sign of x reversed": _gain(-1.0, 1.0),
+    "sign of y reversed": _gain(1.0, -1.0),
+    "both signs reversed": _gain(-1.0, -1.0),
+    "offset of x 10 um": lambda c, t: c + np.array([1000.0, 0.0]),
+    "offset of y -10 um": lambda c, t: c + np.array([0.0, -1000.0]),
+    "drift of x 1 um/s": lambda c, t: c + np.column_stack([100.0 * t, 0.0 * t]),
+}
+
+
+class Run:
+    """One build behind its guard."""
+
+    def __init__(self, seed: int, config: Config) -> None:
+        self._rng = np.random.default_rng([seed, 20])
+        rig = load_rig("bench")
+        self._duty = Duty.random(rig, self._rng, EPISODE_S)
+        self._oil_error = float(self._rng.uniform(-OIL_ERROR_C, OIL_ERROR_C))
+        self._power_error = float(self._rng.uniform(-POWER_ERROR_W, POWER_ERROR_W))
+        self._target_m = self._safe_m = config.actuator.safe_radial_clearance_um * 1e-6
+        self._machine = Machine(rig, Build.draw(rig, self._rng), seed, rate_hz=RATE_HZ, clearance_m=self._safe_m)
+        self._pressure_Pa = rig.supply.nominal_Pa
+        self._ok, self._meter, self._pair = ChannelOk.of(config), MotionMeter(config), PairCheck(config)
+        self._load, self._shield = LoadEstimator(config), Shield(config)
+        self._seq, self._wish, self._wish_s = 0, 0.5, 0.0
+
+    def seconds(self, until_s: float, distort: Distort | None = None, start_s: float = 0.0) -> dict[str, float]:
+        """Go on until then; when each kind began to stand first."""
+        found: dict[str, float] = {}
+        while self._seq * ROWS < until_s * RATE_HZ:
+            for name in self._step(distort, start_s):
+                found.setdefault(name.removeprefix("disp_pair_"), self._seq * ROWS / RATE_HZ)
+        return found
+
+    def _step(self, distort: Distort | None, start_s: float) -> list[str]:
+        n = STEP_BLOCKS * ROWS
+        at = (self._seq * ROWS + np.arange(n + 1)) / RATE_HZ
+        batch = self._machine.advance(self._duty.at(at), self._target_m, self._pressure_Pa)
+        counts, truth = batch.counts, batch.truth
+        if distort is not None:
+            changed = distort(counts[:, :2].astype(np.float64), at[:-1] - start_s)
+            counts = np.column_stack([np.clip(np.rint(changed), -25000, 25000).astype(np.int16), counts[:, 2:]])
+        names = []
+        for i in range(0, n, ROWS):
+            row = truth[i + ROWS - 1]
+            clearance_m = row[_COLUMN["clearance_m"]] + CLEARANCE_NOISE_M * float(self._rng.standard_normal())
+            speed, oil_C = float(row[_COLUMN["speed_rad_s"]]), float(row[_COLUMN["oil_C"]]) + self._oil_error
+            part = np.ascontiguousarray(counts[i : i + ROWS])
+            ok = self._ok.step(part, speed)
+            block = Block(self._seq, self._seq * ROWS * 200_000, 200_000, 0, 200, 0, ok, speed, 0, [], part.tobytes(),
+                          self._ok.state.causes, self._ok.state.unusable)
+            motion = self._meter.step(block)
+            p2p_m = max(motion.peak_to_peak_um) * 1e-6
+            facts = self._pair.facts(clearance_m, oil_C)
+            names += [notice.name for notice in self._pair.step(block, facts, p2p_m)]
+            self._seq += 1
+        time_s = self._seq * ROWS / RATE_HZ
+        load = self._load.estimate(Look(
+            time_s, motion.mean_x_m, motion.mean_y_m, p2p_m, clearance_m, speed, oil_C,
+            float(row[_COLUMN["shaft_power_W"]]) + self._power_error, self._pressure_Pa * 1e-5))
+        room = self._shield.interval(
+            speed, load.low_N, load.film_N, oil_C, p2p_m, clearance_m, (), self._load.oil_range(oil_C))
+        if time_s >= self._wish_s:
+            self._wish, self._wish_s = float(self._rng.uniform()), time_s + WANDER_S
+        wished_m = room[0] + self._wish * (room[1] - room[0]) if room and distort is None else self._target_m
+        self._target_m = float(np.clip(wished_m if room else self._safe_m, 40e-6, 160e-6))
+        return names
+
+
+@cache
+def _config() -> Config:
+    """Read once for each process."""
+    return load(SHIPPED / "bench.toml")[0]
+
+
+def healthy(seed: int) -> tuple[float, list[str]]:
+    """Seconds of one build and what it cried."""
+    found = Run(seed, _config()).seconds(EPISODE_S)
+    return EPISODE_S, sorted(found)
+
+
+def faulty(seed: int, fault: str) -> float:
+    """Seconds from the fault to its alarm; infinite within half a minute, or nan when it cried before."""
+    run = Run(seed, _config())
+    if run.seconds(START_S):
+        return math.nan
+    found = run.seconds(START_S + 30.0, FAULTS[fault], START_S)
+    return min(found.values(), default=math.inf) - START_S
+
+
+def upper_limit(count: int) -> float:
+    """Upper 95 % limit of a Poisson mean of which ``count`` were seen."""
+    low, high = 0.0, 10.0 + 4.0 * count
+    for _ in range(60):
+        mean = 0.5 * (low + high)
+        term = total = math.exp(-mean)
+        for k in range(1, count + 1):
+            term *= mean / k
+            total += term
+        low, high = (mean, high) if total > 0.05 else (low, mean)
+    return high
+
+
+def main() -> int:
+    """Print the rate of false alarms, or the table of faults; 1 when there was more than one in 20 hours."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--hours", type=float, default=0.5, help="simulated time of healthy builds")
+    parser.add_argument("--faults", action="store_true", help="instead: how soon faults are found")
+    parser.add_argument("--builds", type=int, default=10, help="builds for each fault")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--workers", type=int, default=2)
+    asked = parser.parse_args()
+    with ProcessPoolExecutor(asked.workers) as pool:
+        if asked.faults:
+            for fault in FAULTS:
+                seeds = range(asked.seed, asked.seed + asked.builds)
+                times = [t for t in pool.map(faulty, seeds, [fault] * asked.builds) if not math.isnan(t)]
+                caught = sorted(t for t in times if math.isfinite(t))
+                median = caught[len(caught) // 2] if caught else math.inf
+                last = caught[-1] if caught else math.inf
+                print(f"{fault:22s} found in {len(caught):3d} of {len(times):3d}, after {median:5.1f} s (median), "
+                      f"{last:5.1f} s at most", flush=True)
+            return 0
+        episodes = max(1, round(asked.hours * 3600.0 / EPISODE_S))
+        hours, cries = 0.0, dict.fromkeys(KINDS, 0)
+        seeds = range(asked.seed, asked.seed + episodes)
+        for seed, (seconds, kinds) in zip(seeds, pool.map(healthy, seeds), strict=True):
+            hours += seconds / 3600.0
+            for kind in kinds:
+                if kind in cries:
+                    cries[kind] += 1
+                    print(f"seed {seed}: {kind}", flush=True)
+            if (seed - asked.seed) % 30 == 29:
+                print(f"{hours:.1f} h, {sum(cries.values())} false alarms", flush=True)
+        total = sum(cries.values())
+        print(f"{total} false alarms {cries} in {hours:.2f} simulated hours of {episodes} builds: "
+              f"{20 * total / hours:.2f} in 20 h, at most {20 * upper_limit(total) / hours:.2f} (95 %)")
+        return int(20 * total / hours > 1.0)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
