@@ -10,7 +10,7 @@ import numpy as np
 
 from firmware_py.acquire.channel_ok import ChannelOk
 from firmware_py.acquire.clock_map import ClockMap
-from firmware_py.acquire.counting import RESTARTED, CounterTrack, advance
+from firmware_py.acquire.counting import CounterTrack, doubled, suspect, take
 from firmware_py.acquire.speed import SpeedMeter, Turn
 from firmware_py.config import Config
 from firmware_py.records import INSTANTS_PER_FRAME, N_CHANNELS, Block, Quality, SampleFrame
@@ -44,8 +44,8 @@ class Assembler:
     Notes
     -----
     ``counters`` (shared with the stage that owns this): ``frames_in``, ``frames_lost``, ``blocks_lost``
-    (in whole blocks' worth of lost frames), ``reject_repeated``, ``reject_reordered``, ``node_restarts``,
-    ``clock_jumps``.
+    (in whole blocks' worth of lost frames), those of :func:`~firmware_py.acquire.counting.take`,
+    ``node_restarts``, ``clock_jumps``.
     """
 
     def __init__(self, config: Config, clock: ClockMap, counters: dict[str, int]) -> None:
@@ -60,17 +60,22 @@ class Assembler:
         self.state = AssemblerState(CounterTrack())
 
     def step(self, frame: SampleFrame, arrival_ns: int) -> list[Block]:
-        """Take in ``frame``; the blocks that it completed (none, one, or two at a gap)."""
+        """Take in ``frame``; the blocks that it, and one that waited for it, completed."""
+        blocks = []
+        for taken in take(self.state.track, frame, arrival_ns, self._counters):
+            assert isinstance(taken.message, SampleFrame)
+            blocks += self._take(taken.message, taken.arrival_ns, taken.lost, taken.restarted)
+        return blocks
+
+    def _take(self, frame: SampleFrame, arrival_ns: int, lost: int, restarted: bool) -> list[Block]:
+        """A frame that belongs to the stream."""
         s = self.state
-        lost = advance(s.track, frame.counter)
-        if lost < 0 and lost != RESTARTED:
-            self._counters["reject_repeated" if lost == -1 else "reject_reordered"] += 1
-            return []
         self._counters["frames_in"] += 1
         tick_us = s.tick_us + ((frame.tick_us - s.tick_us) & _TICK_MASK)
         blocks = []
-        if not s.started or lost or abs(tick_us - s.tick_us - self._frame_us) > TICK_TOLERANCE_US:
-            blocks = self._gap(lost, tick_us)
+        off_us = abs(tick_us - s.tick_us - self._frame_us)
+        if not s.started or lost or restarted or off_us > TICK_TOLERANCE_US:
+            blocks = self._gap(lost, restarted, tick_us, arrival_ns)
         s.started, s.tick_us, s.arrival_ns = True, tick_us, arrival_ns
         self._clock.observe(tick_us + (INSTANTS_PER_FRAME - 1) * self._period_us, arrival_ns)
         self._mark(frame, tick_us)
@@ -81,19 +86,19 @@ class Assembler:
             blocks.append(self._close())
         return blocks
 
-    def _gap(self, lost: int, tick_us: int) -> list[Block]:
+    def _gap(self, lost: int, restarted: bool, tick_us: int, arrival_ns: int) -> list[Block]:
         """Close the present block, count what is missing, and judge whether the node's clock still holds."""
         s = self.state
         blocks = [self._close()] if s.parts else []
         s.block_quality = Quality.GAP_BEFORE if s.started else Quality.GOOD
-        missing = lost if lost > 0 else 0
-        self._counters["frames_lost"] += missing
-        self._counters["blocks_lost"] += missing // self._frames_per_block
-        expected_us = (missing + 1) * self._frame_us
-        if lost == RESTARTED:
+        self._counters["frames_lost"] += lost
+        self._counters["blocks_lost"] += lost // self._frames_per_block
+        expected_us = (lost + 1) * self._frame_us
+        if restarted:
             self._counters["node_restarts"] += 1
-        elif s.started and abs(tick_us - s.tick_us - expected_us) > TICK_TOLERANCE_US * (missing + 1):
+        elif s.started and abs(tick_us - s.tick_us - expected_us) > TICK_TOLERANCE_US * (lost + 1):
             self._counters["clock_jumps"] += 1
+            suspect(s.track, SampleFrame, 1, arrival_ns)  # ticks that go back and forth are of two clocks
         else:
             return blocks
         self._clock.reset()
@@ -123,6 +128,8 @@ class Assembler:
             quality |= Quality.CLOCK_UNSETTLED
         if not self.speed.state.known:
             quality |= Quality.NO_MARK
+        if doubled(s.track, SampleFrame, s.arrival_ns):
+            quality |= Quality.TWO_SENDERS
         speed_rad_s = self.speed.state.speed_rad_s if self.speed.state.known else 0.0
         ok = self.channel_ok.step(counts, speed_rad_s, bool(s.block_quality & Quality.GAP_BEFORE))
         block = Block(

@@ -10,7 +10,7 @@ import msgspec
 from firmware_py.acquire.assembler import Assembler, AssemblerState
 from firmware_py.acquire.channel_ok import ChannelOkState
 from firmware_py.acquire.clock_map import ClockMap, ClockMapState, unwrap
-from firmware_py.acquire.counting import REPEATED, RESTARTED, CounterTrack, advance
+from firmware_py.acquire.counting import CounterTrack, doubled, take
 from firmware_py.acquire.speed import SpeedState, Turn
 from firmware_py.acquire.stamps import TICK_AHEAD_MAX_NS, bounded_arrival_ns
 from firmware_py.config import Config
@@ -29,10 +29,13 @@ from firmware_py.records import (
     WireMessage,
 )
 
-REJECTS: Final = ("unknown_id", "length", "crc", "range", "malformed", "repeated", "reordered", "masquerade",
-                  "ahead")
+REJECTS: Final = ("unknown_id", "length", "crc", "range", "malformed", "repeated", "conflicting", "reordered",
+                  "masquerade", "ahead")
 NEVER_NS: Final = 1 << 62
 """Age of a sample that never came."""
+
+SLOW: Final = {RigStatus: "RIG_STATUS", NodeState: "NODE_STATE", NodeInfo: "NODE_INFO"}
+"""The slow messages, by the names that people read."""
 
 _TICK_MASK: Final = 0xFFFFFFFF
 
@@ -201,8 +204,13 @@ class Acquire:
         return self._clock.settled
 
     def two_senders(self, now_ns: int) -> list[str]:
-        """Streams that have two senders."""
-        return []
+        """Messages of the node that have two senders."""
+        names = ["SAMPLES"] if doubled(self._assembler.state.track, SampleFrame, now_ns) else []
+        for kind, name in SLOW.items():
+            track = self._rest.tracks.get(kind.__name__)
+            if track is not None and doubled(track, kind, now_ns):
+                names.append(name)
+        return names
 
     def sample_age_ns(self, now_ns: int) -> int:
         """The larger of the newest sample's arrival age and mapped age."""
@@ -217,42 +225,37 @@ class Acquire:
 
     # ------------------------------------------------------------------ one kind of message each
 
-    def _is_new(self, message: RigStatus | NodeState | NodeInfo, arrival_ns: int) -> bool:
-        """Judge the tick and the counter of a slow message; count what is wrong with them."""
+    def _new(self, message: RigStatus | NodeState | NodeInfo, arrival_ns: int) -> list[tuple[Any, int]]:
+        """What of a slow message's stream counts from now on, with its arrival: nothing, it, or one that waited."""
         tick_us = unwrap(message.tick_us, self._assembler.state.tick_us)
         if self._clock.settled and self._clock.host_ns(tick_us) > arrival_ns + TICK_AHEAD_MAX_NS:
             self.counters["reject_ahead"] += 1
-            return False
+            return []
         track = self._rest.tracks.setdefault(type(message).__name__, CounterTrack())
-        lost = advance(track, message.counter)
-        if lost >= 0:
-            self.counters["messages_lost"] += lost
-        elif lost != RESTARTED:
-            self.counters["reject_repeated" if lost == REPEATED else "reject_reordered"] += 1
-            return False
-        return True
+        found = take(track, message, arrival_ns, self.counters)
+        self.counters["messages_lost"] += sum(taken.lost for taken in found)
+        return [(taken.message, taken.arrival_ns) for taken in found]
 
     def _on_status(self, message: RigStatus, arrival_ns: int, output: AcquireOutput) -> None:
-        if not self._is_new(message, arrival_ns):
-            return
         s = self._rest
-        s.status, s.status_heard_ns = message, arrival_ns
-        tick_us = unwrap(message.tick_us, self._assembler.state.tick_us)
-        t_acq_ns = self._clock.host_ns(tick_us) if self._clock.state.known else arrival_ns
-        quality = 0 if self._clock.settled else Quality.CLOCK_UNSETTLED
-        if arrival_ns - t_acq_ns > self._fresh_age_ns:
-            quality |= Quality.STALE
-        output.readings.append(RigReading(s.reading_seq, t_acq_ns, int(quality), message, s.node))
-        s.reading_seq += 1
+        for status, heard_ns in self._new(message, arrival_ns):
+            s.status, s.status_heard_ns = status, heard_ns
+            tick_us = unwrap(status.tick_us, self._assembler.state.tick_us)
+            t_acq_ns = self._clock.host_ns(tick_us) if self._clock.state.known else heard_ns
+            quality = 0 if self._clock.settled else Quality.CLOCK_UNSETTLED
+            if heard_ns - t_acq_ns > self._fresh_age_ns:
+                quality |= Quality.STALE
+            output.readings.append(RigReading(s.reading_seq, t_acq_ns, int(quality), status, s.node))
+            s.reading_seq += 1
 
     def _on_node(self, message: NodeState, arrival_ns: int, output: AcquireOutput) -> None:
-        if self._is_new(message, arrival_ns):
-            self._rest.node, self._rest.node_heard_ns = message, arrival_ns
-            output.node_states.append(message)
+        for node, heard_ns in self._new(message, arrival_ns):
+            self._rest.node, self._rest.node_heard_ns = node, heard_ns
+            output.node_states.append(node)
 
     def _on_info(self, message: NodeInfo, arrival_ns: int, output: AcquireOutput) -> None:
-        if self._is_new(message, arrival_ns):
-            self._rest.node_info = output.node_info = message
+        for info, _ in self._new(message, arrival_ns):
+            self._rest.node_info = output.node_info = info
 
     def _on_foreign(self, message: DeviceHeartbeat | Command, arrival_ns: int, output: AcquireOutput) -> None:
         self.counters["foreign"] += 1
@@ -264,7 +267,8 @@ class Acquire:
 
     def _forget_node(self, output: AcquireOutput) -> None:
         """The node has started again: what it said of itself before no longer counts."""
-        self._rest.tracks.clear()
+        for track in self._rest.tracks.values():
+            track.last, track.held, track.run, track.beside = -1, None, 0, 0
         self._rest.node, self._rest.node_info, self._rest.status = None, None, None
         self._rest.node_heard_ns = self._rest.status_heard_ns = -NEVER_NS
         output.restarted = True

@@ -16,6 +16,7 @@ class Quality(enum.IntFlag):
     CLOCK_UNSETTLED = 2
     NO_MARK = 4
     STALE = 8
+    TWO_SENDERS = 16
 
 
 class ChannelCause(enum.IntEnum):
