@@ -33,6 +33,9 @@ RETURN_S: Final = 1.0
 AHEAD_MAX_US: Final = 20
 """A mark may be this much later than its frame's last instant: the wander of the node's sample grid."""
 
+LATE_MAX_US: Final = 50_000
+"""A mark that was not told by the frame before it came after that frame, or the node is this slow to tell it."""
+
 _TICK_MASK: Final = 0xFFFFFFFF
 _TICK_HALF: Final = 0x80000000
 _TURNS_MAX: Final = 0x7FFF
@@ -61,6 +64,7 @@ class SpeedState(msgspec.Struct):
     ``absent_us`` is the tick since which surely none has come; ``torn``: the marks stopped faster than any
     shaft.  ``course_rad_s`` follows the readings no faster than the ramp (-1: unknown), ``course_us`` is its
     tick; ``former_*`` the same before the newest doubt; ``broken``: a contradiction has interrupted it.
+    ``end_us``: last instant of the frame before.
     """
 
     mark_us: int = -1
@@ -77,6 +81,7 @@ class SpeedState(msgspec.Struct):
     former_rad_s: float = -1.0
     former_us: int = 0
     broken: bool = False
+    end_us: int = 0
 
     @property
     def known(self) -> bool:
@@ -119,6 +124,7 @@ class SpeedMeter:
             Unwrapped tick of the frame's last instant.
         """
         s = self.state
+        before_us, s.end_us = s.end_us, end_us
         if s.turn < 0:
             self._begin(mark32_us, turn, end_us)
             return None
@@ -126,7 +132,7 @@ class SpeedMeter:
             return None
         mark_us = _placed(mark32_us, end_us)
         turns, interval_us = (turn - s.turn) & 0xFFFF, mark_us - s.mark_us
-        if interval_us <= 0 or not 0 < turns <= _TURNS_MAX:
+        if interval_us <= 0 or mark_us < before_us - LATE_MAX_US or not 0 < turns <= _TURNS_MAX:
             return self._contradiction(mark32_us, turn, end_us)
         paired, s.paired, s.torn = s.paired, True, False
         s.mark_us, s.turn, s.absent_us = mark_us, turn, mark_us

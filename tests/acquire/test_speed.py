@@ -237,6 +237,13 @@ def test_a_speed_that_stays_elsewhere_never_returns(jump: float) -> None:
     assert not any(turn.returned for turn in marks.said)
 
 
+def test_a_fault_that_ends_after_its_time_does_not_bring_the_former_course_back() -> None:
+    marks = running(6000.0)
+    marks.turning(12_000.0, 400).turning(6000.0, 5)
+    assert marks.doubts() == ["ramp", "ramp"]
+    assert not any(turn.returned for turn in marks.said)
+
+
 def test_many_small_steps_that_together_are_faster_than_the_ramp_are_doubted() -> None:
     marks, rpm = running(6000.0), 6000.0
     for _ in range(40):
@@ -279,7 +286,20 @@ def test_a_mark_later_than_its_frame_is_doubted(ahead_us: int) -> None:
     marks.mark_us, marks.turn = marks.now_us + FRAME_US + ahead_us, marks.turn + 1
     marks.wait(FRAME_US)
     assert marks.doubts() == ["ahead"]
-    assert not marks.meter.state.known
+    for _ in range(5):
+        marks.wait(9_600)
+        marks.mark_us, marks.turn = marks.mark_us + 10_200, marks.turn + 1
+        marks.wait(FRAME_US)
+    assert marks.doubts() == ["ahead"] * 6
+    assert marks.meter.state.lost
+
+
+def test_a_mark_that_no_frame_told_when_it_came_is_doubted() -> None:
+    marks = running(60.0, 3)
+    marks.wait(1_100_000)
+    marks.mark_us, marks.turn = marks.mark_us + 1_000_000, marks.turn + 1
+    marks.wait(FRAME_US)
+    assert marks.doubts() == ["count"]
 
 
 def test_a_mark_within_the_wander_of_the_grid_is_good() -> None:

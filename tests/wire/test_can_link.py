@@ -123,25 +123,35 @@ class Stamped:
         return [frame.arrival_ns for frame in self.link.receive(self.now_ns)]
 
 
-@pytest.mark.parametrize("step_ms", [50, 1000, 3_600_000, 10**9, -1, -50, -3_600_000, -1_699_999_999_000])
-@pytest.mark.parametrize("waits_ms", [1, 40])
+@pytest.mark.parametrize("step_ms", [20, 50, 1000, 3_600_000, 10**9, -1, -50, -3_600_000, -1_699_999_999_000])
+@pytest.mark.parametrize(("before_ms", "waits_ms"), [(1, 1), (1, 40), (30, 10)])
 def test_a_step_of_the_calendar_while_frames_wait_makes_none_older_or_younger_than_it_can_be(
-    monkeypatch: pytest.MonkeyPatch, step_ms: int, waits_ms: int
+    monkeypatch: pytest.MonkeyPatch, step_ms: int, before_ms: int, waits_ms: int
 ) -> None:
     s = Stamped(monkeypatch)
-    empty_ns = s.now_ns
-    s.wait(1)
+    s.wait(before_ms)
+    put_ns = s.now_ns
     s.put()
     s.wait(waits_ms)
     s.calendar_ns += step_ms * MS
     s.put()
     (old, new) = s.read()
-    assert empty_ns <= old <= s.now_ns
+    assert put_ns - 1000 <= old <= s.now_ns
     assert new == pytest.approx(s.now_ns, abs=1000)
     s.wait(3)
     s.put()
     s.wait(2)
     assert s.read() == [pytest.approx(s.now_ns - 2 * MS, abs=1000)], "believed again once the queue was empty"
+
+
+def test_what_waits_in_a_new_queue_has_no_age(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing tells whether the calendar was set since."""
+    s = Stamped(monkeypatch)
+    s.link.close()
+    s.link._retry_ns = 0
+    s.wait(1)
+    s.bus.put(s.calendar_ns * 1e-9 - 3600.0)
+    assert s.read() == [s.now_ns]
 
 
 @pytest.mark.parametrize("step_ms", [50, 3_600_000, -50])
