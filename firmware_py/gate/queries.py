@@ -77,6 +77,8 @@ class Mouth:
     def __init__(self, name: str, counters: Counter[str]) -> None:
         self._name = name
         self._counters = counters
+        # The loop reads the counters while the thread counts: no key may be new by then.
+        counters.update({"zenoh_failed": 0, f"replies_dropped_{name}": 0})
         self._waiting: queue.Queue[Callable[[], None] | None] = queue.Queue(MOUTH_WAITING)
         self._thread = threading.Thread(target=self._serve, name=f"reply-{name}", daemon=True)
         self._thread.start()

@@ -152,6 +152,11 @@ def test_numbers_that_are_not_finite_cross_exactly_to_our_own_client(stage, clie
     assert ask_while_stepping(stage, client.status).diagnosis == diagnosis
 
 
+def test_counters_that_reply_threads_write_are_there_from_the_start(stage):
+    assert {"zenoh_failed", "replies_dropped_disarm", "replies_dropped_commands", "replies_dropped_questions"} <= set(
+        stage.gate.all_counters())
+
+
 def ask_while_stepping(stage, ask):
     """Run the blocking ``ask`` while the gate's loop goes on."""
     answers: list[object] = []
