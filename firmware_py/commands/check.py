@@ -16,6 +16,7 @@ from firmware_py import launch
 from firmware_py.brain.store import Models
 from firmware_py.commands.building import build, surroundings
 from firmware_py.config import Config, ConfigError
+from firmware_py.config.source import shown
 
 
 def main(argv: list[str]) -> int:
@@ -45,7 +46,7 @@ def _check(path: Path, as_json: bool) -> int:
                  "models": _labels(built.models), "refused_models": built.models.refusals}
         print(msgspec.json.encode(found).decode())
     else:
-        print(f"{path.name}: good")
+        print(f"{shown(path.name)}: good")
         print(f"  safe radial clearance {config.actuator.safe_radial_clearance_um:g} um; {low_um:.1f} .. {high_um:.1f}"
               " um is admissible over the whole declared range")
         print("\n".join(f"  model {label}" for label in _labels(built.models)))

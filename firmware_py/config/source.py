@@ -96,7 +96,7 @@ class ConfigFile:
         text, _, step = cause.rpartition("; ")
         if not text:
             text, step = step, "correct it"
-        return Fault(self.path.name, line or self._line(key), key and shown(key), shown(value), text, step)
+        return Fault(shown(self.path.name), line or self._line(key), key and shown(key), shown(value), text, step)
 
     def error(self, key: str, value: object, cause: str) -> ConfigError:
         """The one fault as an error."""
@@ -113,7 +113,7 @@ def shown(value: object) -> str:
     """``value`` on one line, short, and without anything that a terminal would obey."""
     if value is None or isinstance(value, dict) or (isinstance(value, list) and dict in map(type, value)):
         return ""
-    plain = isinstance(value, str) and value.isascii() and value.isprintable() and value
+    plain = isinstance(value, str) and value.isprintable() and value
     try:
         text = str(value) if plain else repr(value)
     except (ValueError, RecursionError):  # an integer of more digits, or a list deeper, than Python writes out

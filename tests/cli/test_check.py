@@ -55,6 +55,19 @@ def test_programs_read_the_same(place: Path, capsys: pytest.CaptureFixture[str])
     assert (found["good"], [fault["key"] for fault in found["faults"]]) == (False, ["oil.film_max_C"])
 
 
+def test_any_file_name_can_be_told(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for name in (b"gr\xc3\xb6\xc3\x9fe.toml", b"\xff\xfe.toml", b"a\x1b[31m\n.toml"):
+        path = place / os.fsdecode(name)
+        path.write_text(BENCH)
+        assert check.main([str(path)]) == 0
+        path.write_text("x = 1")
+        assert check.main([str(path), "--json"]) == 2
+        assert "\x1b" not in capsys.readouterr().out
+        with pytest.raises(ConfigError) as refusal:
+            check.main([str(path)])
+        assert all(line.isprintable() for line in str(refusal.value).encode().decode().splitlines())
+
+
 def test_a_model_that_is_not_used_is_exit_code_1(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert check.main([str(SHIPPED / "seed.toml")]) == 1
     assert "REFUSED classifier: " in capsys.readouterr().out

@@ -63,7 +63,7 @@ def test_what_editors_write_is_read(data: bytes, tmp_path: Path) -> None:
         (b"device = ", "rotor.toml:1: not valid TOML"),
         (b"\n[device]\nsite = 'a'\n[device]\n", "rotor.toml:4: not valid TOML"),
         (BENCH.replace("\n", "\r").encode(), "a line of more than"),
-        (BENCH[: len(BENCH) // 2].encode() + b"]", "not valid TOML"),
+        (BENCH[: len(BENCH) // 2].encode() + b"\n]", "not valid TOML"),
         (b"".join(b"k%d = 1\n" % i for i in range(6000)), "6000 unknown keys"),
         (b"[[channel]]\n" * 200, "channel: 200 entries, at most 64; shorten it"),
     ],
@@ -108,7 +108,7 @@ def test_a_gigabyte_is_not_read(tmp_path: Path) -> None:
         (BENCH.replace("rate_um_s = 50.0", "rate_um_s = -1"), 75),
         (BENCH.replace("rate_um_s = 50.0", '"rate_um_s" = -1'), 75),
         (BENCH.replace("rate_um_s = 50.0", "rate_um_s=-1"), 75),
-        (BENCH.replace("# orbitd", "x = '''\nrate_um_s = 1\n'''\n# orbitd", 1), 78),
+        (BENCH.replace("[limits]", "x = '''\nrate_um_s = 1\n'''\n[limits]", 1), 75),
         ("device = 1\nactuator = { rate_um_s = -1 }\n", 2),
         ("device = 1\nactuator.rate_um_s = -1\n", 2),
         ("device = 1\nactuator . 'rate_um_s' = -1\n", 2),
@@ -129,3 +129,24 @@ def test_a_value_cannot_command_the_terminal() -> None:
         config.parse(text)
     assert "\x1b" not in str(caught.value)
     assert len(str(caught.value).splitlines()) == 2
+
+
+def test_the_name_of_a_device_is_read_from_a_file_with_faults(tmp_path: Path) -> None:
+    path = tmp_path / "rotor.toml"
+    path.write_text(BENCH.replace("film_max_C = 60.0", "film_max_C = nan"))
+    assert config.read_device(path) == config.parse(BENCH)[0].device
+    path.write_text(BENCH.replace('rig = "bench"', 'rig = "../bench"').replace('site = "lab"', ""))
+    with pytest.raises(config.ConfigError) as caught:
+        config.read_device(path)
+    assert [fault.key for fault in caught.value.faults] == ["device.site", "device.rig"]
+    path.write_text("film_max_C = 60.0\n")
+    with pytest.raises(config.ConfigError, match="device: missing; set it"):
+        config.read_device(path)
+
+
+def test_a_fault_shows_its_value_shortly_and_has_a_next_step() -> None:
+    source = config.ConfigFile(Path("rotor.toml"), "")
+    assert str(source.fault("a.b", 10**5000, "too much")) == (
+        "config error: rotor.toml: a.b = (too large to show): too much; correct it")
+    assert source.fault("a", "x" * 500, "b; c").value == "x" * 60 + ".. (500 characters)"
+    assert source.fault("a", [{"b": 1}], "b; c").value == ""
