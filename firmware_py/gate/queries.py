@@ -29,6 +29,9 @@ DISARM_RING: Final = 1024
 """At the greatest rate of one client (some ten thousand a second) this holds what comes in a few steps."""
 
 DISARMS_PER_STEP: Final = 256
+REFUSALS_PER_STEP: Final = 4
+"""Of one verb, told why a query is no command; the others are counted and end without a word."""
+
 ANSWERS_PER_STEP: Final = 8
 """Of one kind of question: 800 a second."""
 
@@ -152,12 +155,22 @@ class Queries:
     def commands(self) -> Iterator[AskedCommand]:
         """Command queries that wait on their exact key; all others are refused here."""
         for verb, waiting in list(self._commands):
+            refused = 0
             for query in _drain(waiting, DISARMS_PER_STEP if verb == "disarm" else RING):
                 question = Question(query, parameters(query))
                 if refusal := self._refusal(verb, question):
-                    self.answer_command(verb, question, CommandReply(seq=0, accepted=False, reasons=[refusal]))
+                    refused += 1
+                    self._refuse(verb, question, refusal if refused <= REFUSALS_PER_STEP else "")
                 else:
                     yield AskedCommand(verb, query.payload.to_bytes() if query.payload else b"", question)
+
+    def _refuse(self, verb: str, question: Question, refusal: str) -> None:
+        """Tell why, behind what is read and not before a disarm; without a text end the query in silence."""
+        if not refusal:
+            question.query.drop()  # type: ignore[no-untyped-call]
+            return
+        reply = CommandReply(seq=0, accepted=False, reasons=[refusal])
+        self._answer("questions", verb, question, reply)
 
     def questions(self, encode: Callable[[str, Question], bytes]) -> None:
         """Answer the questions that wait, as far as the budget of a step goes; ``encode`` gives each answer."""
@@ -177,9 +190,11 @@ class Queries:
 
     def answer_command(self, verb: str, question: Question, reply: CommandReply) -> None:
         """Answer a command and end its query."""
-        mouth = self._mouths["disarm" if verb == "disarm" else "commands"]
+        self._answer("disarm" if verb == "disarm" else "commands", verb, question, reply)
+
+    def _answer(self, mouth: str, verb: str, question: Question, reply: CommandReply) -> None:
         data = to_msgpack(reply) if question.packed else to_json(reply)
-        mouth.say(question, f"{self._prefix}/{keys.command(verb)}", data)
+        self._mouths[mouth].say(question, f"{self._prefix}/{keys.command(verb)}", data)
 
     def close(self) -> None:
         """Say what waits and end."""
