@@ -1,6 +1,7 @@
 """The work of one guard cycle is bounded in every state: what it takes in, and what that costs."""
 
 import socket
+import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -187,6 +188,7 @@ def test_every_state_has_a_budget() -> None:
     assert set(CASES) == set(CYCLE_US)
 
 
+@pytest.mark.skipif(sys.gettrace() is not None, reason="a tracer slows the guard's code more than the reference's")
 @pytest.mark.parametrize("case", CYCLE_US)
 def test_a_cycle_keeps_its_budget(case: str) -> None:
     assert ratio(case) <= CYCLE_US[case] / REFERENCE_US

@@ -164,6 +164,27 @@ def test_a_request_is_answered_and_the_brain_may_not_make_one(house: House) -> N
     assert house.of("gate", CommandReply) == [CommandReply(8, True, [])]
 
 
+def test_the_newest_of_two_advices_in_a_cycle_counts(house: House) -> None:
+    house.run(1200)
+    now_ns = house.clock.now_ns()
+    for seq, reason in enumerate(("no window yet", "y" * 300)):
+        house.brain.send(Advice(seq, now_ns, now_ns, 10**9, None, None, True, [reason], None))
+    house.run(150)
+    last = house.of("gate", GuardState)[-1]
+    assert isinstance(last, GuardState)
+    assert "y" * 200 in last.authority_reasons
+    assert "no window yet" not in last.authority_reasons
+
+
+def test_the_service_manager_hears_that_it_is_ready_works_and_stops(house: House) -> None:
+    said: list[str] = []
+    notifier = Notifier(None)
+    notifier._send = said.append  # type: ignore[method-assign]
+    beats = iter(range(450))
+    run(house.guard, house.clock, notifier, lambda: next(beats) < 449)
+    assert said == ["READY=1", "WATCHDOG=1", "WATCHDOG=1", "STOPPING=1"]
+
+
 def test_the_gate_may_not_advise(house: House) -> None:
     house.run(1200)
     now_ns = house.clock.now_ns()
