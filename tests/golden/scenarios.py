@@ -102,7 +102,7 @@ class Scenario:
 
     def setting(self) -> Setting:
         """Configuration and build."""
-        port = {"serial_port": "golden"} if self.link == "serial" else {}
+        port = {"serial_port": "/dev/golden"} if self.link == "serial" else {}
         return prepare("bench", SEED).on(link=self.link, **port)
 
     def fly(self, listener: Listener) -> None:
@@ -151,10 +151,10 @@ MANUAL_COMMANDS: Final[list[tuple[int, Action]]] = [
 
 
 def noisy(cycle: int, frames: list[RawFrame]) -> list[RawFrame]:
-    """From 3 s on: frames lost, doubled, out of order, cut, with a flipped bit; 5.0 to 5.4 s: nothing at all."""
-    if cycle < 3000:
+    """From 4.5 s on: frames lost, doubled, out of order, cut, with a flipped bit; 7.0 to 7.4 s: nothing at all."""
+    if cycle < 4500:
         return frames
-    if 5000 <= cycle < 5400:
+    if 7000 <= cycle < 7400:
         return []
     out: list[RawFrame] = []
     for number, frame in enumerate(frames):
@@ -240,7 +240,7 @@ FAULTS: Final[list[tuple[int, Action]]] = [
     (7500, _clear), (8000, _inject("sensor_offset:disp_y", 1.0)), (9000, _clear),
     (9500, _inject("sensor_hum:disp_x", 1.0)), (10500, _clear), (10700, _inject("sensor_gain:disp_y", 1.0))]
 DANGER: Final[list[tuple[int, Action]]] = [
-    *ARMED_AUTO, (3500, _inject("unbalance", 100.0)), (8500, _do("reset")), (9000, _clear), (11500, _do("reset")),
+    *ARMED_AUTO, (4500, _inject("unbalance", 100.0)), (8500, _do("reset")), (9000, _clear), (11500, _do("reset")),
     (12000, _do("arm"))]
 AUTO: Final[list[tuple[int, Action]]] = [
     *ARMED_AUTO, (4000, _operate(9000.0, 200.0, 2.0)), (8000, lambda f: f.loop.kill_brain()),
@@ -256,7 +256,7 @@ SCENARIOS: Final = (
     Scenario("unbalance", "armed; a large unbalance to danger and trip; reset refused, then accepted", 13.0, DANGER,
              ("tripped",)),
     Scenario("bolts", "armed; a bolt of the pedestal, then of the motor works loose", 11.0, [
-        *ARMED_AUTO, (3500, _inject("pedestal_bolt", 0.0)), (7000, _clear), (7200, _inject("motor_bolt", 0.0))]),
+        *ARMED_AUTO, (4500, _inject("pedestal_bolt", 0.0)), (7000, _clear), (7200, _inject("motor_bolt", 0.0))]),
     Scenario("whirl", "a light load at high speed, where the shaft may whirl", 11.0, [
         *ARMED_AUTO, (3000, _operate(12000.0, 30.0, 3.5))]),
     Scenario("run_down", "the drive runs down under load and comes back", 12.0, [
@@ -266,7 +266,7 @@ SCENARIOS: Final = (
         *ARMED_AUTO, (3000, _operate(12000.0, 100.0, 2.0)), (6000, _operate(18000.0, 100.0, 3.0))],
         ("speed_undeclared",)),
     Scenario("oil", "armed; the oil starves, then its pressure is lost", 12.0, [
-        *ARMED_AUTO, (3500, _inject("starvation", 1.0)), (7000, _clear), (7500, _inject("pressure_loss", 1.0))]),
+        *ARMED_AUTO, (4500, _inject("starvation", 1.0)), (7000, _clear), (7500, _inject("pressure_loss", 1.0))]),
     Scenario("sensors", "armed; a stuck, an intermittent, a shifted, a humming and a wrong sensor", 12.0,
              [*ARMED_AUTO, *FAULTS]),
     Scenario("bus", "armed; frames lost, doubled, out of order, cut, flipped, misdated; a hole of 0.4 s", 10.0,

@@ -10,6 +10,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from firmware_py.config import Config
 from firmware_py.guard.core import GuardCore
 from firmware_py.recording import Recording
 from firmware_py.records import Cycle, Decision
@@ -17,7 +18,7 @@ from firmware_py.replay.command import _config
 from firmware_py.replay.decisions import DecisionReplay
 from tests.golden import make
 from tests.golden.make import BYTES_MAX, FOLDER, Golden, manifest
-from tests.golden.scenarios import SCENARIOS
+from tests.golden.scenarios import SCENARIOS, Scenario
 
 HELP = """
 {name} ({what}) decides otherwise than it did when it was recorded:
@@ -70,6 +71,12 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> tuple[Golden, Path]:
     folder = tmp_path_factory.mktemp("golden")
     path = folder / "small.mcap.xz"
     return make.make(replace(SCENARIOS[0], name="small", seconds=2.2), path), path
+
+
+@pytest.mark.parametrize("scenario", SCENARIOS, ids=lambda scenario: scenario.name)
+def test_a_scenario_is_played_with_a_configuration_that_can_be_read_back(scenario: Scenario) -> None:
+    config = scenario.setting().config
+    assert msgspec.json.decode(msgspec.json.encode(config), type=Config) == config
 
 
 def test_a_recording_that_was_just_made_replays(small: tuple[Golden, Path], tmp_path: Path) -> None:
