@@ -56,6 +56,9 @@ FILM_SHARE_MAX: Final = 0.8
 RETREAT_MAX_S: Final = 10.0
 """Time to the safe clearance from anywhere.  The guard looks this far ahead in steps of 0.05 to 0.1 s."""
 
+FOLLOWING_SHARE_MAX: Final = 0.5
+"""Of the range of the clearance: a following error above is not reached by every actuator that stands still."""
+
 UNBALANCE_SHARE_MAX: Final = 10.0
 """Of the largest load: an unbalance force above is no normal unbalance."""
 
@@ -149,6 +152,24 @@ def _retreat(config: Config) -> Iterator[Found]:
             "bearing.radial_clearance_min_um .. max_um or take a faster actuator")
 
 
+def _following(config: Config) -> Iterator[Found]:
+    """Errors of the actuator, and reversals of its target, that there can be."""
+    a, b, feed = config.actuator, config.bearing, config.feed
+    most_um = FOLLOWING_SHARE_MAX * (b.radial_clearance_max_um - b.radial_clearance_min_um)
+    if a.following_error_um > most_um:
+        yield "actuator.following_error_um", a.following_error_um, (
+            f"above {most_um:g} um, {FOLLOWING_SHARE_MAX:g} of the bearing's range, an actuator that stands still is "
+            "hardly further off; lower it")
+    if a.following_error_bar > feed.pressure_min_bar:
+        yield "actuator.following_error_bar", a.following_error_bar, (
+            f"above feed.pressure_min_bar ({feed.pressure_min_bar:g}), a supply that has failed is off by no more; "
+            "lower it")
+    most = 30_000 // a.command_period_ms
+    if a.reversals_per_minute_max > most:
+        yield "actuator.reversals_per_minute_max", a.reversals_per_minute_max, (
+            f"above {most}, half of the commands of a minute (actuator.command_period_ms); lower it")
+
+
 def _unbalance(config: Config) -> Iterator[Found]:
     rotor, o = config.rotor, config.operating
     w = o.speed_max_rpm * pi / 30.0
@@ -170,6 +191,6 @@ def _windage(config: Config) -> Iterator[Found]:
 
 RELATED: Final[tuple[Callable[[Any], Iterator[Found]], ...]] = (
     *(_ordered(*row) for row in ORDERED), _shape, _built, _groove, _oil_node, _displacement, _speed_high, _retreat,
-    _unbalance, _windage, *OIL_CHECKS, *CHANNEL_CHECKS, *BUS_CHECKS, *NETWORK_CHECKS,
+    _following, _unbalance, _windage, *OIL_CHECKS, *CHANNEL_CHECKS, *BUS_CHECKS, *NETWORK_CHECKS,
 )  # fmt: skip
 """Every check of values together."""

@@ -282,13 +282,13 @@ class Readings(Section, frozen=True):
     """A reading that was not OK is believed again after it has been plausible for so long."""
     oil_outlet_min_C: Annotated[float, Meta(ge=-100, le=200)] = -20.0
     oil_outlet_max_C: Annotated[float, Meta(ge=-100, le=300)] = 150.0
-    oil_outlet_rate_C_s: Annotated[float, Meta(gt=0, le=1000)] = 20.0
+    oil_outlet_rate_C_s: Annotated[float, Meta(ge=0.01, le=1000)] = 20.0
     """Faster changes are those of a cable: the oil behind the thermometer has to be warmed."""
     shaft_power_max_W: Annotated[float, Meta(ge=0, le=1e6)] = 0.0
     """0: ten times the friction of the narrowest bearing in the thickest oil at the top speed."""
     pressure_max_bar: PressureBar = 0.0
     """0: twice ``feed.pressure_max_bar``."""
-    pressure_mismatch_bar: Annotated[float, Meta(gt=0, le=10)] = 0.3
+    pressure_mismatch_bar: Annotated[float, Meta(ge=0.01, le=10)] = 0.3
     """The reading and the channel ``supply_pressure`` may differ by so much."""
 
 

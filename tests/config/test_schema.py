@@ -39,9 +39,11 @@ NUMBERS = [(key, kind) for key, kind in LEAVES if isinstance(kind, inspect.IntTy
 
 @pytest.mark.parametrize(("key", "kind"), NUMBERS, ids=[key for key, _ in NUMBERS])
 def test_every_number_has_a_least_and_a_greatest_value(key: str, kind: Any) -> None:
-    low, high = (kind.gt if kind.ge is None else kind.ge), (kind.lt if kind.le is None else kind.le)
+    low, high = kind.ge, kind.le
     assert low is not None, f"{key}: add ge="
     assert high is not None, f"{key}: add le="
+    assert kind.gt is None, f"{key}: say the least value itself, ge="
+    assert kind.lt is None, f"{key}: say the greatest value itself, le="
     assert math.isfinite(low)
     assert math.isfinite(high)
     assert low < high
