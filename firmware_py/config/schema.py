@@ -241,7 +241,7 @@ class Actuator(Section, frozen=True):
     """And the measured supply pressure."""
     following_time_s: Annotated[float, Meta(ge=0.5, le=30)] = 2.0
     """For this long, before it is an alarm; gross errors and slow movement are one sooner."""
-    reversals_per_minute_max: Annotated[int, Meta(ge=2, le=6000)] = 60
+    reversals_per_minute_max: Annotated[int, Meta(ge=2, le=6000)] = 300
     """The target may turn back this often within a minute; then authority goes, and a set point holds."""
 
 

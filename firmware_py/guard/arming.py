@@ -15,6 +15,7 @@ from firmware_py.config import Config
 from firmware_py.guard.alarm import Notice
 from firmware_py.guard.authority import Authority, AuthorityState
 from firmware_py.guard.failsafe import Action, Failsafe, Situation, active
+from firmware_py.guard.slew import Slew, SlewState
 from firmware_py.guard.target import Target
 from firmware_py.records import VERBS, Advice, Alarm, ArmState, CommandReply, CommandRequest, Mode, Severity
 
@@ -46,6 +47,7 @@ class ArmingState(msgspec.Struct):
     check_ns: int = 0
     active: list[str] = []
     standing: dict[str, Alarm] = {}
+    slew: SlewState | None = None
 
 
 class Arming:
@@ -64,18 +66,20 @@ class Arming:
         self._pressures = (f.pressure_min_bar, f.pressure_max_bar)
         self._recover_ns = round(config.authority.regain_after_s * 1e9)
         self._authority = Authority(config.authority)
+        self._slew = Slew(config, self.safe)
         self._state = ArmingState(config.device.start_mode, ArmState.BOOT, self.safe, self._authority.state)
 
     @property
     def state(self) -> ArmingState:
         """The stage's memory (for snapshots)."""
-        self._state.authority = self._authority.state
+        self._state.authority, self._state.slew = self._authority.state, self._slew.state
         return self._state
 
     @state.setter
     def state(self, state: ArmingState) -> None:
         self._state = state
         self._authority.state = state.authority
+        self._slew.state = state.slew or self._slew.state
 
     # ------------------------------------------------------------------ one cycle
 
@@ -90,7 +94,10 @@ class Arming:
         if s.mode != Mode.AUTO:
             doubts.append("mode is not auto")
         notices += self._authority.step(doubts, advice.seq if advice else -1, situation.now_ns)
-        return self._target(situation, advice, not reasons), notices
+        target = self._target(situation, advice, not reasons)
+        if s.commanding and s.mode != Mode.MONITOR:
+            notices += self._slew.watch(situation.now_ns)
+        return target, notices
 
     def _transition(self, failsafes: list[Failsafe], situation: Situation) -> list[Notice]:
         """Move to the state that the worst failsafe asks for."""
@@ -144,13 +151,13 @@ class Arming:
                 for f in failsafes if f.name not in before and f.action != Action.TRIP and not f.alarmed]
 
     def _target(self, situation: Situation, advice: Advice | None, sound: bool) -> Target:
-        """Set point or advice narrowed to the admissible interval; otherwise the safe values.
+        """Set point or advice narrowed to the admissible interval, step by step; otherwise the safe values, at once.
 
         In monitor mode this is what the device would do.
         """
         s = self._state
         if situation.interval_m is None or s.arm_state in (ArmState.TRIPPED, ArmState.RECOVERY):
-            return self.safe
+            return self._slew.retreat(situation.now_ns)
         if s.mode == Mode.MANUAL:
             wish = s.setpoint
         elif sound and advice is not None and advice.clearance_um is not None \
@@ -158,9 +165,14 @@ class Arming:
             pressure = self.safe.pressure_bar if advice.pressure_bar is None else advice.pressure_bar
             wish = Target(advice.clearance_um, pressure)
         else:
-            return self.safe
+            return self._slew.retreat(situation.now_ns)
         low_m, high_m = situation.interval_m
-        return Target(_clamp(wish.clearance_um, low_m * 1e6, high_m * 1e6), _clamp(wish.pressure_bar, *self._pressures))
+        return self._slew.follow(wish, (low_m * 1e6, high_m * 1e6), self._pressures, situation.now_ns)
+
+    @property
+    def doubts(self) -> dict[str, str]:
+        """Alarms of its own that speak against acting."""
+        return self._slew.doubts
 
     def standing(self) -> list[Alarm]:
         """Failsafes that hold, and authority that a model had and lost."""
@@ -168,7 +180,7 @@ class Arming:
         lost = s.mode == Mode.AUTO and s.commanding and authority.regain and not authority.held
         alarm = Alarm("authority_lost", Severity.ALERT, authority.lost_ns, 0.0, 0.0, False,
                       "; ".join(authority.reasons))
-        return [*s.standing.values(), *([alarm] if lost else [])]
+        return [*s.standing.values(), *self._slew.standing(), *([alarm] if lost else [])]
 
     # ------------------------------------------------------------------ requests
 
@@ -216,6 +228,7 @@ class Arming:
             return reasons
         s.arm_state, s.commanding, s.trouble_ns = ArmState.ARMED, True, 0
         self._authority.start(situation.now_ns)
+        self._slew.start()
         return []
 
     def _disarm(self, request: CommandRequest, situation: Situation) -> list[str]:
@@ -247,7 +260,3 @@ class Arming:
         elif not low <= value <= high:
             reasons.append(f"{request.verb} = {value:g}: outside {low:g} .. {high:g} {unit}")
         return reasons
-
-
-def _clamp(value: float, low: float, high: float) -> float:
-    return min(max(value, low), high)

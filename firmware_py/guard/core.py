@@ -392,7 +392,7 @@ class GuardCore:
             vibration_high=m.vibration_high, pair_ok=self._pair.plausible,
             speed_declared=self._speeds[0] * 0.98 <= speed.speed_rad_s <= self._speeds[1] * 1.02,
             interval_m=m.interval_m, tripped=self.tripped, brain_connected=cycle.brain_connected,
-            doubts=self._readings.doubts | self._oil.beyond | self._supervision.doubts
+            doubts=self._readings.doubts | self._oil.beyond | self._supervision.doubts | self._arming.doubts
             | ({"link_fault": cycle.link_fault} if cycle.link_fault else {}),
         )
 

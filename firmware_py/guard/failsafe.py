@@ -76,7 +76,7 @@ def _doubt(name: str, alarms: tuple[str, ...], text: str, *, bars_arming: bool =
 
 
 def _supervised(name: str, action: Action, *, bars_arming: bool = True) -> Failsafe:
-    """A row for an alarm of the supervision."""
+    """A row for an alarm of the supervision, or of the target's way."""
     return Failsafe(name, lambda s: name in s.doubts, action, bars_arming, "", (name,), alarmed=True)
 
 
@@ -105,6 +105,7 @@ FAILSAFES: Final = (
     _supervised("node_target_differs", Action.TAKE_AUTHORITY),
     _supervised("node_refuses", Action.TAKE_AUTHORITY, bars_arming=False),
     _supervised("clearance_not_following", Action.TAKE_AUTHORITY),
+    _supervised("target_reverses", Action.TAKE_AUTHORITY, bars_arming=False),
     _supervised("pressure_not_following", Action.TAKE_AUTHORITY),
     Failsafe("foreign_heartbeat", lambda s: s.foreign_heartbeat, Action.TAKE_AUTHORITY, True,
              "another device sends heartbeats on this bus; disconnect it"),

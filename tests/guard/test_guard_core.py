@@ -103,7 +103,7 @@ def test_set_points_belong_to_manual() -> None:
 def test_manual_set_points_are_narrowed_by_the_shield(wish_um: float) -> None:
     b = Bench().armed(mode=1)
     assert b.ask("set_clearance", wish_um)[0]
-    b.run(0.3)
+    b.run(0.02 + abs(wish_um - 50.0) / b.config.actuator.rate_um_s)
     found = state(b)
     assert found.clearance_low_um <= found.target_clearance_um <= found.clearance_high_um
     expected = min(max(wish_um, found.clearance_low_um), found.clearance_high_um)
@@ -156,7 +156,7 @@ def test_auto_follows_good_advice_and_no_other() -> None:
     b.run(1.5)
     assert state(b).target_clearance_um == 70.0
     b.advise_um = 500.0
-    b.run(0.3)
+    b.run(2.0)
     found = state(b)
     assert found.target_clearance_um == found.clearance_high_um < 160.0
 
