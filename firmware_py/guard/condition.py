@@ -13,6 +13,7 @@ class ConditionState(msgspec.Struct):
 
     standing: bool = False
     since_ns: int = 0
+    text: str = ""
 
 
 class Condition:
@@ -41,10 +42,12 @@ class Condition:
         if not holds:
             lasted_s = (now_ns - s.since_ns) * 1e-9
             return [Notice(Severity.INFO, self._over, f"{self._name} is over after {lasted_s:.1f} s")]
-        s.since_ns = now_ns
+        s.since_ns, s.text = now_ns, text
         return [Notice(self._severity, self._name, text)]
 
     def standing(self) -> list[Alarm]:
         """The alarm while the condition holds."""
         s = self.state
-        return [Alarm(self._name, int(self._severity), s.since_ns, 0.0, 0.0, False)] if s.standing else []
+        if not s.standing:
+            return []
+        return [Alarm(self._name, int(self._severity), s.since_ns, 0.0, 0.0, latched=False, text=s.text)]

@@ -192,6 +192,7 @@ class GuardCore:
         m.target, told = self._arming.step(situation, m.advice)
         notices += told
         permit = self._judge_permit(situation, bool(acquired.blocks))
+        notices += self._permit.begin(self._protection.tripped) if m.last_ns == NEVER_NS else []
         notices += permit + self._unwritable.step(bool(cycle.memory_fault), cycle.memory_fault, now_ns)
         if (self._arming.state.arm_state, self._arming.state.mode) != before or replies or permit:
             self._speaker.hurry(urgent=not replies or self._arming.state.arm_state == ArmState.TRIPPED)

@@ -133,6 +133,19 @@ class Permit:
         self._state = state
         self._no_samples.state = state.no_samples
 
+    def begin(self, latched: list[str]) -> list[Notice]:
+        """What a person should know of this start; ``latched``: trips that the run before has left."""
+        notices = []
+        if self._state.start.restart:
+            notices.append(Notice(Severity.ALERT, "guard_restarted", (
+                "the guard that ran before was killed, crashed or hung; a second restart within 10 min withdraws the "
+                "run permit: read its log")))
+        if UNREADABLE in latched:
+            notices.append(Notice(Severity.FAULT, UNREADABLE, (
+                "trips.json in the guard's state folder cannot be read (cause in the guard's log): which trips were "
+                "latched is not known; look at the machine, then `reset`")))
+        return notices
+
     def step(self, facts: PermitFacts) -> list[Notice]:
         """Judge one cycle; ``state.granted`` and ``state.trip_request`` are what the heartbeat says."""
         s, now_ns = self._state, facts.now_ns

@@ -198,6 +198,7 @@ def test_an_unreadable_trip_file_protects_bars_arming_and_asks_for_no_stop() -> 
     accepted, _ = b.ask("arm")
     assert not accepted
     assert UNREADABLE in next(e.text for e in b.events if e.name == "tripped")
+    assert "look at the machine, then `reset`" in next(e.text for e in b.events if e.name == UNREADABLE)
     b.node.amplitude_um = 40.0
     assert beats(b, 1.5)[-1].trip_request, "it protects"
     b.node.amplitude_um = 5.0
@@ -218,6 +219,14 @@ def test_a_barred_guard_permits_again_after_a_person_has_looked(verb: str) -> No
     assert beats(b, 0.2)[-1].run_permit
     assert not b.core.barred
     assert not b.core.probation
+
+
+def test_a_restart_is_told_once_and_a_cold_start_is_not() -> None:
+    again, cold = Bench(start=Start(restart=True)), Bench()
+    again.run(1.0)
+    cold.run(1.0)
+    assert again.names().count("guard_restarted") == 1
+    assert "guard_restarted" not in cold.names()
 
 
 def test_a_refused_arm_does_not_lift_the_bar() -> None:
@@ -249,7 +258,7 @@ def test_files_that_cannot_be_written_are_an_alarm_until_they_can() -> None:
     b = Bench()
     b.memory_fault = "/var/lib/orbitd/trips.json: No space left on device"
     state = next(d.state for d in b.run(0.2) if d.state)
-    assert "trip_file_unwritable" in [alarm.name for alarm in state.alarms]
+    assert {"trip_file_unwritable": b.memory_fault}.items() <= {a.name: a.text for a in state.alarms}.items()
     b.memory_fault = ""
     b.run(0.2)
     assert [n for n in b.names() if n.startswith("trip_file")] == ["trip_file_unwritable", "trip_file_written"]
