@@ -482,6 +482,7 @@ def main(argv: list[str]) -> int:
     options = parser.parse_args(argv)
     if options.probe:
         probe()
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # told to stop, it ends what it started
     stalls = Stalls()
     stalls.start()
     try:
