@@ -14,6 +14,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+import msgspec
+
 from firmware_py.brain.core import BrainCore
 from firmware_py.brain.loop import prewarm
 from firmware_py.brain.store import Models, load_models
@@ -47,8 +49,13 @@ def build(config: Config, models: Models | None = None) -> Built:
     return Built((low_m * 1e6, high_m * 1e6), models)
 
 
-def surroundings(config: Config, runtime: Path, environment: Mapping[str, str]) -> Iterator[Found]:
+def surroundings(config: Config, runtime: Path, environment: Mapping[str, str]) -> list[Found]:
     """What the machine lacks; ``runtime`` is the folder of the sockets of this device, which may be running."""
+    return list(_around(config, runtime, environment)) or list(_session(config))
+
+
+def _around(config: Config, runtime: Path, environment: Mapping[str, str]) -> Iterator[Found]:
+    """Folders, files, addresses."""
     running = _serves(runtime / "gate.sock")
     if config.recorder.enabled and (cause := _unwritable(recordings_dir(config, environment))):
         yield "recorder.directory", config.recorder.directory or '""', cause
@@ -60,7 +67,7 @@ def surroundings(config: Config, runtime: Path, environment: Mapping[str, str]) 
         parsed = parse_endpoint(text)
         if isinstance(parsed, str) or running:
             continue
-        cause = _unbindable(parsed) if parsed.port else _unwritable(Path(parsed.host).parent)
+        cause = _unbindable(parsed) if parsed.port else _no_socket(Path(parsed.host))
         if cause:
             yield f"zenoh.listen[{i}]", text, f"{cause}; correct it"
     yield from _certificates(config)
@@ -73,7 +80,7 @@ def _certificates(config: Config) -> Iterator[Found]:
         return
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     try:
-        context.load_cert_chain(zenoh.tls_certificate, zenoh.tls_private_key)
+        context.load_cert_chain(zenoh.tls_certificate, zenoh.tls_private_key, password=str)  # asks nobody for one
     except (OSError, ValueError) as error:
         yield "zenoh.tls_certificate", zenoh.tls_certificate, (
             f"cannot be used with tls_private_key ({error}); name a certificate and its key as PEM")
@@ -81,6 +88,23 @@ def _certificates(config: Config) -> Iterator[Found]:
         context.load_verify_locations(zenoh.tls_root_ca)
     except (OSError, ValueError) as error:
         yield "zenoh.tls_root_ca", zenoh.tls_root_ca, f"cannot be used ({error}); name a certificate as PEM"
+
+
+def _session(config: Config) -> Iterator[Found]:
+    """What Zenoh itself has against the settings: its session is opened as the gate opens it, at free ports."""
+    network = [e for e in map(parse_endpoint, config.zenoh.listen) if not isinstance(e, str) and e.port]
+    if not network:
+        return
+    free = [f"{e.protocol}/{f'[{e.host}]' if ':' in e.host else e.host}:0" for e in network]
+    settings = msgspec.structs.replace(config.zenoh, listen=free, connect=[])
+    prefix = keys.prefix(config.device.site, config.device.rig)
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            opened = session.open_device(settings, Path(folder), prefix)
+        except session.SessionError as error:
+            yield "zenoh", None, str(error)
+            return
+        opened.close()  # type: ignore[no-untyped-call]
 
 
 def _serves(path: Path) -> bool:
@@ -104,6 +128,13 @@ def _unbindable(address: Address) -> str:
     except OSError as error:
         return error.strerror or str(error)
     return ""
+
+
+def _no_socket(path: Path) -> str:
+    """Why no socket can be made at ``path``; empty when one can."""
+    if path.exists() and not path.is_socket():
+        return f"{path} is there and no socket"
+    return _unwritable(path.parent)
 
 
 def _unwritable(folder: Path) -> str:

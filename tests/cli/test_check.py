@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import datetime
 import json
 import os
 import socket
 from pathlib import Path
 
 import pytest
+from cryptography import x509
+from cryptography.hazmat.primitives import hashes, serialization
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.x509.oid import NameOID
 
 from firmware_py.commands import check
 from firmware_py.config import SHIPPED, ConfigError
@@ -108,6 +113,33 @@ def test_what_this_device_itself_serves_is_not_taken(place: Path) -> None:
         page.listen()
         port = page.getsockname()[1]
         assert said(place, f'[metrics]\nport = {port}\n[zenoh]\nlisten = ["tcp/127.0.0.2:{port}"]') == {}
+
+
+def test_zenoh_itself_opens_what_is_called_good(place: Path) -> None:
+    assert said(place, '[zenoh]\nlisten = ["tcp/127.0.0.1:47447", "udp/127.0.0.1:47447", "ws/127.0.0.1:47448"]') == {}
+    (place / "taken").write_text("")
+    assert "no socket" in said(place, f'[zenoh]\nlisten = ["unixsock-stream/{place}/taken"]')["zenoh.listen[0]"]
+
+
+def test_good_certificates_are_good_and_locked_or_exchanged_ones_are_named(place: Path) -> None:
+    key = ec.generate_private_key(ec.SECP256R1())
+    name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, "orbitd")])
+    begin = datetime.datetime(2020, 1, 1, tzinfo=datetime.UTC)
+    made = (x509.CertificateBuilder().subject_name(name).issuer_name(name).public_key(key.public_key())
+            .serial_number(1).not_valid_before(begin).not_valid_after(begin.replace(year=2100))
+            .add_extension(x509.BasicConstraints(ca=True, path_length=None), critical=True).sign(key, hashes.SHA256()))
+    (place / "root_ca.pem").write_bytes(made.public_bytes(serialization.Encoding.PEM))
+    (place / "certificate.pem").write_bytes(made.public_bytes(serialization.Encoding.PEM))
+    files = "".join(f'tls_{file} = "{place}/{file}.pem"\n' for file in ("root_ca", "certificate", "private_key"))
+    text = f'[zenoh]\nlisten = ["tls/127.0.0.1:47449"]\n{files}'
+    for secret, owner, wrong in (
+        (serialization.NoEncryption(), key, []),
+        (serialization.BestAvailableEncryption(b"secret"), key, ["zenoh.tls_certificate"]),
+        (serialization.NoEncryption(), ec.generate_private_key(ec.SECP256R1()), ["zenoh.tls_certificate"]),
+    ):
+        pem = owner.private_bytes(serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, secret)
+        (place / "private_key.pem").write_bytes(pem)
+        assert list(said(place, text)) == wrong
 
 
 def test_certificates_are_opened(place: Path) -> None:

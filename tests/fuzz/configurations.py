@@ -48,7 +48,7 @@ def judge(data: bytes, folder: Path, *, drive: bool) -> tuple[bool, str]:
     began = time.process_time()
     try:
         config = launch.verified(path)[0]
-        list(building.surroundings(config, folder, {"STATE_DIRECTORY": str(folder)}))
+        building.surroundings(config, folder, {"STATE_DIRECTORY": str(folder)})
         building.build(config, _models(config))
     except ConfigError as error:
         return False, _complaint(error) or _late(began)
@@ -194,7 +194,7 @@ def _called_good(path: Path, folder: Path) -> bool | None:
         config = launch.verified(path)[0]
     except ConfigError:
         return False
-    return None if list(building.surroundings(config, folder, {"STATE_DIRECTORY": str(folder)})) else True
+    return None if building.surroundings(config, folder, {"STATE_DIRECTORY": str(folder)}) else True
 
 
 def _process(role: str, path: Path, folder: Path, environment: dict[str, str]) -> subprocess.Popen[bytes]:
