@@ -25,6 +25,7 @@ from firmware_py.gate import keys, session
 from firmware_py.gate.loop import recordings_dir
 from firmware_py.guard.core import GuardCore
 from firmware_py.guard.shield import Shield
+from firmware_py.launch import SERVICE_RUNTIME
 from firmware_py.wire.link import codec_for
 
 Found = tuple[str, object, str]
@@ -56,7 +57,7 @@ def surroundings(config: Config, runtime: Path, environment: Mapping[str, str]) 
 
 def _around(config: Config, runtime: Path, environment: Mapping[str, str]) -> Iterator[Found]:
     """Folders, files, addresses."""
-    running = _serves(runtime / "gate.sock")
+    running = any(_serves(folder / "gate.sock") for folder in (runtime, SERVICE_RUNTIME))
     if config.recorder.enabled and (cause := _unwritable(recordings_dir(config, environment))):
         yield "recorder.directory", config.recorder.directory or '""', cause
     if config.models.directory and not Path(config.models.directory).is_dir():
@@ -112,6 +113,8 @@ def _serves(path: Path) -> bool:
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as probe:
         try:
             probe.connect(str(path))
+        except PermissionError:
+            return True  # of the service, which this user may not speak to
         except OSError:
             return False
     return True

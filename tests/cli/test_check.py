@@ -14,7 +14,7 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import NameOID
 
-from firmware_py.commands import check
+from firmware_py.commands import building, check
 from firmware_py.config import SHIPPED, ConfigError
 
 BENCH = (SHIPPED / "bench.toml").read_text(encoding="utf-8")
@@ -104,8 +104,14 @@ def test_an_address_that_is_taken_or_not_ours_is_named(place: Path) -> None:
     assert list(said(place, far)) == ["zenoh.listen[0]", "zenoh.listen[1]"]
 
 
-def test_what_this_device_itself_serves_is_not_taken(place: Path) -> None:
+@pytest.mark.parametrize("service", [False, True])
+def test_what_this_device_itself_serves_is_not_taken(
+    place: Path, monkeypatch: pytest.MonkeyPatch, service: bool
+) -> None:
     (place / "default").mkdir()
+    if service:
+        monkeypatch.setattr(building, "SERVICE_RUNTIME", place / "default")
+        monkeypatch.setenv("RUNTIME_DIRECTORY", str(place / "other"))
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as gate, socket.socket() as page:
         gate.bind(str(place / "default" / "gate.sock"))
         gate.listen()
