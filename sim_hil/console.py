@@ -125,7 +125,7 @@ class Console:
 
     def _inject(self, request: dict[str, Any]) -> Reply:
         self._rig.inject(str(request["fault"]), float(request["severity"]))
-        return {"faults": self._rig.machine.faults}
+        return {"faults": self._rig.faults}
 
     def _clear(self, request: dict[str, Any]) -> Reply:
         self._rig.clear()
@@ -172,7 +172,7 @@ class Console:
         rig = self._rig
         return {
             "time_s": rig.time_s, "speed_rpm": rig.drive.speed_rad_s * 30 / math.pi, "load_N": rig.drive.load_N,
-            "coasting": rig.drive.coasting, "coast_reason": rig.drive.reason, "faults": rig.machine.faults,
+            "coasting": rig.drive.coasting, "coast_reason": rig.drive.reason, "faults": rig.faults,
             "lag_ms_max": rig.lag_ms_max, "periods_left_out": rig.periods_left_out,
             "session": rig.node.session, "refused": rig.node.refused,
             "target_clearance_um": rig.node.clearance_um,
@@ -214,9 +214,10 @@ VERBS: Final = ("clear", "start", "status", "truth", "duty", "operating")
 
 def main(argv: list[str]) -> int:
     """``orbitd inject FAULT SEVERITY``: the rig in software only."""
-    from sim_hil.faults import MACHINE_FAULTS, SENSOR_FAULTS
+    from sim_hil.faults import ACTUATOR_FAULTS, MACHINE_FAULTS, NODE_FAULTS, SENSOR_FAULTS
 
-    faults = ", ".join([*MACHINE_FAULTS, *(f"sensor_{kind}:CHANNEL" for kind in SENSOR_FAULTS)])
+    sensors = [f"sensor_{kind}:CHANNEL" for kind in SENSOR_FAULTS]
+    faults = ", ".join([*MACHINE_FAULTS, *ACTUATOR_FAULTS, *NODE_FAULTS, *sensors])
     parser = argparse.ArgumentParser(
         prog="orbitd inject",
         description="give the rig in software a fault (or: clear, operating, duty, start, status, truth)",

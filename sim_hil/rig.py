@@ -9,11 +9,13 @@ from __future__ import annotations
 from collections import Counter, deque
 from typing import Final
 
+import msgspec
 import numpy as np
 
 from firmware_py.config import Config
 from firmware_py.records import (
     INSTANTS_PER_FRAME,
+    Command,
     DeviceHeartbeat,
     NodeInfo,
     NodeState,
@@ -26,6 +28,8 @@ from firmware_py.wire.link import Codec
 from sim_hil.build import Build
 from sim_hil.drive import HEARTBEAT_LIMIT_DEFAULT_S, Drive
 from sim_hil.duty import Duty
+from sim_hil.faults import ACTUATOR_FAULTS, NODE_FAULTS, FaultSet, check_fault
+from sim_hil.faults.actuator import Reach, reached
 from sim_hil.machine import Batch, Machine, Readings
 from sim_hil.node import Node, NodeLimits
 from sim_hil.rigs import RigData
@@ -106,6 +110,7 @@ class Rig:
             rig, Build.nominal(rig) if build is None else build, seed, rate_hz=rate_hz,
             clearance_m=limits.boot_clearance_um * 1e-6, pressure_Pa=limits.boot_pressure_bar * 1e5, fed=fed,
         )  # fmt: skip
+        self._drive_faults: FaultSet = {}
         self.lag_ms_max = 0.0
         self.periods_left_out = 0
         self._period_us = round(1e6 / rate_hz)
@@ -136,11 +141,21 @@ class Rig:
 
     def inject(self, fault: str, severity: float) -> None:
         """Set a fault of :mod:`sim_hil.faults` from now on; UnknownFault when there is no such."""
-        self.machine.inject(fault, severity)
+        if fault in ACTUATOR_FAULTS or fault in NODE_FAULTS:
+            check_fault(fault, severity)
+            self._drive_faults[fault] = severity
+        else:
+            self.machine.inject(fault, severity)
+
+    @property
+    def faults(self) -> FaultSet:
+        """Present faults of machine, sensors, actuators and node, and their severities."""
+        return self.machine.faults | self._drive_faults
 
     def clear(self) -> None:
         """Remove all faults."""
         self.machine.heal()
+        self._drive_faults.clear()
 
     def set_operating(self, speed_rpm: float, load_N: float, ramp_s: float = 0.0) -> None:
         """Go to a speed and a static bearing load in ``ramp_s`` and stay."""
@@ -187,7 +202,20 @@ class Rig:
         for message in messages:
             if isinstance(message, DeviceHeartbeat):
                 self.drive.hear(message, tick_us)
+        if self._drive_faults.get("node_refuses"):
+            messages = [_outdated(m, tick_us) if isinstance(m, Command) else m for m in messages]
         self.node.receive(messages, tick_us)
+
+    def _reached(self) -> tuple[float, float]:
+        """Where the actuators are sent: the node's targets, unless they are ill."""
+        targets = self.node.clearance_um * 1e-6, self.node.pressure_bar * 1e5
+        if not self._drive_faults:
+            return targets
+        limits = self.node.limits
+        lead_m = limits.rate_um_s * 1e-6 * self.machine.rig.actuator.time_constant_s
+        low_m, high_m = (um * 1e-6 for um in limits.clearance_um)
+        return reached(Reach(*targets, self.machine.readings().clearance_m, limits.boot_clearance_um * 1e-6,
+                             (low_m, high_m), lead_m), self._drive_faults)
 
     def _advance(self, n: int, now_ns: int, behind: bool) -> list[WireMessage]:
         """``n`` sampling periods, and what is to be said after them."""
@@ -195,7 +223,7 @@ class Rig:
         self.node.expire(self._tick0 + start_us)
         self.drive.watch(self._tick0 + start_us)
         drive = self.drive.advance(self.time_s, self.machine.period_s, n)
-        batch = self.machine.advance(drive, self.node.clearance_um * 1e-6, self.node.pressure_bar * 1e5)
+        batch = self.machine.advance(drive, *self._reached())
         self._periods += n
         self._truth.add(batch.truth, now_ns, self.node.clearance_um, self.drive.coasting)
         return [*self._sampler.frames(batch, start_us, self._flags(behind)), *self._slow(batch, start_us)]
@@ -253,3 +281,8 @@ class Rig:
         count = self._counters[kind]
         self._counters[kind] += 1
         return count % COUNTERS
+
+
+def _outdated(command: Command, tick_us: int) -> Command:
+    """The command as a node reads it whose clock is ten seconds off."""
+    return msgspec.structs.replace(command, echo_tick_us=(tick_us - 10_000_000) % TICKS)

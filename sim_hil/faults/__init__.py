@@ -1,11 +1,13 @@
-"""Faults of the machine and of the sensors, by name and continuous severity.
+"""Faults of the machine, its sensors, its actuators and their node, by name and continuous severity.
 
-``FaultSet`` maps names to severities: :data:`MACHINE_FAULTS`, or ``sensor_<kind>:<channel>``.
+``FaultSet`` maps names to severities: :data:`MACHINE_FAULTS`, ``sensor_<kind>:<channel>``, and of a whole rig also
+:data:`ACTUATOR_FAULTS` and :data:`NODE_FAULTS`.
 """
 
 from __future__ import annotations
 
 from firmware_py.errors import OrbitdError
+from sim_hil.faults.actuator import ACTUATOR_FAULTS, NODE_FAULTS
 from sim_hil.faults.machine import MACHINE_FAULTS, apply_machine_faults
 from sim_hil.faults.sensor import SENSOR_FAULTS, SensorFault, sensor_fault
 
@@ -31,15 +33,20 @@ def check_fault(name: str, severity: float) -> None:
         low, high = MACHINE_FAULTS[name].severity_range
     elif name.startswith("sensor_") and kind in SENSOR_FAULTS and sensor_fault(name) is not None:
         low, high = SENSOR_FAULTS[kind].severity_range
+    elif name in ACTUATOR_FAULTS or name in NODE_FAULTS:
+        low, high = 0.0, 1.0
     else:
-        known = ", ".join([*MACHINE_FAULTS, *(f"sensor_{k}:<channel>" for k in SENSOR_FAULTS)])
+        sensors = [f"sensor_{k}:<channel>" for k in SENSOR_FAULTS]
+        known = ", ".join([*MACHINE_FAULTS, *ACTUATOR_FAULTS, *NODE_FAULTS, *sensors])
         raise UnknownFault(f"fault = {name}: unknown; choose one of {known}")
     if not low <= severity <= high:
         raise UnknownFault(f"severity of {name} = {severity:g}: outside {low:g} .. {high:g}; choose a value inside")
 
 
 __all__ = [
+    "ACTUATOR_FAULTS",
     "MACHINE_FAULTS",
+    "NODE_FAULTS",
     "SENSOR_FAULTS",
     "FaultSet",
     "SensorFault",
