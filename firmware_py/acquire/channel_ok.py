@@ -21,7 +21,7 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
-from firmware_py.acquire.rails import CLEAR, Rail, RailState, RailWatch
+from firmware_py.acquire.rails import Rail, RailState, RailWatch
 from firmware_py.config import Channel, Config
 from firmware_py.records import CHANNELS, N_CHANNELS, ChannelCause, cause_bits
 
@@ -143,8 +143,7 @@ class ChannelOk:
         ok = causes = unusable = 0
         for i in range(N_CHANNELS):
             stuck = self._stuck(i, samples, still[i])
-            rail = self._rails[i].step(s.rails[i], samples[:, i], outside[i] > 0, s.turn, speed_rad_s) \
-                if outside[i] or s.rails[i].side or s.rails[i].count else CLEAR
+            rail = self._rails[i].step(s.rails[i], samples[:, i], outside[i] > 0, s.turn, speed_rad_s)
             bad = 4 * outside[i] > n or stuck or torn >> i & 1
             s.owed[i] = self._hold_off_samples if bad else max(0, s.owed[i] - n)
             ok |= (s.owed[i] == 0) << i

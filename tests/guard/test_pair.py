@@ -1,0 +1,257 @@
+"""The probe pair against the machine: wiring, order, sign, gain, zero, at other angles and with offsets."""
+
+from collections.abc import Callable
+from math import cos, pi, radians, sin
+
+import msgspec
+import numpy as np
+import pytest
+
+from firmware_py.config import Config
+from firmware_py.guard.bearing_laws import static_film
+from firmware_py.guard.core import GuardCore
+from firmware_py.guard.load_estimate import LoadEstimator, Look
+from firmware_py.guard.motion import MotionMeter
+from firmware_py.guard.pair import BAD_LEAST, GOOD_LEAST, PairCheck
+from firmware_py.records import Block, ChannelCause, CommandRequest, Cycle, Quality, cause_bits
+from firmware_py.wire.codec import CanCodec
+
+from .scripted_node import MS, ScriptedNode, bench
+
+N, PERIOD_US = 30, 200
+RATE = 1e6 / PERIOD_US
+ANGLES = [(45.0, 135.0), (30.0, 120.0), (0.0, 90.0), (-45.0, 45.0), (135.0, 45.0), (45.0, 105.0), (10.0, 150.0)]
+
+Distort = Callable[[np.ndarray, np.ndarray], np.ndarray]
+"""Probe readings in um, shape (n, 2), and time, to what the channels read."""
+
+
+def with_probes(
+    first_deg: float = 45.0, second_deg: float = 135.0, offset_um: tuple[float, float] = (0.0, 0.0), sign: float = 1.0,
+    zeroed: bool = False,
+) -> Config:  # fmt: skip
+    config = bench()
+    probes = [msgspec.structs.replace(c, angle_deg=a, offset=o * 1e-6, scale=sign * c.scale, zeroed=zeroed)
+              for c, a, o in zip(config.channel, (first_deg, second_deg), offset_um, strict=False)]
+    return msgspec.structs.replace(config, channel=[*probes, *config.channel[2:]])
+
+
+def place_um(config: Config, eccentricity: float, clearance_um: float) -> tuple[float, float]:
+    """Where the film holds the journal."""
+    film = static_film(config.bearing.journal_radius_m, config.bearing.length_m)
+    k = min(range(len(film.eccentricity)), key=lambda i: abs(film.eccentricity[i] - eccentricity))
+    e = film.eccentricity[k] * clearance_um
+    return e * film.sine[k], -e * film.cosine[k]
+
+
+class Bearing:
+    """A journal at rest in the film, with an orbit; 6000 rpm and 80 um unless changed."""
+
+    def __init__(self, config: Config, eccentricity: float = 0.5) -> None:
+        self.config, self.eccentricity = config, eccentricity
+        self.meter, self.pair = MotionMeter(config), PairCheck(config)
+        self.rpm, self.clearance_um, self.oil_C, self.orbit_um = 6000.0, 80.0, 40.0, 3.0
+        self.ellipse = 1.0
+        self.distort: Distort = lambda seen, t: seen
+        self.seq, self.quality, self.cause = 0, 0, 0
+        self.rng = np.random.default_rng(5)
+        self.names: list[str] = []
+        self.first: dict[str, float] = {}
+        self.block: Block | None = None
+
+    def run(self, seconds: float) -> "Bearing":
+        x0, y0 = place_um(self.config, self.eccentricity, self.clearance_um)
+        probes = self.config.channel[:2]
+        for _ in range(round(seconds * RATE / N)):
+            t = (self.seq * N + np.arange(N)) / RATE
+            phase = 2 * pi * self.rpm / 60 * t
+            x, y = x0 + self.orbit_um * np.cos(phase), y0 + self.ellipse * self.orbit_um * np.sin(phase)
+            axes = np.array([[cos(radians(p.angle_deg)), sin(radians(p.angle_deg))] for p in probes])
+            seen = np.column_stack([x, y]) @ axes.T + 0.1 * self.rng.normal(size=(N, 2))
+            read = self.distort(seen, t)
+            rows = np.zeros((N, 8), np.int16)
+            for i, p in enumerate(probes):
+                rows[:, i] = np.round((read[:, i] * 1e-6 - p.offset) / p.scale)
+            self.block = Block(self.seq, self.seq * N * PERIOD_US * 1000, PERIOD_US * 1000, 0, PERIOD_US, self.quality,
+                               0xFF, self.rpm * pi / 30, 0, [], rows.tobytes(), self.cause)
+            self.motion = self.meter.step(self.block)
+            facts = self.pair.facts(self.clearance_um * 1e-6, self.oil_C)
+            for notice in self.pair.step(self.block, facts, max(self.motion.peak_to_peak_um) * 1e-6):
+                self.names.append(notice.name)
+                self.first.setdefault(notice.name, float(t[-1]))
+            self.seq += 1
+        return self
+
+
+@pytest.mark.parametrize("angles", ANGLES)
+@pytest.mark.parametrize("offset_um", [(0.0, 0.0), (-150.0, 60.0)])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_any_angle_offset_and_sign_of_scale_give_the_position_and_a_plausible_pair(
+    angles: tuple[float, float], offset_um: tuple[float, float], sign: float
+) -> None:
+    config = with_probes(*angles, offset_um, sign)
+    b = Bearing(config).run(BAD_LEAST + 0.2)
+    assert (b.motion.mean_x_m * 1e6, b.motion.mean_y_m * 1e6) == pytest.approx(place_um(config, 0.5, 80.0), abs=0.3)
+    assert b.names == []
+    look = Look(1.0, b.motion.mean_x_m, b.motion.mean_y_m, 6e-6, 80e-6, 6000.0 * pi / 30, 40.0, 0.0)
+    film = static_film(config.bearing.journal_radius_m, config.bearing.length_m)
+    load_N = film.load_per_viscous_speed(0.5, 80e-6) * config.oil.viscosity_Pa_s(40.0) * 6000.0 * pi / 30
+    found = LoadEstimator(config).estimate(look)
+    assert found.measured
+    assert found.low_N < load_N < found.high_N
+
+
+FAULTS: dict[str, Distort] = {
+    "gain of the first 0.2": lambda s, t: s * [0.2, 1.0],
+    "gain of the second 0.2": lambda s, t: s * [1.0, 0.2],
+    "gain of both 0.2": lambda s, t: s * 0.2,
+    "gain of both 3": lambda s, t: s * 3.0,
+    "swapped": lambda s, t: s[:, ::-1],
+    "first copied from second": lambda s, t: s[:, [1, 1]],
+    "second copied from first": lambda s, t: s[:, [0, 0]],
+    "second is the first reversed": lambda s, t: s[:, [0, 0]] * [1.0, -1.0],
+    "sign of the first": lambda s, t: s * [-1.0, 1.0],
+    "sign of the second": lambda s, t: s * [1.0, -1.0],
+    "both signs": lambda s, t: -s,
+    "offset": lambda s, t: s + np.array([25.0, 0.0]),
+    "drift": lambda s, t: s + np.column_stack([8.0 * np.maximum(t - 1.0, 0.0), 0.0 * t]),
+}
+
+
+@pytest.mark.parametrize("angles", [(45.0, 135.0), (0.0, 105.0)])
+@pytest.mark.parametrize("name", FAULTS)
+@pytest.mark.parametrize("eccentricity", [0.35, 0.85])
+def test_a_fault_that_comes_while_it_runs_is_found_in_five_seconds(
+    angles: tuple[float, float], name: str, eccentricity: float
+) -> None:
+    b = Bearing(with_probes(*angles), eccentricity)
+    b.rpm, b.clearance_um = (6000.0, 100.0) if eccentricity < 0.5 else (3000.0, 100.0)
+    b.run(1.1)
+    assert b.names == []
+    b.distort = FAULTS[name]
+    b.run(5.0)
+    assert b.names, name
+    assert not b.pair.plausible
+    assert {a.name for a in b.pair.standing()} == set(b.names)
+    assert all("wiring" in a.text for a in b.pair.standing())
+
+
+@pytest.mark.parametrize("name", ["swapped", "sign of the first", "first copied from second", "both signs"])
+def test_wrong_from_the_start_is_found_as_well(name: str) -> None:
+    b = Bearing(with_probes())
+    b.distort = FAULTS[name]
+    assert b.run(5.0).names
+
+
+def test_an_orbit_against_the_rotation_is_found_without_a_steady_film() -> None:
+    b = Bearing(with_probes())
+    b.orbit_um, b.ellipse, b.oil_C = 14.0, -1.0, 327.0
+    assert b.run(4.5).names == ["disp_pair_backward"]
+
+
+@pytest.mark.parametrize("ellipse", [1.0, 0.3, 0.1, -0.2])
+def test_a_flat_orbit_or_a_small_one_is_no_fault(ellipse: float) -> None:
+    b = Bearing(with_probes())
+    b.orbit_um, b.ellipse = 10.0, ellipse
+    assert b.run(6.0).names == []
+
+
+def test_a_mean_outside_the_clearance_is_found_while_the_film_is_not_at_rest() -> None:
+    b = Bearing(with_probes())
+    b.distort = lambda s, t: s + np.array([90.0, 0.0])
+    b.orbit_um, b.clearance_um = 26.0, 80.0
+    assert "disp_pair_outside" in b.run(4.5).names
+
+
+def test_another_zero_from_the_start_in_a_round_forward_orbit_is_left_to_the_load_estimate_until_it_moves() -> None:
+    b = Bearing(with_probes())
+    b.distort = lambda s, t: s + np.array([-30.0, 0.0])
+    assert b.run(6.0).names == []
+    b.distort = lambda s, t: s + np.array([-50.0, 0.0])
+    assert b.run(5.0).names == ["disp_pair_position"]
+
+
+@pytest.mark.parametrize("bad", ["gap", "cause", "mark", "slow", "clearance", "oil"])
+def test_a_window_with_bad_quality_says_nothing(bad: str) -> None:
+    b = Bearing(with_probes())
+    b.distort = FAULTS["swapped"]
+    b.orbit_um = 0.5
+    if bad == "gap":
+        b.quality = int(Quality.GAP_BEFORE)
+    elif bad == "mark":
+        b.quality = int(Quality.NO_MARK)
+    elif bad == "cause":
+        b.cause = cause_bits(1, ChannelCause.STUCK)
+    elif bad == "slow":
+        b.rpm = 600.0
+    elif bad == "clearance":
+        b.clearance_um = 200.0
+    else:
+        b.oil_C = 327.0
+    assert b.run(6.0).names == []
+
+
+def test_it_goes_only_after_ten_good_seconds_and_says_so_once() -> None:
+    b = Bearing(with_probes())
+    b.distort = FAULTS["both signs"]
+    b.run(5.0)
+    b.distort = lambda s, t: s
+    b.run(GOOD_LEAST - 1.0)
+    assert not b.pair.plausible
+    b.run(3.0)
+    assert b.pair.plausible
+    assert b.names == ["disp_pair_position", "disp_pair_position_ok"]
+
+
+def test_it_survives_a_snapshot() -> None:
+    b, other = Bearing(with_probes()), Bearing(with_probes())
+    b.distort = other.distort = FAULTS["both signs"]
+    b.run(3.0)
+    other.seq = b.seq
+    other.pair.state = msgspec.msgpack.decode(msgspec.msgpack.encode(b.pair.state), type=type(b.pair.state))
+    assert other.run(1.2).names == b.run(1.2).names == ["disp_pair_position"]
+
+
+class Wired(ScriptedNode):
+    """A node whose shaft floats where the film holds it, and whose probes can be changed."""
+
+    gains = (1.0, 1.0)
+
+    def _row(self, n: int) -> bytes:
+        row = np.frombuffer(super()._row(n), "<i2").copy()
+        row[:2] = np.round(row[:2] * np.array(self.gains))
+        return row.tobytes()
+
+
+@pytest.mark.parametrize("gains", [(0.2, 1.0), (1.0, 0.2), (-1.0, 1.0), (0.2, 0.2)])
+def test_in_the_guard_it_costs_authority_keeps_the_range_from_widening_and_still_trips(
+    gains: tuple[float, float]
+) -> None:
+    config = bench()
+    node, core = Wired(config), GuardCore(config, CanCodec(), 7)
+    node.clearance_um = node.target_um = 100.0
+    node.mean_um, node.amplitude_um = place_um(config, 0.35, 100.0), 4.0
+    now_ns, out, state, names = 0, [], None, list[str]()
+
+    def go(milliseconds: int, commands: list[CommandRequest]) -> None:
+        nonlocal now_ns, out, state
+        for k in range(milliseconds):
+            now_ns += MS
+            node.hear(out)
+            asked = commands if k == 0 else []
+            decision = core.step(Cycle(0, now_ns, node.step(now_ns), None, asked, True, True, True))
+            out, state = decision.frames_out, decision.state or state
+            names.extend(event.name for event in decision.events)
+
+    go(4000, [])
+    assert state is not None
+    before_um = state.clearance_high_um
+    assert "disp_pair_position" not in names
+    node.gains = gains
+    go(5000, [])
+    assert "disp_pair_position" in names
+    assert state.clearance_high_um <= before_um
+    assert {"disp_pair_position", "pair_implausible"} & {alarm.name for alarm in state.alarms}
+    node.amplitude_um = 200.0
+    go(2500, [])
+    assert core.tripped
