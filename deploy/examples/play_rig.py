@@ -97,7 +97,7 @@ class Node:
         return all(abs(self.target[name] - self.actual[name]) < 0.01 for name in BOOT)
 
 
-def orbit(t_s: float, clearance_um: float) -> dict[str, float]:
+def orbit(t_s: float, clearance_um: float, pressure_bar: float) -> dict[str, float]:
     """One instant of all eight channels."""
     angle = 2 * math.pi * SPEED_RPM / 60 * t_s
     size = 0.1 * clearance_um
@@ -105,11 +105,11 @@ def orbit(t_s: float, clearance_um: float) -> dict[str, float]:
         "disp_x": -0.2 * clearance_um + size * math.cos(angle), "disp_y": -0.3 * clearance_um + size * math.sin(angle),
         "acc_bearing_vertical": math.sin(angle), "acc_bearing_horizontal": math.cos(angle),
         "acc_motor": 0.5 * math.sin(angle), "microphone": 0.1 * math.sin(2 * angle),
-        "supply_pressure": 1.0, "contact_resistance": 1.3,
+        "supply_pressure": pressure_bar, "contact_resistance": 1.3,
     }
 
 
-def samples(first: int, period_us: int, clearance_um: float, coasting: bool) -> dict[str, float]:
+def samples(first: int, period_us: int, actual: dict[str, float], coasting: bool) -> dict[str, float]:
     """The sample frame whose first instant is sample number ``first``."""
     tick_us = first * period_us
     turn_us = 60e6 / SPEED_RPM
@@ -119,7 +119,7 @@ def samples(first: int, period_us: int, clearance_um: float, coasting: bool) -> 
         "rig_behind": 0, "mark_valid": 1, "drive_coasting": coasting,
     }
     for i in range(3):
-        for name, value in orbit((first + i) * period_us * 1e-6, clearance_um).items():
+        for name, value in orbit((first + i) * period_us * 1e-6, actual["clearance"], actual["pressure"]).items():
             values[f"{name}_{i}"] = value
     return values
 
@@ -144,7 +144,7 @@ def play(wire: Wire, node: Node, seconds: float, period_us: int) -> None:
         node.move((now_us - moved_us) * 1e-6)
         moved_us = now_us
         while (sample + 3) * period_us <= now_us:
-            wire.send("SAMPLES", **samples(sample, period_us, node.actual["clearance"], node.coasting))
+            wire.send("SAMPLES", **samples(sample, period_us, node.actual, node.coasting))
             sample += 3
         if now_us >= slow_due:
             slow_messages(wire, node, now_us)
