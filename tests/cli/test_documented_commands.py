@@ -15,8 +15,8 @@ import pytest
 from firmware_py import cli
 
 ROOT = Path(__file__).resolve().parents[2]
-DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "deploy").glob("*.md")), ROOT / "models/diagnosis/DATASET.md",
-             ROOT / "Makefile"]
+DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "deploy").glob("*.md")), *sorted((ROOT / "docs").glob("*.md")),
+             ROOT / "models/diagnosis/DATASET.md", ROOT / "Makefile"]
 COMMAND = re.compile(r"(?:^|/|\s)(?<!-aG )(?<!--gid )orbitd ((?:[a-z]|--)\S*(?: .*)?)$")
 ALONE = ("--help", "--version")
 NEVER = ("install",)
