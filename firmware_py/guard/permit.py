@@ -20,6 +20,10 @@ UNREADABLE: Final = "trip_file_unreadable"
 """Stands among the latched trips when nobody knows which ones stood.  Nothing dangerous was measured, so it
 withholds the permit but does not request a trip."""
 
+UNREADABLE_TEXT: Final = (
+    "trips.json in the guard's state folder cannot be read (cause in the guard's log): which trips were latched is not "
+    "known; look at the machine, then `reset`")
+
 NEVER_NS: Final = -(1 << 62)
 RESTART_WINDOW_NS: Final = 600_000_000_000
 """Two restarts within this time withdraw the permit; so long a restarted guard is on probation."""
@@ -141,9 +145,7 @@ class Permit:
                 "the guard that ran before was killed, crashed or hung; a second restart within 10 min withdraws the "
                 "run permit: read its log")))
         if UNREADABLE in latched:
-            notices.append(Notice(Severity.FAULT, UNREADABLE, (
-                "trips.json in the guard's state folder cannot be read (cause in the guard's log): which trips were "
-                "latched is not known; look at the machine, then `reset`")))
+            notices.append(Notice(Severity.FAULT, UNREADABLE, UNREADABLE_TEXT))
         return notices
 
     def step(self, facts: PermitFacts) -> list[Notice]:

@@ -20,6 +20,7 @@ import msgspec
 from firmware_py.config import Config
 from firmware_py.guard.alarm import QUIET_NS, AlarmState, Notice
 from firmware_py.guard.motion import DISPLACEMENTS, WATCHED, BlockSums, Motion, MotionMeter
+from firmware_py.guard.permit import UNREADABLE, UNREADABLE_TEXT
 from firmware_py.records import CHANNELS, N_CHANNELS, Alarm, Block, ChannelCause, Severity, cause_of
 
 ZONES: Final = (("A", 4800.0), ("B", 9000.0), ("C", 13200.0))
@@ -157,7 +158,7 @@ class Protection:
     def standing(self) -> list[Alarm]:
         """Every alarm that stands now."""
         s = self._state
-        limits = [a.record() for a in s.alarms.values() if a.standing]
+        limits = [msgspec.structs.replace(a.record(), text=_text(a)) for a in s.alarms.values() if a.standing]
         bad = [(a.record(), f"channel {name} {CAUSES.get(ChannelCause(s.causes[i]), 'is ' + UNKNOWN)}")
                for i, name in enumerate(CHANNELS) for a in (s.not_ok[name], s.saturated.get(name)) if a and a.standing]
         return limits + [msgspec.structs.replace(record, text=text) for record, text in bad]
@@ -229,6 +230,19 @@ class Protection:
                     notices.append(Notice(Severity(alarm.severity), alarm.name, (
                         f"{CHANNELS[i]} {least}{value:.4g} {_unit(i)} above {limit:.4g} for {delay_ns * 1e-9:g} s"),
                         value, limit))
+
+
+def _text(alarm: AlarmState) -> str:
+    """What a person reads of a limit while its alarm stands, latched or not."""
+    if alarm.name == UNREADABLE:
+        return UNREADABLE_TEXT
+    if not alarm.limit:
+        return "latched before this guard started; find the cause, then `reset`"
+    channel = alarm.name.rpartition("_")[0]
+    now = f"{alarm.value:.4g} {_unit(CHANNELS.index(channel))}, limit {alarm.limit:.4g}"
+    if alarm.latching:
+        return f"{channel} passed its danger limit and is now at {now}; find the cause, then `reset`"
+    return f"{channel} at {now}; reduce speed or load and look at the diagnosis"
 
 
 def _unit(i: int) -> str:

@@ -108,7 +108,9 @@ class SpeedHigh:
         s = self.state
         if not s.standing:
             return []
-        return [Alarm(NAME, int(Severity.DANGER), s.since_ns, s.speed_rpm, self._limit_rpm, latched=True)]
+        text = (f"the shaft was faster than {self._limit_rpm:.0f} rpm (limits.speed_high_rpm), now {s.speed_rpm:.0f}; "
+                "find the cause, then `reset`")
+        return [Alarm(NAME, int(Severity.DANGER), s.since_ns, s.speed_rpm, self._limit_rpm, latched=True, text=text)]
 
     def reset(self, speed_lost: bool) -> list[str]:
         """Clear the latch, or the reason why it stays.  A speed that nobody knows exceeds nothing."""

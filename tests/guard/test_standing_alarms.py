@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
 
 import pytest
 
@@ -96,6 +97,41 @@ def test_whatever_flutters_ten_times_a_second_gives_a_handful_of_events_of_each_
     counted = Counter(event.name for event in b.events)
     assert not counted or max(counted.values()) <= 4, counted
     assert all(event.count >= 1 for event in b.events)
+
+
+def shake(b: Bench) -> None:
+    b.node.amplitude_um = 45.0
+    b.run(2.5)
+
+
+def shake_for_a_while(b: Bench) -> None:
+    shake(b)
+    b.node.amplitude_um = 5.0
+    b.run(1.0)
+
+
+def overspeed(b: Bench) -> None:
+    b.ramp_to(13_500.0)
+    b.run(0.1)
+
+
+@pytest.mark.parametrize(("act", "name", "said"), [
+    (shake, "disp_x_alert", ("um peak-to-peak", "limit", "reduce")),
+    (shake, "disp_y_danger", ("um peak-to-peak", "limit", "`reset`")),
+    (shake_for_a_while, "disp_x_danger", ("is now at 10", "`reset`")),
+    (overspeed, "speed_high", ("faster than 13200", "now 13", "`reset`")),
+])
+def test_a_limit_that_stands_says_value_limit_and_next_step(
+    act: Callable[[Bench], None], name: str, said: tuple[str, ...]
+) -> None:
+    b = working()
+    act(b)
+    assert [part for part in said if part not in alarms(b)[name]] == []
+
+
+@pytest.mark.parametrize("name", ["trip_file_unreadable", "disp_x_danger", "of_another_version"])
+def test_what_an_earlier_guard_left_latched_says_what_to_do(name: str) -> None:
+    assert "`reset`" in alarms(Bench(latched=[name]))[name]
 
 
 def test_a_cycle_of_an_old_recording_has_a_well_link() -> None:
