@@ -132,7 +132,7 @@ FAILSAFES: Final = (
            "the supply pressure is not known; the worst declared load counts"),
     _doubt("shaft_power_lost", ("shaft_power_not_ok",),
            "the shaft power is not known; nothing is learnt of the oil", bars_arming=False),
-    Failsafe("no_admissible_clearance", lambda s: s.interval_m is None, Action.TAKE_AUTHORITY, True,
+    Failsafe("no_admissible_clearance", lambda s: s.interval_m is None, Action.TAKE_AUTHORITY, False,
              "no clearance but the safe one can be defended at this speed and load"),
 )
 

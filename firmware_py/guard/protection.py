@@ -228,8 +228,8 @@ class Protection:
                                  complete=whole and not saturated):
                     least = "at least " if saturated else ""
                     notices.append(Notice(Severity(alarm.severity), alarm.name, (
-                        f"{CHANNELS[i]} {least}{value:.4g} {_unit(i)} above {limit:.4g} for {delay_ns * 1e-9:g} s"),
-                        value, limit))
+                        f"{CHANNELS[i]} above {limit:.4g} {_unit(i)} for {delay_ns * 1e-9:g} s without a return; "
+                        f"now {least}{value:.4g}"), value, limit))
 
 
 def _text(alarm: AlarmState) -> str:
