@@ -131,6 +131,9 @@ def _run(point: importlib.metadata.EntryPoint, arguments: list[str]) -> int:
         raise
     except OSError as error:  # a file that a person named, a full disk: the system says what is wrong
         return _fail_of_system(point.name, error)
+    finally:  # whoever calls this in a process of its own choosing gets it back as it was
+        background.restore()
+        gc.enable()
 
 
 def _fail_of_system(name: str, error: OSError) -> int:

@@ -1,5 +1,6 @@
 """Imports in the background, and the way back, tried in processes of their own."""
 
+import gc
 import json
 import os
 import subprocess
@@ -8,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from firmware_py import background
+from firmware_py import background, cli
 
 REPORT = """
 import json, os, sys, threading
-from firmware_py import background
+from firmware_py import background, cli
 def now():
     return [[os.sched_getscheduler(t), sorted(os.sched_getaffinity(t)), os.getpriority(os.PRIO_PROCESS, t)]
             for t in sorted(map(int, os.listdir("/proc/self/task")))]
@@ -74,3 +75,13 @@ def test_the_way_back_is_tried_in_a_child(monkeypatch: pytest.MonkeyPatch, denie
 
     monkeypatch.setattr(background.os, "nice", nice)
     assert background.may_return() is not denied
+
+
+@pytest.mark.parametrize("process", ["guard", "brain", "gate"])
+def test_a_command_that_ends_leaves_its_caller_as_it_was(process: str) -> None:
+    def mine() -> list[object]:
+        return [os.sched_getscheduler(0), os.sched_getaffinity(0), os.getpriority(os.PRIO_PROCESS, 0), gc.isenabled()]
+
+    before = mine()
+    assert cli.main([process, "--no-such-option"]) == 2
+    assert mine() == before
