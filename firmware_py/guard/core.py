@@ -322,7 +322,7 @@ class GuardCore:
 
     def _judge_speed(self, acquired: AcquireOutput, now_ns: int) -> list[Notice]:
         """Too fast, or as no shaft turns: then the speed is unknown at once."""
-        notices = self._speed_high.step(acquired.turns, now_ns)
+        notices = self._speed_high.step(acquired.turns, now_ns, self._acquire.speed.lost)
         notices += self._speed_check.step(acquired.turns, acquired.blocks, self._acquire.speed, now_ns)
         self._acquire.doubt_speed(self._speed_check.doubted)
         if not self._acquire.speed.known:

@@ -7,7 +7,9 @@ broken coupling or a load rejection looks like this.
 A false edge must not trip a healthy machine.  One edge too many in a turn makes two readings too high,
 a burst of edges several, but all within one turn.  So the alarm begins when :data:`READINGS` readings in a
 row are above the limit and together last as long as :data:`TURNS` turns at the limit.  A plausible reading
-below it ends the run; an implausible one (a missing edge) only takes off as long as it lasted.
+below it ends the run; an implausible one (a missing edge) only takes off as long as it lasted, and so does
+the time in which the mark is lost (after a second edge close behind the first, no shaft could slow as the
+wait for the next one says).
 
 Latency from passing the limit to the trip in the heartbeat of the same guard cycle: at most ``TURNS + 2``
 turns at the limit (27 ms at 13200 rpm), one sample frame and one guard cycle.
@@ -38,7 +40,7 @@ TURNS: Final = 4
 
 
 class SpeedHighState(msgspec.Struct):
-    """The latch, whether the limit is exceeded now, and the run of readings above it."""
+    """The latch, whether the limit is exceeded now, the run of readings above it, and when it was last looked at."""
 
     standing: bool = False
     since_ns: int = 0
@@ -46,6 +48,7 @@ class SpeedHighState(msgspec.Struct):
     exceeded: bool = False
     readings: int = 0
     lasted_us: int = 0
+    step_ns: int = 0
 
 
 def limit_rpm(config: Config) -> float:
@@ -69,8 +72,13 @@ class SpeedHigh:
         self._lasting_us = TURNS * 60e6 / self._limit_rpm
         self.state = SpeedHighState(standing=latched)
 
-    def step(self, turns: list[Turn], now_ns: int) -> list[Notice]:
-        """Judge what new marks say."""
+    def step(self, turns: list[Turn], now_ns: int, lost: bool = False) -> list[Notice]:
+        """Judge what new marks say; ``lost``: the mark has been lost since the last step, or since before it."""
+        s = self.state
+        passed_us, s.step_ns = (now_ns - s.step_ns) // 1000, now_ns
+        if lost and s.lasted_us:
+            s.lasted_us = max(0, s.lasted_us - passed_us)
+            s.readings = s.readings if s.lasted_us else 0
         return [
             Notice(Severity.DANGER, NAME, (
                 f"shaft speed {self.state.speed_rpm:.0f} rpm above {self._limit_rpm:.0f} (limits.speed_high_rpm) for "

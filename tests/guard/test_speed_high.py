@@ -72,6 +72,32 @@ def test_two_uneven_edges_do_not_trip_a_machine_at_half_its_speed() -> None:
     assert not tripped(*healthy(6000.0, (0.3, 0.7)) * 200)
 
 
+@pytest.mark.parametrize(("rpm", "share"), [(4000.0, 0.125), (2000.0, 0.05), (6000.0, 0.2), (1500.0, 0.02)])
+def test_the_time_in_which_the_mark_is_lost_after_a_false_edge_is_taken_off(rpm: float, share: float) -> None:
+    """A second strip close behind the first: the rest of the turn tells no reading, for the mark is lost."""
+    stage, now_ns, told = SpeedHigh(bench(), latched=False), 0, []
+    close, rest_ms = Turn(round(share * 60e6 / rpm), rpm / share * pi / 30, "ramp"), round((1 - share) * 60e3 / rpm)
+    for _ in range(100):
+        told += stage.step([close], now_ns)
+        for _ in range(rest_ms):
+            now_ns += MS
+            told += stage.step([], now_ns, lost=True)
+    assert not told
+
+
+@pytest.mark.parametrize("lost_ms", [1, 3, 4])
+def test_a_mark_that_is_lost_now_and_then_does_not_put_the_trip_off(lost_ms: int) -> None:
+    stage, now_ns, told = SpeedHigh(bench(), latched=False), 0, []
+    for _ in range(20):
+        for _ in range(3):
+            now_ns += 4 * MS
+            told += stage.step([turn(15_000.0)], now_ns)
+        for _ in range(lost_ms):
+            now_ns += MS
+            told += stage.step([], now_ns, lost=True)
+    assert len(told) == 1
+
+
 def test_a_number_that_jumps_once_does_not_trip() -> None:
     assert not tripped(turn(1500.0), Turn(40_000, 100 * 1500 * pi / 30, "ramp"), turn(1500.0))
 
