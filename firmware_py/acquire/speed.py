@@ -64,7 +64,8 @@ class SpeedState(msgspec.Struct):
     ``absent_us`` is the tick since which surely none has come; ``torn``: the marks stopped faster than any
     shaft.  ``course_rad_s`` follows the readings no faster than the ramp (-1: unknown), ``course_us`` is its
     tick; ``former_*`` the same before the newest doubt; ``broken``: a contradiction has interrupted it.
-    ``end_us``: last instant of the frame before.
+    ``end_us``: last instant of the frame before.  ``most_rad_s``: what the wait for the next mark lets the shaft
+    turn at most (-1: no such bound).
     """
 
     mark_us: int = -1
@@ -82,6 +83,13 @@ class SpeedState(msgspec.Struct):
     former_us: int = 0
     broken: bool = False
     end_us: int = 0
+    most_rad_s: float = -1.0
+
+    def surely_below(self, speed_rad_s: float) -> bool:
+        """Whether the shaft turns slower than ``speed_rad_s`` by all that the marks say, also while they wait."""
+        if self.doubted:
+            return False
+        return 0.0 <= self.most_rad_s < speed_rad_s or (not self.lost and self.speed_rad_s < speed_rad_s)
 
     @property
     def known(self) -> bool:
@@ -159,6 +167,7 @@ class SpeedMeter:
         """Judge the time since the last mark at node tick ``tick_us``."""
         s = self.state
         waited_s = (tick_us - s.absent_us) * 1e-6
+        s.most_rad_s = -1.0
         if s.turn < 0 or s.torn or waited_s <= 0.0:
             return
         bound_rad_s = 2 * pi / waited_s
@@ -171,6 +180,7 @@ class SpeedMeter:
                 s.torn = True
             elif bound_rad_s < STANDSTILL_RAD_S:
                 s.speed_rad_s = 0.0
+        s.most_rad_s = -1.0 if s.torn else bound_rad_s
 
     # ------------------------------------------------------------------ one mark
 

@@ -344,7 +344,7 @@ class GuardCore:
         """Judge the slow readings, and by them the oil."""
         a, readings = self._acquire, self._readings
         notices = readings.step(acquired.blocks, a.status, a.status_heard_ns, a.node, a.speed.speed_rad_s, now_ns)
-        turning = not a.speed.known or a.speed.speed_rad_s >= self._turning_rad_s
+        turning = not a.speed.surely_below(self._turning_rad_s)
         return notices + self._oil.step(readings.pressure_bar(now_ns), readings.value(OIL), turning, now_ns)
 
     def _look_around(self, now_ns: int) -> None:

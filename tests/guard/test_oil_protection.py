@@ -165,3 +165,25 @@ def test_without_limits_they_follow_feed_and_oil() -> None:
         oil_outlet_high_danger_C=0.0))
     assert bare.oil_pressure_limits_bar == config.oil_pressure_limits_bar == (0.4, 0.25)
     assert bare.oil_outlet_limits_C == config.oil_outlet_limits_C == (60.0, 70.0)
+
+
+@pytest.mark.parametrize("ran_before", [False, True])
+def test_a_pump_that_is_off_beside_a_standing_shaft_does_not_trip(ran_before: bool) -> None:
+    """Also before the mark has been away long enough to call it standstill."""
+    b = working() if ran_before else Bench()
+    if ran_before:
+        b.ramp_to(0.0)
+        b.run(0.3)
+    b.node.speed_rpm = 0.0
+    b.node.pressure_bar = b.node.supply_bar = 0.0
+    b.run(8.0 + DELAY_S)
+    assert b.core.tripped == []
+    assert b.ask("reset") == (True, [])
+
+
+def test_the_pressure_is_judged_while_the_speed_is_unknown() -> None:
+    b = working()
+    b.node.mark_valid = False
+    b.node.pressure_bar = b.node.supply_bar = 0.0
+    b.run(DELAY_S + 0.5)
+    assert b.core.tripped == ["oil_pressure_low_danger"]
