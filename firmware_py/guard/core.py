@@ -29,6 +29,7 @@ from firmware_py.guard.speed_high import SpeedHigh, SpeedHighState
 from firmware_py.guard.supervision import Heard, Measured, Supervision, SupervisionState
 from firmware_py.guard.target import Target
 from firmware_py.guard.telling import Telling, Told
+from firmware_py.guard.vibration_hold import VibrationHold, VibrationHoldState
 from firmware_py.records import (
     Advice,
     Alarm,
@@ -108,6 +109,7 @@ class CoreState(msgspec.Struct):
     speed_high: SpeedHighState = msgspec.field(default_factory=SpeedHighState)
     supervision: SupervisionState | None = None
     pair: PairState = msgspec.field(default_factory=PairState)
+    vibration: VibrationHoldState = msgspec.field(default_factory=VibrationHoldState)
 
 
 class GuardCore:
@@ -152,7 +154,7 @@ class GuardCore:
         self._shield = Shield(config)
         self._supervision = Supervision(config, session)
         self._load = LoadEstimator(config)
-        self._pair = PairCheck(config)
+        self._pair, self._vibration = PairCheck(config), VibrationHold()
         self._announcements = Announcements(config, self._shield.lead_s)
         self._telling = Telling()
         self._memory = MemoryState(self._arming.safe, self._load.declared())
@@ -209,7 +211,7 @@ class GuardCore:
                           self._memory, self._announcements.state, self._load.state, self._permit.state,
                           self._unwritable.state, self._telling.state,
                           self._readings.state, self._oil.state, self._speed_check.state, self._speed_high.state,
-                          self._supervision.state, self._pair.state)
+                          self._supervision.state, self._pair.state, self._vibration.state)
         return Snapshot(seq, now_ns, msgspec.msgpack.encode(state))
 
     def restore(self, snapshot: Snapshot) -> None:
@@ -225,7 +227,7 @@ class GuardCore:
         self._speed_check.state, self._speed_high.state = state.speed_check, state.speed_high
         if state.supervision is not None:  # a recording of a device that had none
             self._supervision.state = state.supervision
-        self._pair.state = state.pair
+        self._pair.state, self._vibration.state = state.pair, state.vibration
 
     @property
     def tripped(self) -> list[str]:
@@ -366,8 +368,11 @@ class GuardCore:
                 now_ns * 1e-9, motion.mean_x_m, motion.mean_y_m, p2p_m, known.clearance_um * 1e-6,
                 speed.speed_rad_s, known.oil_C, known.power_W, known.pressure_bar))
         oil_C, oil = self._load.oil_at(readings.value(OIL))
+        narrow_m = readings.narrowest_um(smaller_um) * 1e-6
+        if speed.known and motion.complete and displacement_ok:
+            p2p_m = self._vibration.step(p2p_m, narrow_m, speed.speed_rad_s, now_ns)
         m.interval_m = None if not speed.known else self._shield.interval(
-            speed.speed_rad_s, m.load.low_N, m.load.film_N, oil_C, p2p_m, readings.narrowest_um(smaller_um) * 1e-6,
+            speed.speed_rad_s, m.load.low_N, m.load.film_N, oil_C, p2p_m, narrow_m,
             self._announcements.ahead(now_ns), oil)
 
     def _judge_pair(self, blocks: list[Block]) -> list[Notice]:

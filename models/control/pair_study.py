@@ -40,6 +40,8 @@ WANDER_S: Final = 4.0
 """The wished clearance is drawn anew so often, and then stays until the next."""
 EPISODE_S: Final = 120.0
 SETTLED_S: Final = 2.0
+CHANNEL: Final = "channel"
+"""Not a kind of the pair: a displacement channel is not OK, which ends authority at once."""
 START_S: Final = 20.0
 """A fault begins so long after the start of its episode."""
 
@@ -86,6 +88,7 @@ class Run:
         self._ok, self._meter, self._pair = ChannelOk.of(config), MotionMeter(config), PairCheck(config)
         self._load, self._shield = LoadEstimator(config), Shield(config)
         self._seq, self._wish, self._wish_s = 0, 0.5, 0.0
+        self._left_out = False
 
     def seconds(self, until_s: float, distort: Distort | None = None, start_s: float = 0.0) -> dict[str, float]:
         """Go on until then; when each kind began to stand first."""
@@ -110,6 +113,9 @@ class Run:
             speed, oil_C = float(row[_COLUMN["speed_rad_s"]]), float(row[_COLUMN["oil_C"]]) + self._oil_error
             part = np.ascontiguousarray(counts[i : i + ROWS])
             ok = self._ok.step(part, speed)
+            if ok & 3 != 3 and not self._left_out:
+                names.append(CHANNEL)
+            self._left_out = ok & 3 != 3
             block = Block(self._seq, self._seq * ROWS * 200_000, 200_000, 0, 200, 0, ok, speed, 0, [], part.tobytes(),
                           self._ok.state.causes, self._ok.state.unusable)
             motion = self._meter.step(block)
@@ -142,13 +148,18 @@ def healthy(seed: int) -> tuple[float, list[str]]:
     return EPISODE_S, sorted(found)
 
 
-def faulty(seed: int, fault: str) -> float:
-    """Seconds from the fault to its alarm; infinite within half a minute, or nan when it cried before."""
+def faulty(seed: int, fault: str) -> tuple[float, float]:
+    """Seconds from the fault to the pair's alarm, and to the loss of authority by it or by a channel that is not OK.
+
+    Infinite within half a minute, nan when it cried before.
+    """
     run = Run(seed, _config())
     if run.seconds(START_S):
-        return math.nan
+        return math.nan, math.nan
     found = run.seconds(START_S + 30.0, FAULTS[fault], START_S)
-    return min(found.values(), default=math.inf) - START_S
+    first = min(found.values(), default=math.inf) - START_S
+    found.pop(CHANNEL, None)
+    return min(found.values(), default=math.inf) - START_S, first
 
 
 def upper_limit(count: int) -> float:
@@ -177,12 +188,14 @@ def main() -> int:
         if asked.faults:
             for fault in FAULTS:
                 seeds = range(asked.seed, asked.seed + asked.builds)
-                times = [t for t in pool.map(faulty, seeds, [fault] * asked.builds) if not math.isnan(t)]
-                caught = sorted(t for t in times if math.isfinite(t))
+                times = [t for t in pool.map(faulty, seeds, [fault] * asked.builds) if not math.isnan(t[0])]
+                caught = sorted(t for t, _ in times if math.isfinite(t))
                 median = caught[len(caught) // 2] if caught else math.inf
                 last = caught[-1] if caught else math.inf
-                print(f"{fault:22s} found in {len(caught):3d} of {len(times):3d}, after {median:5.1f} s (median), "
-                      f"{last:5.1f} s at most", flush=True)
+                ended = sorted(first for _, first in times if math.isfinite(first))
+                print(f"{fault:22s} named in {len(caught):3d} of {len(times):3d}, after {median:5.1f} s (median), "
+                      f"{last:5.1f} s at most; authority gone in {len(ended):3d}, after "
+                      f"{ended[len(ended) // 2] if ended else math.inf:5.1f} s (median)", flush=True)
             return 0
         episodes = max(1, round(asked.hours * 3600.0 / EPISODE_S))
         hours, cries = 0.0, dict.fromkeys(KINDS, 0)
