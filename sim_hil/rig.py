@@ -52,7 +52,8 @@ ARRIVED_M: Final = 1.5e-6
 """Backlash and half a micrometre."""
 
 ARRIVED_PA: Final = 2e3
-_START: Final = Duty.hold(6000.0, 100.0)
+_START: Final = {"bench": Duty.hold(6000.0, 100.0), "seed": Duty.hold(2700.0, 20.0)}
+"""Where a rig runs until it is told otherwise: within what its shipped configuration declares."""
 _POWER: Final = TRUTH_COLUMNS.index("shaft_power_W")
 
 
@@ -104,7 +105,7 @@ class Rig:
         self._rng = np.random.default_rng([seed, 2])
         self._codec = codec
         self.node = Node(limits)
-        self.drive = Drive(rig.drive, duty or _START, coast_on_silence=coast_on_silence,
+        self.drive = Drive(rig.drive, duty or _START[rig.name], coast_on_silence=coast_on_silence,
                            heartbeat_limit_s=heartbeat_limit_s)
         self.machine = Machine(
             rig, Build.nominal(rig) if build is None else build, seed, rate_hz=rate_hz,

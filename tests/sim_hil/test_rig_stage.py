@@ -257,3 +257,15 @@ def test_the_nodes_clock_drifts_within_its_data_sheet() -> None:
     for time_s in node_s:
         assert abs(time_s - 8.0) <= 8.0 * 50e-6 + 0.2e-3
     assert node_s[1] - node_s[0] >= 0.4e-3
+
+
+@pytest.mark.parametrize("name", ["bench", "seed"])
+def test_a_rig_starts_within_what_its_shipped_configuration_declares(name: str) -> None:
+    """A rig that starts faster trips speed-high before anybody can tell it otherwise."""
+    config = load(SHIPPED / f"{name}.toml")[0]
+    rig, operating = make_rig(config, name, 3), config.operating
+    for step in range(1, 300):
+        rig.step(step * MS, [])
+    truth = rig.truth[0]
+    assert operating.speed_min_rpm <= truth.speed_rad_s * 30 / np.pi <= operating.speed_max_rpm
+    assert operating.load_min_N <= truth.load_N <= operating.load_max_N
