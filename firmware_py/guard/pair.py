@@ -19,18 +19,20 @@ and as much later as they are not.  ``python -m models.control.pair_study --faul
 it under a random duty (unzeroed probes, half a minute for each fault):
 
 - Gain of x times 0.2: named in 5 of 6 builds, after 18 s (median) and 27 s at most; times 0.5: in 1 of 6.
-- Sign of y, or both signs: named in every one of 4 builds tried, 4 to 7 s after; a step that is large enough ends
+- Sign of y, or both signs: named in 6 of 6 builds, after 7 s (median) and 9 s at most; a step that is large enough ends
   authority at once, for the channel looks like a bad contact.
+
 What moves the mean along the curve is another load and cannot be seen: both gains, where the mean is near the middle or
 the loss is small; one gain, where its probe reads little.  Until it is named, and where it is not, the range does not
 widen by the smaller orbit (:mod:`~firmware_py.guard.vibration_hold`), as long as the speed stays, for two minutes.
 
 A position off the curve stands from the first steady seconds on as well, but for one case: probes whose zero was never
 taken (``zeroed = false``), a mean below the middle that was off by at most :data:`ANOTHER_ZERO_M` in the very first
-window, has not moved since, and an orbit that is a forward circle, which order, single signs and
-unequal gains do not leave.  That may be a zero (or a direction of the load) other than configured: the load estimate
+window, has not moved since, and an orbit that is a forward circle, which order, single signs and unequal gains do not
+leave.  That may be a zero (or a direction of the load) other than configured: the load estimate
 rests on the declared range meanwhile, and nothing is said here.  An equal loss of gain of both probes from the first
-second on can hide in it.
+second on can hide in it.  Such a mean may be ten times the declared error of the zero off: nothing but this narrow
+case keeps it from being named, and the zero procedure closes it.
 
 A channel with a bad contact is judged in the seconds in which it is clean: a sign or order that changes at once looks
 like one first, and must be named before the channel counts as OK again.  All sums are integers, so that they are the
