@@ -21,6 +21,8 @@ it under a random duty (unzeroed probes, half a minute for each fault):
 - Gain of x times 0.2: named in 5 of 6 builds, after 18 s (median) and 27 s at most; times 0.5: in 1 of 6.
 - Sign of y, or both signs: named in 6 of 6 builds, after 7 s (median) and 9 s at most; a step that is large enough ends
   authority at once, for the channel looks like a bad contact.
+- With ``--builds 3``: gain of y times 2 and offsets of 10 um after 3 s; swapped, copied, 3 to 7 s; a drift of
+  1 um/s, 12 to 15 s.  Both gains times 0.5 after 3 to 15 s; times 0.2 in 2 of 3, after 3 to 4 s.
 
 What moves the mean along the curve is another load and cannot be seen: both gains, where the mean is near the middle or
 the loss is small; one gain, where its probe reads little.  Until it is named, and where it is not, the range does not
