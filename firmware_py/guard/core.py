@@ -336,9 +336,10 @@ class GuardCore:
         a = self._acquire
         fresh = a.sample_age_ns(now_ns) < self._fresh_ns
         measured = Measured(self._readings.value(CLEARANCE), self._readings.value(PRESSURE))
+        resting = a.speed.surely_below(self._turning_rad_s) and not self._arming.state.commanding
         return self._supervision.step(Heard(
             acquired.node_states, measured if acquired.readings else None, acquired.restarted, a.node, a.node_info,
-            a.newest_tick_us if fresh else None, a.two_senders(now_ns)), now_ns)
+            a.newest_tick_us if fresh else None, a.two_senders(now_ns), resting), now_ns)
 
     # ------------------------------------------------------------------ facts
 

@@ -37,6 +37,7 @@ class OilProtectionState(msgspec.Struct):
     """Alarms by name (for snapshots)."""
 
     alarms: dict[str, AlarmState]
+    turning: bool = True
 
 
 class OilProtection:
@@ -65,6 +66,7 @@ class OilProtection:
     def step(self, pressure_bar: float | None, outlet_C: float | None, turning: bool, now_ns: int) -> list[Notice]:
         """Judge the lower credible supply pressure and the outlet; None where neither reading is OK."""
         notices = []
+        self.state.turning = turning
         for watch in self._watches:
             alarm, value = self.state.alarms[watch.name], pressure_bar if watch.unit == "bar" else outlet_C
             if value is None or now_ns - alarm.judged_ns > GAP_NS:
@@ -126,6 +128,8 @@ class OilProtection:
         side = "above" if watch.sign > 0.0 else "below"
         step = "check pump, filter and valve" if watch.unit == "bar" else "check cooler and flow" \
             if watch.sign > 0.0 else "let the oil warm up, or lower the key"
+        if watch.unit == "bar" and watch.severity is Severity.ALERT and not self.state.turning:
+            step = "the shaft stands, where a pump that is off is no fault; switch it on before the machine starts"
         return (f"{watch.quantity} {self.state.alarms[watch.name].value:.4g} {watch.unit} {side} {watch.limit:.4g} "
                 f"({watch.key}); {step}")
 

@@ -45,7 +45,10 @@ class Measured(NamedTuple):
 
 
 class Heard(NamedTuple):
-    """What one cycle brought from the node, and what is known of it; ``measured`` is None without a RIG_STATUS."""
+    """What one cycle brought from the node, and what is known of it; ``measured`` is None without a RIG_STATUS.
+
+    ``resting``: the shaft stands and nothing is commanded, so that the pump may be off.
+    """
 
     states: list[NodeState]
     measured: Measured | None
@@ -54,6 +57,7 @@ class Heard(NamedTuple):
     info: NodeInfo | None
     tick_us: int | None
     two_senders: list[str]
+    resting: bool = False
 
 
 class Supervision:
@@ -104,7 +108,7 @@ class Supervision:
         for state in heard.states:
             notices += self._watch.step(state, Surroundings(boot, heard.tick_us), now_ns)
         if heard.measured is not None:
-            notices += self._follow(heard.measured, heard.node, boot, now_ns)
+            notices += self._follow(heard, heard.measured, boot, now_ns)
         return notices
 
     def standing(self) -> list[Alarm]:
@@ -125,12 +129,12 @@ class Supervision:
         self._clearance.reset()
         self._pressure.reset()
 
-    def _follow(self, measured: Measured, node: NodeState | None, boot: Target, now_ns: int) -> list[Notice]:
+    def _follow(self, heard: Heard, measured: Measured, boot: Target, now_ns: int) -> list[Notice]:
         """Hold a reading against where the actuator may be; a node's own target counts beside the commanded one.
 
         Where those two differ, that is an alarm of its own, and the actuator is right to follow the node's.
         """
-        commanded = self._watch.commanded(now_ns, boot)
+        node, commanded = heard.node, self._watch.commanded(now_ns, boot)
         told = commanded if node is None else Target(node.target_clearance_um, node.target_pressure_bar)
         remark = " (boot value: nothing is commanded)" if commanded is boot else ""
         remark += " (the node says that it has arrived)" if node is not None and node.at_target else ""
@@ -141,7 +145,8 @@ class Supervision:
         ):
             following.target(wanted, now_ns)
             following.target(reported, now_ns)
-            notices += [] if value is None else following.step(value, wanted, now_ns, remark)
+            excused = heard.resting and following is self._pressure
+            notices += [] if value is None else following.step(value, wanted, now_ns, remark, excused)
         return notices
 
     def _senders(self, streams: list[str], now_ns: int) -> list[Notice]:

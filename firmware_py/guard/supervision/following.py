@@ -93,7 +93,8 @@ class Following:
         """The actuator is, or may be, sent to ``value`` from now on."""
         note(self.state.targets, now_ns, value, self._q.delay_ns)
 
-    def step(self, measured: float, commanded: float, now_ns: int, remark: str = "") -> list[Notice]:
+    def step(self, measured: float, commanded: float, now_ns: int, remark: str = "",
+             excused: bool = False) -> list[Notice]:
         """Judge one reading.
 
         Parameters
@@ -104,11 +105,16 @@ class Following:
             The present target, for the text.
         remark
             What the text says besides.
+        excused
+            An error counts for nothing now; being inside the band still ends an alarm.
         """
         s, q = self.state, self._q
         joined = s.last_ns >= 0 and now_ns - s.last_ns <= GAP_NS
         self._move_band(measured, now_ns)
         side = 1 if measured > s.high + q.tolerance else -1 if measured < s.low - q.tolerance else 0
+        if side and excused:
+            s.side, s.readings, s.gross_ns, s.inside_ns = 0, 0, -1, now_ns
+            return []
         if s.side and side != s.side:
             self._end_excursion(now_ns)
         if not side:
