@@ -48,10 +48,10 @@ def _lines(state: DeviceState) -> list[str]:
 
 def _alarm(alarm: Alarm, now_ns: int) -> str:
     """One standing alarm: severity, name, since when, and its text or its value."""
-    since_s = max(0.0, (now_ns - alarm.since_ns) * 1e-9)
+    since = f"for {max(0.0, (now_ns - alarm.since_ns) * 1e-9):.0f} s" if alarm.since_ns else "since before the start"
     said = f": {alarm.text}" if alarm.text else f": {alarm.value:.3g} (limit {alarm.limit:.3g})" if alarm.limit else ""
     latched = ", latched" if alarm.latched else ""
-    return f"{Severity(alarm.severity).name.lower()} {alarm.name} for {since_s:.0f} s{latched}{said}"
+    return f"{Severity(alarm.severity).name.lower()} {alarm.name} {since}{latched}{said}"
 
 
 def _guard_lines(guard: GuardState) -> list[str]:

@@ -40,5 +40,6 @@ class Losses:
         if not self._grew_ns:
             return []
         named = ", ".join(f"{name} = {self._last.get(name, 0)}" for name in sorted(self._grew_ns))
-        text = f"records or frames are lost: {named}; this machine or its bus is overloaded"
+        text = f"records or frames are lost: {named}; this machine or its bus is overloaded: end " \
+               "what else runs on it, look at processor load and bus load"
         return [Alarm("queue_losses", Severity.ALERT, self._since_ns, float(len(self._grew_ns)), 0.0, False, text)]

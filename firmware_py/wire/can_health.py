@@ -37,10 +37,11 @@ _QUEUE_FULL: Final = (errno.ENOBUFS, errno.EAGAIN)
 
 
 class CanHealth:
-    """Conditions of the bus that stand now; ``counters`` counts their beginnings."""
+    """Conditions of the bus that stand now; ``counters`` (the link's) counts their beginnings."""
 
-    def __init__(self) -> None:
-        self.counters: dict[str, int] = dict.fromkeys(TEXTS, 0)
+    def __init__(self, counters: dict[str, int] | None = None) -> None:
+        self.counters = {} if counters is None else counters
+        self.counters |= dict.fromkeys(TEXTS, 0)
         self._seen_ns: dict[str, int] = {}
 
     @property

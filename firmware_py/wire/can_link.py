@@ -68,11 +68,11 @@ class CanLink:
         self._stamps = ArrivalStamps()
         self._absent = ""
         self._now_ns = 0
-        self.health = CanHealth()
         self.counters = {
             "frames_in": 0, "frames_out": 0, "send_failed": 0, "error_frames": 0, "queue_overflow": 0,
             "link_lost": 0, "stamps_refused": 0,
         }
+        self.health = CanHealth(self.counters)
         self._open(START_WAIT_S)
 
     @property

@@ -57,10 +57,12 @@ def test_a_loss_that_goes_on_is_an_alarm_and_one_that_is_over_is_none(name):
 
 def test_status_shows_every_standing_alarm_with_its_text(stage, make_state):
     standing = [Alarm("link_fault", Severity.FAULT, stage.now_ns, 0.0, 0.0, False, "the CAN controller is bus-off"),
-                Alarm("disp_x_danger", Severity.DANGER, stage.now_ns, 81.0, 70.0, True)]
+                Alarm("disp_x_danger", Severity.DANGER, stage.now_ns, 81.0, 70.0, True),
+                Alarm("disp_y_danger", Severity.DANGER, 0, 0.0, 0.0, True, "latched before")]
     stage.guard.send("gate", make_state(alarms=standing))
     stage.until(lambda: stage.gate.view.guard is not None)
     shown = "\n".join(_lines(stage.gate.state(stage.now_ns)))
     for words in ("fault link_fault for 0 s: the CAN controller is bus-off", "danger disp_x_danger",
-                  "latched: 81 (limit 70)", "fault brain_silent"):
+                  "latched: 81 (limit 70)", "fault brain_silent",
+                  "danger disp_y_danger since before the start, latched: latched before"):
         assert words in shown

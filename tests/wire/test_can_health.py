@@ -94,7 +94,7 @@ def test_the_worst_is_told_first_and_the_others_by_name(bus, link):
     link.receive(1)
     assert link.fault.startswith("the CAN controller is bus-off")
     assert link.fault.endswith("(also: no_ack)")
-    assert link.health.counters["bus_off"] == 1
+    assert link.counters["bus_off"] == 1
 
 
 def test_a_bus_opened_anew_is_well():
