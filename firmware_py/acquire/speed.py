@@ -152,7 +152,7 @@ class SpeedMeter:
     def lose(self) -> None:
         """The mark is not valid: unknown until two new marks."""
         s = self.state
-        s.lost, s.paired, s.turn, s.first = True, False, -1, False
+        s.lost, s.paired, s.turn, s.first, s.most_rad_s = True, False, -1, False, -1.0
 
     def forget(self) -> None:
         """The node's clock has jumped: nothing from before can be compared."""

@@ -46,6 +46,15 @@ def test_a_pump_that_fails_while_the_shaft_turns_or_the_mark_is_away_trips() -> 
         assert b.core.tripped == ["oil_pressure_low_danger"]
 
 
+def test_a_mark_that_goes_away_at_rest_ends_the_knowledge_that_the_shaft_stands() -> None:
+    b = at_rest("stopped")
+    b.run(1.0)
+    b.node.mark_valid = False
+    b.node.speed_rpm, b.node.pressure_bar = 6000.0, 0.0
+    b.run(1.5)
+    assert b.core.tripped == ["oil_pressure_low_danger"]
+
+
 def test_pressure_that_does_not_follow_counts_once_the_shaft_turns_or_the_device_commands() -> None:
     b = at_rest("stopped")
     b.node.pressure_bar = 0.6  # no low pressure
