@@ -34,15 +34,17 @@ class Condition:
         self.state = ConditionState()
 
     def step(self, holds: bool, text: str, now_ns: int) -> list[Notice]:
-        """Judge one cycle; ``text`` is what a person reads when it begins."""
+        """Judge one cycle; ``text`` is what a person reads when it begins, and while it stands."""
         s = self.state
+        if holds:
+            s.text = text
         if holds == s.standing:
             return []
         s.standing = holds
         if not holds:
             lasted_s = (now_ns - s.since_ns) * 1e-9
             return [Notice(Severity.INFO, self._over, f"{self._name} is over after {lasted_s:.1f} s")]
-        s.since_ns, s.text = now_ns, text
+        s.since_ns = now_ns
         return [Notice(self._severity, self._name, text)]
 
     def standing(self) -> list[Alarm]:

@@ -15,6 +15,7 @@ from firmware_py.guard.arming import Arming, ArmingState
 from firmware_py.guard.authority import is_ahead
 from firmware_py.guard.condition import Condition, ConditionState
 from firmware_py.guard.failsafe import Situation, node_reasons
+from firmware_py.guard.frame_loss import FrameLoss, FrameLossState
 from firmware_py.guard.load_estimate import LoadEstimator, LoadInterval, LoadState, Look
 from firmware_py.guard.oil_protection import OilProtection, OilProtectionState
 from firmware_py.guard.pair import NO_FACTS, PairCheck, PairState
@@ -110,6 +111,7 @@ class CoreState(msgspec.Struct):
     supervision: SupervisionState | None = None
     pair: PairState = msgspec.field(default_factory=PairState)
     vibration: VibrationHoldState = msgspec.field(default_factory=VibrationHoldState)
+    frame_loss: FrameLossState = msgspec.field(default_factory=FrameLossState)
 
 
 class GuardCore:
@@ -155,6 +157,7 @@ class GuardCore:
         self._supervision = Supervision(config, session)
         self._load = LoadEstimator(config)
         self._pair, self._vibration = PairCheck(config), VibrationHold()
+        self._frame_loss = FrameLoss(config)
         self._announcements = Announcements(config, self._shield.lead_s)
         self._telling = Telling()
         self._memory = MemoryState(self._arming.safe, self._load.declared())
@@ -174,6 +177,7 @@ class GuardCore:
             self._discard()
             notices.append(_clock_notice(acquired))
         notices += self._strangers(acquired, now_ns)
+        notices += self._frame_loss.step(self._acquire.counters["frames_lost"], now_ns)
         if acquired.restarted or acquired.node_info is not None:
             m.node_reasons = node_reasons(self._config, self._acquire.node_info)
         notices += self._slow(acquired, now_ns)
@@ -211,7 +215,8 @@ class GuardCore:
                           self._memory, self._announcements.state, self._load.state, self._permit.state,
                           self._unwritable.state, self._telling.state,
                           self._readings.state, self._oil.state, self._speed_check.state, self._speed_high.state,
-                          self._supervision.state, self._pair.state, self._vibration.state)
+                          self._supervision.state, self._pair.state, self._vibration.state,
+                          self._frame_loss.state)
         return Snapshot(seq, now_ns, msgspec.msgpack.encode(state))
 
     def restore(self, snapshot: Snapshot) -> None:
@@ -228,6 +233,7 @@ class GuardCore:
         if state.supervision is not None:  # a recording of a device that had none
             self._supervision.state = state.supervision
         self._pair.state, self._vibration.state = state.pair, state.vibration
+        self._frame_loss.state = state.frame_loss
 
     @property
     def tripped(self) -> list[str]:
@@ -400,6 +406,7 @@ class GuardCore:
             speed_declared=self._speeds[0] * 0.98 <= speed.speed_rad_s <= self._speeds[1] * 1.02,
             interval_m=m.interval_m, tripped=self.tripped, brain_connected=cycle.brain_connected,
             doubts=self._readings.doubts | self._oil.beyond | self._supervision.doubts | self._arming.doubts
+            | self._frame_loss.doubts
             | ({"link_fault": cycle.link_fault} if cycle.link_fault else {}),
         )
 
@@ -474,7 +481,7 @@ class GuardCore:
         link = [Alarm("link_fault", Severity.FAULT, m.link_fault_ns, 0.0, 0.0, False, m.link_fault)]
         found = [*self._protection.standing(), *self._pair.standing(), *self._readings.standing(),
                  *self._oil.standing(), *self._speed_high.standing(), *self._speed_check.standing(),
-                 *self._supervision.standing(),
+                 *self._supervision.standing(), *self._frame_loss.standing(),
                  *self._permit.standing(), *self._unwritable.standing(), *(link if m.link_fault else []),
                  *self._arming.standing()]
         return list({alarm.name: alarm for alarm in reversed(found)}.values())[::-1]

@@ -100,6 +100,7 @@ FAILSAFES: Final = (
              "the node gives no account of itself (NODE_STATE, NODE_INFO)", ("link_fault",)),
     Failsafe("cycle_gap", lambda s: s.cycle_gap, Action.RECOVER, False,
              "guard, host or node stood still for longer than the time to live"),
+    _supervised("frames_lost", Action.TAKE_AUTHORITY, bars_arming=False),
     _supervised("node_not_expired", Action.TAKE_AUTHORITY),
     _supervised("node_not_following", Action.TAKE_AUTHORITY, bars_arming=False),
     _supervised("node_target_differs", Action.TAKE_AUTHORITY),
