@@ -56,7 +56,7 @@ def test_two_senders_are_an_alarm_and_cost_authority_until_one_ends(
     found = state(b)
     assert "two_senders" not in [a.name for a in found.alarms]
     assert "two_senders_ended" in b.names()
-    b.run(6.0)
+    b.run(32.0 if kind is SampleFrame and ahead == 0 else 6.0)  # the zeros among the samples are a bad contact
     assert state(b).arm_state == ArmState.ARMED
     assert state(b).authority
 
