@@ -139,15 +139,15 @@ class Arming:
         """One notice for each failsafe that has just begun to hold (a trip is told with its names)."""
         names = [failsafe.name for failsafe in failsafes]
         before, self._state.active = self._state.active, names
+        standing = self._state.standing
+        self._state.standing = {
+            f.name: Alarm(f.name, Severity.FAULT if f.action >= Action.RECOVER else Severity.ALERT,
+                          standing[f.name].since_ns if f.name in standing else situation.now_ns, 0.0, 0.0,
+                          False, _said(f, situation))
+            for f in failsafes if (f.action in ALARMING or f.name in ALSO_ALARMS) and not f.alarmed}
         if names == before:
             return []
-        self._state.standing = {
-            f.name: self._state.standing.get(f.name) or Alarm(
-                f.name, Severity.FAULT if f.action >= Action.RECOVER else Severity.ALERT, situation.now_ns, 0.0, 0.0,
-                False, f.reason(situation))
-            for f in failsafes if (f.action in ALARMING or f.name in ALSO_ALARMS) and not f.alarmed}
-        return [Notice(Severity.FAULT if f.action >= Action.RECOVER else Severity.ALERT, f.name,
-                       "; ".join([f.reason(situation), *(situation.node_reasons if f.name == "node_mismatch" else [])]))
+        return [Notice(Severity.FAULT if f.action >= Action.RECOVER else Severity.ALERT, f.name, _said(f, situation))
                 for f in failsafes if f.name not in before and f.action != Action.TRIP and not f.alarmed]
 
     def _target(self, situation: Situation, advice: Advice | None, sound: bool) -> Target:
@@ -260,3 +260,9 @@ class Arming:
         elif not low <= value <= high:
             reasons.append(f"{request.verb} = {value:g}: outside {low:g} .. {high:g} {unit}")
         return reasons
+
+
+def _said(failsafe: Failsafe, situation: Situation) -> str:
+    """What a person reads of a failsafe now; of a wrong node, every difference."""
+    differences = situation.node_reasons if failsafe.name == "node_mismatch" else []
+    return "; ".join([failsafe.reason(situation), *differences])

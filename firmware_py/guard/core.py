@@ -87,6 +87,7 @@ class MemoryState(msgspec.Struct):
     advices_ahead: int = 0
     node_reasons: list[str] = []
     vibration_high: bool = False
+    vibration_um: tuple[float, float] = (0.0, 0.0)
     link_fault: str = ""
     link_fault_ns: int = 0
 
@@ -138,6 +139,7 @@ class GuardCore:
         self._ttl_ns = config.actuator.time_to_live_ms * 1_000_000
         self._fresh_ns = round(config.sampling.fresh_age_ms * 1e6)
         self._speeds = (config.operating.speed_min_rpm * pi / 30, config.operating.speed_max_rpm * pi / 30)
+        self._speeds_rpm = (config.operating.speed_min_rpm, config.operating.speed_max_rpm)
         self._turning_rad_s = config.limits.min_speed_rpm * pi / 30
         self._acquire = Acquire(config, codec)
         names = latched or []
@@ -363,7 +365,8 @@ class GuardCore:
         motion, speed = self._protection.motion, self._acquire.speed
         p2p_m = max(motion.peak_to_peak_um) * 1e-6
         smaller_um = readings.smaller_clearance_um(self._acquire.node)
-        m.vibration_high = p2p_m * 1e6 > self._protection.set_points_um(smaller_um)[1]
+        m.vibration_um = (p2p_m * 1e6, self._protection.set_points_um(smaller_um)[1])
+        m.vibration_high = m.vibration_um[0] > m.vibration_um[1]
         displacement_ok = self._protection.displacement_ok and self._pair.plausible
         if not displacement_ok:  # a vibration that is not known may be the largest that is admissible, and more
             share = self._config.limits.clearance_share
@@ -404,6 +407,8 @@ class GuardCore:
             cycle_gap=gap, mark_lost=not speed.known, displacement_ok=self._protection.displacement_ok,
             vibration_high=m.vibration_high, pair_ok=self._pair.plausible,
             speed_declared=self._speeds[0] * 0.98 <= speed.speed_rad_s <= self._speeds[1] * 1.02,
+            speed_rpm=speed.speed_rad_s * 30 / pi, speeds_rpm=self._speeds_rpm, vibration_um=m.vibration_um[0],
+            vibration_limit_um=m.vibration_um[1],
             interval_m=m.interval_m, tripped=self.tripped, brain_connected=cycle.brain_connected,
             doubts=self._readings.doubts | self._oil.beyond | self._supervision.doubts | self._arming.doubts
             | self._frame_loss.doubts

@@ -47,6 +47,19 @@ class Situation(msgspec.Struct):
     doubts: dict[str, str] = {}
     """Alarms of the slow readings, the oil and the link that hold now, with what a person is told of them."""
     pair_ok: bool = True
+    speed_rpm: float = 0.0
+    speeds_rpm: tuple[float, float] = (0.0, 0.0)
+    vibration_um: float = 0.0
+    vibration_limit_um: float = 0.0
+
+    @property
+    def speed_said(self) -> str:
+        """The speed as a cause why no clearance is admissible, with the next step."""
+        if self.mark_lost:
+            return "the speed is unknown; check the once-per-turn mark"
+        if not self.speed_rpm:
+            return "the shaft stands (0 rpm); start the machine"
+        return f"at {self.speed_rpm:.0f} rpm and this load, oil and vibration; change speed or load"
 
 
 class Failsafe(msgspec.Struct, frozen=True):
@@ -66,7 +79,8 @@ class Failsafe(msgspec.Struct, frozen=True):
         """What a person reads now."""
         if self.alarmed:
             return "; ".join(situation.doubts[name] for name in self.alarms if name in situation.doubts)
-        return ": ".join([self.text, *(situation.doubts[name] for name in self.alarms if name in situation.doubts)])
+        text = self.text.format(s=situation)
+        return ": ".join([text, *(situation.doubts[name] for name in self.alarms if name in situation.doubts)])
 
 
 def _doubt(name: str, alarms: tuple[str, ...], text: str, *, bars_arming: bool = True) -> Failsafe:
@@ -99,7 +113,8 @@ FAILSAFES: Final = (
     Failsafe("node_silent", lambda s: not s.node_heard, Action.RECOVER, True,
              "the node gives no account of itself (NODE_STATE, NODE_INFO)", ("link_fault",)),
     Failsafe("cycle_gap", lambda s: s.cycle_gap, Action.RECOVER, False,
-             "guard, host or node stood still for longer than the time to live"),
+             "guard, host or node stood still for longer than the time to live; look at the load of the host, or "
+             "whether it was suspended"),
     _supervised("frames_lost", Action.TAKE_AUTHORITY, bars_arming=False),
     _supervised("node_not_expired", Action.TAKE_AUTHORITY),
     _supervised("node_not_following", Action.TAKE_AUTHORITY, bars_arming=False),
@@ -117,9 +132,11 @@ FAILSAFES: Final = (
     Failsafe("pair_implausible", lambda s: not s.pair_ok, Action.TAKE_AUTHORITY, False,
              "the shaft displacements contradict the machine; check wiring, order, sign, gain and zero of both probes"),
     Failsafe("vibration_high", lambda s: s.vibration_high, Action.TAKE_AUTHORITY, False,
-             "the shaft vibration is above the danger set point of this clearance"),
+             "the shaft vibration, {s.vibration_um:.4g} um peak-to-peak, is above the danger set point of this "
+             "clearance, {s.vibration_limit_um:.4g}; reduce speed or load and look at the diagnosis"),
     Failsafe("speed_undeclared", lambda s: not s.speed_declared, Action.TAKE_AUTHORITY, False,
-             "the speed is outside operating.speed_min_rpm .. speed_max_rpm"),
+             "the speed, {s.speed_rpm:.0f} rpm, is outside operating.speed_min_rpm .. speed_max_rpm "
+             "({s.speeds_rpm[0]:g} .. {s.speeds_rpm[1]:g}); change the speed"),
     _doubt("oil_pressure_low", ("oil_pressure_low_alert", "oil_pressure_low_danger"),
            "the oil's supply pressure is too low"),
     _doubt("oil_outlet_high", ("oil_outlet_high_alert", "oil_outlet_high_danger"), "the oil is too hot"),
@@ -134,7 +151,7 @@ FAILSAFES: Final = (
     _doubt("shaft_power_lost", ("shaft_power_not_ok",),
            "the shaft power is not known; nothing is learnt of the oil", bars_arming=False),
     Failsafe("no_admissible_clearance", lambda s: s.interval_m is None, Action.TAKE_AUTHORITY, False,
-             "no clearance but the safe one can be defended at this speed and load"),
+             "no clearance but the safe one can be defended: {s.speed_said}"),
 )
 
 

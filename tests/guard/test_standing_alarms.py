@@ -136,3 +136,36 @@ def test_what_an_earlier_guard_left_latched_says_what_to_do(name: str) -> None:
 
 def test_a_cycle_of_an_old_recording_has_a_well_link() -> None:
     assert Cycle(1, 1, [], None, [], True, True, True).link_fault == ""
+
+
+@pytest.mark.parametrize(("act", "name", "said"), [
+    (lambda b: b.ramp_to(0.0), "no_admissible_clearance", ("the shaft stands (0 rpm)", "start the machine")),
+    (lambda b: setattr(b.node, "mark_valid", False), "no_admissible_clearance", ("speed is unknown", "check the once")),
+    (lambda b: b.ramp_to(1000.0), "speed_undeclared", ("speed, 1000 rpm", "(1500 .. 12000)", "change the speed")),
+    (shake, "vibration_high", ("um peak-to-peak", "set point", "reduce speed")),
+    (lambda b: stall(b, 0), "cycle_gap", ("stood still", "look at the load")),
+])
+def test_a_failsafe_says_its_figures_and_the_next_step(act, name: str, said: tuple[str, ...]) -> None:
+    b = Bench()
+    b.run(5.0)
+    act(b)
+    b.run(7.0 if b.node.speed_rpm == 0.0 else 0.5)
+    told = next(event.text for event in reversed(b.events) if event.name == name)
+    text = "; ".join([told, *b.core._arming.state.authority.reasons])
+    assert all(words in text for words in said), text
+
+
+def test_a_standing_alarm_says_its_present_figures_and_differences() -> None:
+    b = Bench().armed()
+    b.node.rate_um_s = 0.0
+    b.node.clearance_um += 8.0
+    b.node.info_boot_um += 1.0
+    b.run(4.0)
+    first = alarms(b)
+    assert "boot clearance 51 um" in first["node_mismatch"]
+    b.node.clearance_um += 2.0
+    b.node.info_boot_um += 1.0
+    b.run(1.5)
+    assert "boot clearance 52 um" in alarms(b)["node_mismatch"]
+    assert "now 58 um" in first["clearance_not_following"]
+    assert "now 60 um" in alarms(b)["clearance_not_following"]

@@ -74,6 +74,7 @@ class FollowingState(msgspec.Struct):
     inside_ns: int = 0
     excursions_ns: list[int] = []
     alarms_ns: list[int] = []
+    text: str = ""
 
 
 class Following:
@@ -108,6 +109,13 @@ class Following:
         excused
             An error counts for nothing now; being inside the band still ends an alarm.
         """
+        notices = self._judge(measured, commanded, now_ns, remark, excused)
+        s = self.state
+        if s.alarm.standing:
+            s.alarm.text = f"{s.text}; now {measured:.4g} {self._q.unit}, commanded {commanded:.4g}"
+        return notices
+
+    def _judge(self, measured: float, commanded: float, now_ns: int, remark: str, excused: bool) -> list[Notice]:
         s, q = self.state, self._q
         joined = s.last_ns >= 0 and now_ns - s.last_ns <= GAP_NS
         self._move_band(measured, now_ns)
@@ -209,4 +217,5 @@ class Following:
         s.alarms_ns.append(now_ns)
         if s.alarm.latched:
             text += f"; the second time within {AGAIN_NS * 1e-9 / 60:g} minutes: it stands until `reset`"
+        s.text = text
         return s.alarm.begin(now_ns, text, measured, limit)
