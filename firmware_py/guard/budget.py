@@ -44,7 +44,8 @@ CYCLE_US: Final = {
 :data:`REFERENCE_US`.  What happens every day gets less than a third of the period; a board three times
 slower than the reference still keeps it.
 
-The last three cannot last on a real bus, and 32 sample frames hold 19 ms of samples, which are judged in one cycle: 1 Mbit/s and 5 Mbit/s carry some 8 frames of 64 bytes in a millisecond."""
+The last three cannot last on a real bus, and 32 sample frames hold 19 ms of samples, which are judged
+in one cycle: 1 Mbit/s and 5 Mbit/s carry some 8 frames of 64 bytes in a millisecond."""
 
 JUNK_US: Final = 2500
 """Looking through what one call reads from a serial port, where none of it is a packet."""
