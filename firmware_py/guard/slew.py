@@ -20,6 +20,10 @@ DEAD_BAND_UM: Final = 0.5
 DEAD_BAND_BAR: Final = 0.02
 """The target turns back only by more than this: the actuator's backlash, and noise of what the wish rests on."""
 
+EASE_NS: Final = 1_000_000_000
+"""What the admissible range has pushed back goes the other way again after so long without a push: an end of the range
+that follows a noisy vibration would else move the actuator at every look."""
+
 MINUTE_NS: Final = 60_000_000_000
 BUCKETS: Final = 60
 """Reversals are counted by the second."""
@@ -31,10 +35,11 @@ Range = tuple[float, float]
 
 
 class AxisState(msgspec.Struct):
-    """Where one target stands, and which way it went last (0: nowhere yet)."""
+    """Where one target stands, which way it went last (0: nowhere yet), and when the range last pushed it."""
 
     value: float
     direction: int = 0
+    pushed_ns: int = -EASE_NS
 
 
 class SlewState(msgspec.Struct):
@@ -107,8 +112,12 @@ class Slew:
             (s.clearance, wish.clearance_um, clearances, self._rates[0], DEAD_BAND_UM),
             (s.pressure, wish.pressure_bar, pressures, self._rates[1], DEAD_BAND_BAR),
         ):
-            turned += _jump(axis, _clamp(axis.value, low, high), band)
-            if not self.stands:
+            inside = _clamp(axis.value, low, high)
+            if inside != axis.value:
+                axis.pushed_ns = now_ns
+            turned += _jump(axis, inside, band)
+            back = (_clamp(wanted, low, high) - axis.value) * axis.direction < 0.0
+            if not self.stands and not (back and now_ns - axis.pushed_ns < EASE_NS):
                 turned += _step(axis, _clamp(wanted, low, high), rate * elapsed_s, band)
         self._count(turned, now_ns)
         return Target(s.clearance.value, s.pressure.value)

@@ -86,7 +86,7 @@ def test_dither_of_the_admissible_end_does_not_pass_either() -> None:
     way.go(160.0, 3000, clearances=(40.0, 90.0))
     seen = [way.go(160.0, 20, clearances=(40.0, 90.0 - 0.3 * (k % 2))).clearance_um for k in range(20)]
     assert seen[1:] == [89.7] * 19
-    assert way.go(160.0, 50, clearances=(40.0, 91.0)).clearance_um == 91.0
+    assert way.go(160.0, 1050, clearances=(40.0, 91.0)).clearance_um == 91.0
 
 
 @pytest.mark.parametrize("period_ms", [10, 40, 200])
@@ -179,3 +179,24 @@ def test_a_snapshot_carries_the_way_and_an_old_one_may_lack_it() -> None:
     assert taken.slew.clearance.value == 70.0
     arming.state = msgspec.structs.replace(taken, slew=None)
     b.run(0.1)
+
+
+@pytest.mark.parametrize("period_ms", [20, 40, 200, 700])
+def test_an_end_of_the_range_that_flutters_does_not_move_the_actuator_at_every_look(period_ms: int) -> None:
+    way = Way(most=300)
+    way.go(90.0, 2000)
+    for k in range(60_000 // period_ms):
+        end_um = 80.0 + (3.0 if k % 2 else -3.0)
+        assert way.go(100.0, period_ms, clearances=(40.0, end_um)).clearance_um <= end_um
+    assert way.slew.state.total <= 2 * 60
+    assert not way.names
+
+
+def test_after_a_push_the_target_goes_out_again_when_the_range_has_stayed_away_for_a_second() -> None:
+    way = Way()
+    way.go(90.0, 2000)
+    way.go(90.0, 1, clearances=(40.0, 70.0))
+    assert way.go(90.0, 998).clearance_um == 70.0
+    assert way.go(90.0, 500).clearance_um == 90.0
+    assert way.go(90.0, 1, clearances=(40.0, 80.0)).clearance_um == 80.0
+    assert way.go(60.0, 300, clearances=(40.0, 80.0)).clearance_um < 70.0
