@@ -350,6 +350,28 @@ def test_the_permit_goes_with_a_foreign_command_only_where_that_is_configured(tr
     assert not any(beat.trip_request for beat in beats)
 
 
+@pytest.mark.parametrize("how", ["disarm", "monitor", "no samples", "again and again"])
+def test_a_node_whose_commands_have_ended_is_safe_and_no_alarm(how: str) -> None:
+    b = working()
+    if how == "disarm":
+        b.ask("disarm")
+    elif how == "monitor":
+        b.ask("mode", mode=0)
+    elif how == "again and again":
+        for _ in range(4):
+            b.ask("disarm")
+            b.run(0.137)
+            b.ask("arm")
+            b.run(0.3)
+        b.ask("disarm")
+    else:
+        b.node.running = False
+        b.run(0.3)
+        b.node.running = True
+    b.run(1.5)
+    assert not [name for name in b.names() if name.startswith("node_")]
+
+
 def test_a_state_that_speaks_of_the_past_is_an_alarm() -> None:
     b = working()
     reporting(b, tick_us=(b.node.tick_at(b.now_ns) - 600_000) & 0xFFFFFFFF)

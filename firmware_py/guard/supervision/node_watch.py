@@ -137,6 +137,7 @@ class NodeWatch:
         s = self.state
         doubts: dict[str, str] = {}
         active = s.sent_ns >= 0 and now_ns - s.sent_ns <= self._window_ns
+        commanding = active and now_ns - s.sent_ns < self._ttl_ns // 2  # later its time to live may be over
         following = node.mode == NodeMode.FOLLOWING
         if following and (strange := self._never_sent(node)):
             doubts["node_elsewhere"] = strange
@@ -144,7 +145,7 @@ class NodeWatch:
             doubts["node_not_expired"] = (
                 f"node follows this device's last command for more than {self._window_ns * 1e-6:.0f} ms after it: "
                 f"its time to live ({self._ttl_ns * 1e-6:.0f} ms) does not work; repair the node before arming")
-        elif not following and active and now_ns - s.since_ns > self._window_ns:
+        elif not following and commanding and now_ns - s.since_ns > self._window_ns:
             doubts["node_not_following"] = (
                 f"node stays SAFE while this device has commanded for {(now_ns - s.since_ns) * 1e-9:.1f} s; refused: "
                 f"{_counts(node)}; look at the node and its clock")
