@@ -144,7 +144,7 @@ def test_one_false_edge_is_believed_again_after_its_time_and_not_before() -> Non
     b.node.edges = (0.0, 0.4)
     b.run(0.01)
     b.node.edges = (0.0,)
-    b.node.amplitude_um = 0.3  # too small to be evidence: the speed came back to its course
+    b.node.amplitude_um = 0.6  # too small to be evidence: the speed came back to its course
     b.run(CLEAN_S - 1.0)
     assert not state(b).authority
     assert b.core._speed_check.state.cause == "ramp"
@@ -175,7 +175,7 @@ def test_a_real_jump_of_speed_is_believed_when_the_orbit_turns_with_it() -> None
 
 def test_a_jump_without_an_orbit_to_speak_for_it_waits_for_a_person() -> None:
     b = at(3000.0)
-    b.node.amplitude_um = 0.3
+    b.node.amplitude_um = 0.6
     b.node.speed_rpm = 6000.0
     b.run(CLEAN_S + 3.0)
     assert not state(b).authority
