@@ -39,7 +39,7 @@ def result(process: subprocess.Popen[str]) -> dict[str, object]:
 def test_rig_and_device_that_know_only_the_dbc_work_together() -> None:
     rig = start("play_rig.py", "--seconds", "60")
     seen = result(start("play_device.py", "--seconds", "2", "--clearance", "62.5", "--pressure", "1.5"))
-    time.sleep(2)  # longer than any expiry: command 0.1 s, heartbeat 0.5 s
+    time.sleep(4)  # longer than any expiry: command 0.1 s, heartbeat 3 s
     rig.send_signal(signal.SIGINT)
     played = result(rig)
     assert seen["instants"] > 2000

@@ -52,7 +52,7 @@ def test_other_files_are_refused(name, tmp_path):
 
 
 def test_a_folder_that_is_not_there_is_refused(tmp_path):
-    with pytest.raises(plots.PlotError, match="No such file"):
+    with pytest.raises(plots.PlotError, match="cannot be written there"):
         plots.main(["pressure", "-o", str(tmp_path / "none" / "p.png")])
 
 
