@@ -13,7 +13,7 @@ help:            ## this list
 demo: $(VENV)/.sim   ## the whole device against the rotor rig in software; options: make demo DEMO="--seconds 60 --seed 7"
 	@$(BIN)/orbitd demo $(DEMO)
 
-test: $(VENV)/.dev   ## the default tests (about 6 minutes)
+test: $(VENV)/.dev   ## the default tests (about 12 minutes)
 	@$(BIN)/python -m pytest --ignore=tests/models
 
 lint: $(VENV)/.dev   ## ruff
