@@ -38,7 +38,7 @@ CYCLE_US: Final = {
     "advices, 1 a cycle": 350,
     "frames of nobody, 32 a cycle": 500,
     "forged frames, 32 a cycle": 700,
-    "sample frames, 32 a cycle": 1800,
+    "sample frames, 32 a cycle": 1200,
 }
 """Mean cost of a cycle of :class:`~firmware_py.guard.core.GuardCore`, where the reference takes
 :data:`REFERENCE_US`.  What happens every day gets less than a third of the period; a board three times
