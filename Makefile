@@ -16,8 +16,9 @@ demo: $(VENV)/.sim   ## the whole device against the rotor rig in software; opti
 test: $(VENV)/.dev   ## the default tests (about 12 minutes)
 	@$(BIN)/python -m pytest --ignore=tests/models
 
-lint: $(VENV)/.dev   ## ruff
+lint: $(VENV)/.dev   ## ruff: rules and format
 	@$(BIN)/ruff check firmware_py sim_hil models tests deploy
+	@$(BIN)/ruff format --check --quiet firmware_py sim_hil models tests deploy
 
 types: $(VENV)/.dev $(VENV)/.train   ## mypy --strict
 	@$(BIN)/mypy

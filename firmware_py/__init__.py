@@ -1,3 +1,4 @@
-"""orbitd: one edge device that simulates, diagnoses, predicts and controls a rotor on a fluid film."""
+"""orbitd: one edge device that simulates, diagnoses, predicts and controls a rotor on a fluid
+film."""
 
 __version__ = "0.1.0"

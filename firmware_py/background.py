@@ -1,9 +1,10 @@
 """A start that leaves the guard alone: imports at low priority and off its core.
 
-A second of imports by brain or gate on two cores used to hold up the frames of a rig in software, until the guard
-had no fresh samples.  While it imports, a process is *nice*, gives no way to wake up early (``SCHED_BATCH``), and
-keeps off the last processor where there are two or more (``orbitd install`` gives that one to the guard).  Under
-systemd the units say all this for good, and the calls below may be denied: then nothing happens.
+A second of imports by brain or gate on two cores used to hold up the frames of a rig in software,
+until the guard had no fresh samples.  While it imports, a process is *nice*, gives no way to wake
+up early (``SCHED_BATCH``), and keeps off the last processor where there are two or more (``orbitd
+install`` gives that one to the guard).  Under systemd the units say all this for good, and the
+calls below may be denied: then nothing happens.
 """
 
 from __future__ import annotations
@@ -13,8 +14,8 @@ import os
 from typing import Final
 
 NICE: Final = 5
-"""A third of the weight of others: behind guard and rig, which sleep most of the time, but not starved by a busy
-machine (nice 19 or ``SCHED_IDLE`` would be)."""
+"""A third of the weight of others: behind guard and rig, which sleep most of the time, but not
+starved by a busy machine (nice 19 or ``SCHED_IDLE`` would be)."""
 
 _OTHER: Final = os.sched_param(0)
 _before: dict[str, set[int]] = {}
@@ -47,13 +48,15 @@ def restore() -> None:
                 os.sched_setaffinity(thread, _before["cpus"])
         if "nice" in _before:
             with contextlib.suppress(OSError):
-                os.setpriority(os.PRIO_PROCESS, thread, os.getpriority(os.PRIO_PROCESS, thread) - NICE)
+                os.setpriority(
+                    os.PRIO_PROCESS, thread, os.getpriority(os.PRIO_PROCESS, thread) - NICE
+                )
     _before.clear()
 
 
 def may_return() -> bool:
-    """Whether this process may lower its nice value again: tried in a child, for rules are many (limits,
-    capabilities, user namespaces, system call filters)."""
+    """Whether this process may lower its nice value again: tried in a child, for rules are many
+    (limits, capabilities, user namespaces, system call filters)."""
     child = os.fork()
     if child == 0:
         try:

@@ -56,15 +56,26 @@ SUMMARIES = (
 
 
 PROCESSES = ("run", "guard", "brain", "gate")
-"""Commands that run for ever: an error of the system ends them with 1, so that they are started again."""
+"""Commands that run for ever: an error of the system ends them with 1, so that they are started
+again."""
 
-EXTRA_OF = {"gymnasium": "sim", "numba": "sim", "scipy": "sim", "matplotlib": "train", "onnx": "train",
-            "sklearn": "train", "skl2onnx": "train", "tensorboard": "train", "torch": "train"}
+EXTRA_OF = {
+    "gymnasium": "sim",
+    "numba": "sim",
+    "scipy": "sim",
+    "matplotlib": "train",
+    "onnx": "train",
+    "sklearn": "train",
+    "skl2onnx": "train",
+    "tensorboard": "train",
+    "torch": "train",
+}
 """Extra that brings a package."""
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run ``orbitd ARGV`` and return its exit code; a reader that has seen enough ends it quietly."""
+    """Run ``orbitd ARGV`` and return its exit code; a reader that has seen enough ends it
+    quietly."""
     _open_streams()
     try:
         code = _main(sys.argv[1:] if argv is None else argv)
@@ -122,14 +133,26 @@ def _run(point: importlib.metadata.EntryPoint, arguments: list[str]) -> int:
         command: Command = point.load()
         return command(arguments)
     except SystemExit as ended:  # of argparse, after its help or one line of refusal
-        return ended.code if isinstance(ended.code, int) else 0 if ended.code is None else _fail(str(ended.code), 1)
+        return (
+            ended.code
+            if isinstance(ended.code, int)
+            else 0
+            if ended.code is None
+            else _fail(str(ended.code), 1)
+        )
     except ModuleNotFoundError as error:
-        return _fail(f"`orbitd {point.name}` needs {error.name}, which is not installed; {_extra(point, error)}", 2)
+        return _fail(
+            f"`orbitd {point.name}` needs {error.name}, which is not installed; "
+            f"{_extra(point, error)}",
+            2,
+        )
     except OrbitdError as error:
         return _fail(str(error), error.exit_code)
     except BrokenPipeError:
         raise
-    except OSError as error:  # a file that a person named, a full disk: the system says what is wrong
+    except (
+        OSError
+    ) as error:  # a file that a person named, a full disk: the system says what is wrong
         return _fail_of_system(point.name, error)
     finally:  # whoever calls this in a process of its own choosing gets it back as it was
         background.restore()
@@ -139,7 +162,9 @@ def _run(point: importlib.metadata.EntryPoint, arguments: list[str]) -> int:
 def _fail_of_system(name: str, error: OSError) -> int:
     """One line with cause, file and place in the program."""
     frames = traceback.extract_tb(error.__traceback__)
-    frame = next((each for each in reversed(frames) if Path(each.filename).is_relative_to(ROOT)), frames[-1])
+    frame = next(
+        (each for each in reversed(frames) if Path(each.filename).is_relative_to(ROOT)), frames[-1]
+    )
     cause = ": ".join(str(part) for part in (error.filename, error.strerror or error) if part)
     code = 2 if error.filename is not None and name not in PROCESSES else 1
     return _fail(f"{name}: {cause} ({Path(frame.filename).name}:{frame.lineno})", code)

@@ -1,7 +1,8 @@
 """The one place where bytes from outside become values: they decode, or are refused by name.
 
-Any bytes at all give a value of the wanted type or an :class:`OutsideError`; nothing else is raised, and the work is
-bounded by ``limit_bytes``.  Zenoh payloads, room packets and the JSON files that a process reads all pass here.
+Any bytes at all give a value of the wanted type or an :class:`OutsideError`; nothing else is
+raised, and the work is bounded by ``limit_bytes``.  Zenoh payloads, room packets and the JSON files
+that a process reads all pass here.
 """
 
 from __future__ import annotations
@@ -29,7 +30,8 @@ SAID_LETTERS: Final = 200
 
 
 class OutsideError(OrbitdError, ValueError):
-    """Bytes from outside that are not what they should be; ``kind`` is the name under which they are counted."""
+    """Bytes from outside that are not what they should be; ``kind`` is the name under which they
+    are counted."""
 
     exit_code = 2
 
@@ -44,7 +46,8 @@ def from_json(data: bytes, kind: type[T], limit_bytes: int) -> T:
     Raises
     ------
     OutsideError
-        ``too_large``, ``not_utf8``, ``too_deep``, ``wrong_shape`` (JSON, but not of this type) or ``no_json``.
+        ``too_large``, ``not_utf8``, ``too_deep``, ``wrong_shape`` (JSON, but not of this type) or
+        ``no_json``.
     """
     if len(data) > limit_bytes:
         raise OutsideError("too_large", f"{len(data)} bytes; at most {limit_bytes} are taken")
@@ -55,7 +58,8 @@ def from_json(data: bytes, kind: type[T], limit_bytes: int) -> T:
 
 
 def read_file(path: Path, limit_bytes: int = FILE_LIMIT_BYTES) -> bytes:
-    """The bytes of ``path``, one more than ``limit_bytes`` at most (:func:`from_json` then refuses).
+    """The bytes of ``path``, one more than ``limit_bytes`` at most (:func:`from_json` then
+    refuses).
 
     Raises
     ------

@@ -1,6 +1,8 @@
-"""What every process of the device is started with: configuration, instance, runtime directory, peers.
+"""What every process of the device is started with: configuration, instance, runtime directory,
+peers.
 
-Without options, a person who may reach the system service gets the service: its sockets, its configuration.
+Without options, a person who may reach the system service gets the service: its sockets, its
+configuration.
 """
 
 from __future__ import annotations
@@ -27,12 +29,14 @@ SERVICE_CONFIG: Final = Path("/etc/orbitd/orbitd.toml")
 """Where `orbitd install` puts the system service."""
 
 LAWS: Final = ("firmware_py.guard.shield:check_safe",)
-"""What else every process asks of a configuration, by name as entry points are: this module lies below the guard."""
+"""What else every process asks of a configuration, by name as entry points are: this module lies
+below the guard."""
 
 
 @dataclass(frozen=True)
 class Launch:
-    """A checked configuration, the folder of this instance's sockets, and the user of each peer (None: our own)."""
+    """A checked configuration, the folder of this instance's sockets, and the user of each peer
+    (None: our own)."""
 
     config: Config
     source: ConfigFile
@@ -48,25 +52,38 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="TOML configuration (default: the running service's, else the shipped bench.toml)",
     )
-    parser.add_argument("--instance", type=instance_name, metavar="NAME", help="name of this device on this machine")
-    parser.add_argument("--runtime-dir", type=Path, metavar="DIR", help="folder of this instance's sockets")
+    parser.add_argument(
+        "--instance", type=instance_name, metavar="NAME", help="name of this device on this machine"
+    )
+    parser.add_argument(
+        "--runtime-dir", type=Path, metavar="DIR", help="folder of this instance's sockets"
+    )
     parser.set_defaults(peers=())
 
 
 def add_peers(parser: argparse.ArgumentParser, *roles: str) -> None:
-    """``--ROLE-user`` for each role that calls at this process's socket; after :func:`add_options`."""
+    """``--ROLE-user`` for each role that calls at this process's socket; after
+    :func:`add_options`."""
     parser.set_defaults(peers=roles)
     for role in roles:
         parser.add_argument(
-            f"--{role}-user", type=user_id, metavar="USER", help=f"user that the {role} must be (default: this one)"
+            f"--{role}-user",
+            type=user_id,
+            metavar="USER",
+            help=f"user that the {role} must be (default: this one)",
         )
 
 
 def add_guard_user(parser: argparse.ArgumentParser) -> None:
     """``--guard-user``: whose guard this process talks to, when it is another user's."""
-    parser.add_argument("--guard-user", type=user_id, metavar="USER",
-                        help="user that the guard must be (default: this one, root, or the socket's owner in a folder "
-                             "that the administrator shares)")
+    parser.add_argument(
+        "--guard-user",
+        type=user_id,
+        metavar="USER",
+        help="user that the guard must be (default: this one, root, or the socket's owner in a "
+        "folder "
+        "that the administrator shares)",
+    )
 
 
 def instance_name(name: str) -> str:
@@ -115,7 +132,9 @@ def from_options(options: argparse.Namespace) -> Launch:
     if options.instance:
         loaded = as_instance(loaded, options.instance)
     folder = SERVICE_RUNTIME if service else _folder(options.runtime_dir, loaded.device.instance)
-    return Launch(loaded, source, folder, {role: getattr(options, f"{role}_user") for role in options.peers})
+    return Launch(
+        loaded, source, folder, {role: getattr(options, f"{role}_user") for role in options.peers}
+    )
 
 
 @dataclass(frozen=True)
@@ -127,9 +146,11 @@ class Place:
 
 
 def place(options: argparse.Namespace) -> Place:
-    """As :func:`from_options`, for whoever only speaks to a device: of a file with faults the names are enough.
+    """As :func:`from_options`, for whoever only speaks to a device: of a file with faults the names
+    are enough.
 
-    A running device has read its configuration long ago; one that was edited badly since bars nobody from `disarm`.
+    A running device has read its configuration long ago; one that was edited badly since bars
+    nobody from `disarm`.
 
     Raises
     ------
@@ -140,7 +161,9 @@ def place(options: argparse.Namespace) -> Place:
     device = read_device(path)
     if options.instance:
         device = msgspec.structs.replace(device, instance=options.instance)
-    return Place(device, SERVICE_RUNTIME if service else _folder(options.runtime_dir, device.instance))
+    return Place(
+        device, SERVICE_RUNTIME if service else _folder(options.runtime_dir, device.instance)
+    )
 
 
 def _chosen(options: argparse.Namespace) -> tuple[Path, bool]:
@@ -151,7 +174,8 @@ def _chosen(options: argparse.Namespace) -> tuple[Path, bool]:
 
 
 def as_instance(loaded: Config, instance: str) -> Config:
-    """``loaded`` under another instance name, on a hub of its own, so that two devices do not share a bus."""
+    """``loaded`` under another instance name, on a hub of its own, so that two devices do not share
+    a bus."""
     if instance == loaded.device.instance:
         return loaded
     device = msgspec.structs.replace(loaded.device, instance=instance)
@@ -167,7 +191,9 @@ def _folder(given: Path | None, instance: str) -> Path:
     try:
         given.mkdir(mode=INSTANCE_MODE, parents=True, exist_ok=True)
     except (OSError, ValueError) as error:
-        raise RoomError(f"runtime directory {given}: {error}; name a folder that this user may make") from error
+        raise RoomError(
+            f"runtime directory {given}: {error}; name a folder that this user may make"
+        ) from error
     return checked_dir(given)
 
 

@@ -1,8 +1,9 @@
-"""Reads an MCAP file front to back and goes on behind damage: zeros, holes, flipped bits, junk, a missing end.
+"""Reads an MCAP file front to back and goes on behind damage: zeros, holes, flipped bits, junk, a
+missing end.
 
-What is given out has been proven: the chunk passed its CRC.  After a place that is not whole, the scan
-searches the next whole chunk or metadata record, and tells what it passed over.  It never goes back, and it
-holds one chunk at a time: time grows with the length of the file, memory does not.
+What is given out has been proven: the chunk passed its CRC.  After a place that is not whole, the
+scan searches the next whole chunk or metadata record, and tells what it passed over.  It never goes
+back, and it holds one chunk at a time: time grows with the length of the file, memory does not.
 """
 
 from __future__ import annotations
@@ -22,20 +23,39 @@ from mcap.writer import MCAP0_MAGIC
 
 MAGIC: Final = bytes(MCAP0_MAGIC)
 CHUNK_BYTES_MAX: Final = 16 << 20
-"""Largest chunk or record that is read, stored or unpacked.  The recorder's chunks have 16 KiB and one record."""
+"""Largest chunk or record that is read, stored or unpacked.  The recorder's chunks have 16 KiB and
+one record."""
 SEARCHED_PER_BYTE: Final = 16
-"""Bytes of false starts that a search may read for each byte of the file: bytes made to mislead cannot hold it up."""
+"""Bytes of false starts that a search may read for each byte of the file: bytes made to mislead
+cannot hold it up."""
 
 _HEAD: Final = struct.Struct("<BQ")
 _MESSAGE_HEAD: Final = struct.Struct("<HIQQ")
 _CHUNK: Final = struct.Struct("<QQQI")
 _LENGTH: Final = struct.Struct("<Q")
-_HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK_OP, _INDEX, _METADATA, _DATA_END = 1, 2, 3, 4, 5, 6, 7, 12, 15
+_HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK_OP, _INDEX, _METADATA, _DATA_END = (
+    1,
+    2,
+    3,
+    4,
+    5,
+    6,
+    7,
+    12,
+    15,
+)
 _KNOWN: Final = range(1, 16)
 _BLOCK: Final = 1 << 20
 _ZSTD: Final = b"\x04\0\0\0zstd"
 _ZSTD_AT: Final = _HEAD.size + _CHUNK.size
-_UNREADABLE: Final = (McapError, zstandard.ZstdError, struct.error, ValueError, OverflowError, MemoryError)
+_UNREADABLE: Final = (
+    McapError,
+    zstandard.ZstdError,
+    struct.error,
+    ValueError,
+    OverflowError,
+    MemoryError,
+)
 """What bytes that are no record raise while they are read as one."""
 
 Content: TypeAlias = Channel | Message | Metadata
@@ -60,7 +80,8 @@ class _Damage(Exception):
 
 
 def scan(path: Path, metadata_name: str) -> Iterator[Content | Skipped | End]:
-    """Channels, messages and metadata that are whole, in order of writing; what was skipped; the end.
+    """Channels, messages and metadata that are whole, in order of writing; what was skipped; the
+    end.
 
     Parameters
     ----------
@@ -130,7 +151,11 @@ class _Scan:
         if len(head) < _HEAD.size:
             raise _Damage("the file ends within a record")
         opcode, length = _HEAD.unpack(head)
-        expected = opcode in _KNOWN if summary else opcode in (_HEADER, _CHUNK_OP, _INDEX, _METADATA, _DATA_END)
+        expected = (
+            opcode in _KNOWN
+            if summary
+            else opcode in (_HEADER, _CHUNK_OP, _INDEX, _METADATA, _DATA_END)
+        )
         if not expected:
             raise _Damage("zeros" if not any(head) else "no record starts here")
         if length > self._size - at - _HEAD.size:
@@ -156,17 +181,23 @@ class _Scan:
                 return [_whole(Channel, content)]
         except _UNREADABLE as error:
             raise _Damage(f"a damaged record ({type(error).__name__})") from error
-        if (opcode == _HEADER and not _two_strings(content)) or (opcode == _DATA_END and len(content) != 4):
+        if (opcode == _HEADER and not _two_strings(content)) or (
+            opcode == _DATA_END and len(content) != 4
+        ):
             raise _Damage("a damaged record")
         return []
 
     def _next_whole(self, at: int) -> int:
-        """Where the next whole chunk or metadata record starts at or after ``at``; the file's size without one."""
+        """Where the next whole chunk or metadata record starts at or after ``at``; the file's size
+        without one."""
         overlap = _ZSTD_AT + len(_ZSTD) + len(self._metadata)
         while at < self._size and self._search_left > 0:
             block = self._bytes(at, _BLOCK + overlap)
-            starts = {place - back for mark, back in ((_ZSTD, _ZSTD_AT), (self._metadata, _HEAD.size))
-                      for place in _places(block, mark)}
+            starts = {
+                place - back
+                for mark, back in ((_ZSTD, _ZSTD_AT), (self._metadata, _HEAD.size))
+                for place in _places(block, mark)
+            }
             for start in sorted(place for place in starts if 0 <= place < _BLOCK):
                 if block[start] in (_CHUNK_OP, _METADATA) and self._is_whole(at + start):
                     return at + start

@@ -1,6 +1,7 @@
 """``sd_notify`` on a socket: readiness, watchdog and status for systemd, never blocking.
 
-Protocol: sd_notify(3). Without an address every call does nothing, so the loops call it unconditionally.
+Protocol: sd_notify(3). Without an address every call does nothing, so the loops call it
+unconditionally.
 """
 
 from __future__ import annotations
@@ -15,7 +16,8 @@ class Notifier:
     Parameters
     ----------
     address
-        Value of ``NOTIFY_SOCKET`` (a path, or ``@name`` for an abstract socket); None or empty: silent.
+        Value of ``NOTIFY_SOCKET`` (a path, or ``@name`` for an abstract socket); None or empty:
+        silent.
     """
 
     def __init__(self, address: str | None) -> None:

@@ -1,9 +1,10 @@
 """The flight recording: which record lies on which MCAP topic, and how a file is read back.
 
-Records that only programs read again (cycles, snapshots, blocks) are msgpack, exact to the bit; those that
-people look at are JSON, so that any MCAP viewer shows them.  Log times are the host's monotonic nanoseconds;
-one :class:`WallClock` a second ties them to the calendar.  The ``orbitd`` metadata record at the start of
-each file, repeated on the way and at its end, holds the configuration and the versions that made it.
+Records that only programs read again (cycles, snapshots, blocks) are msgpack, exact to the bit;
+those that people look at are JSON, so that any MCAP viewer shows them.  Log times are the host's
+monotonic nanoseconds; one :class:`WallClock` a second ties them to the calendar.  The ``orbitd``
+metadata record at the start of each file, repeated on the way and at its end, holds the
+configuration and the versions that made it.
 """
 
 from __future__ import annotations
@@ -106,7 +107,8 @@ class Stored(NamedTuple):
 
 
 class Recording:
-    """A recording on disk, read front to back; what is whole in a damaged or interrupted one is as good as ever.
+    """A recording on disk, read front to back; what is whole in a damaged or interrupted one is as
+    good as ever.
 
     Parameters
     ----------
@@ -154,14 +156,18 @@ class Recording:
                 damage.add(item)
             elif isinstance(item, Metadata) and item.metadata != self.metadata:
                 if _is_ours(item):
-                    damage.note(f"another recording follows in the same file: left out ({item.metadata.get('orbitd')})")
+                    damage.note(
+                        f"another recording follows in the same file: left out "
+                        f"({item.metadata.get('orbitd')})"
+                    )
                     return
                 damage.note("a copy of the configuration is damaged")
             elif isinstance(item, End):
                 self.interrupted = not item.finished
 
     def _read_metadata(self) -> dict[str, str]:
-        """The first copy that is proven; a file of before the digest gives the first that is there."""
+        """The first copy that is proven; a file of before the digest gives the first that is
+        there."""
         unproven: dict[str, str] | None = None
         for item in self._scanned():
             if isinstance(item, Metadata) and _is_ours(item):
@@ -169,18 +175,24 @@ class Recording:
             if unproven is None and isinstance(item, Metadata) and _is_old(item):
                 unproven = dict(item.metadata)
         if unproven is None:
-            raise RecordingError(f"{self.path.name}: no MCAP file, or damaged all through: no whole '{METADATA_NAME}' "
-                                 "metadata is in it; give a file that orbitd recorded")
+            raise RecordingError(
+                f"{self.path.name}: no MCAP file, or damaged all through: no whole "
+                f"'{METADATA_NAME}' "
+                "metadata is in it; give a file that orbitd recorded"
+            )
         return self._of_this_format(unproven)
 
     def _of_this_format(self, found: dict[str, str]) -> dict[str, str]:
         if found.get("format") != FORMAT:
-            raise RecordingError(f"{self.path.name}: format {found.get('format')}, this program reads {FORMAT}; use "
-                                 f"the orbitd {found.get('orbitd')} that wrote it")
+            raise RecordingError(
+                f"{self.path.name}: format {found.get('format')}, this program reads {FORMAT}; use "
+                f"the orbitd {found.get('orbitd')} that wrote it"
+            )
         return found
 
     def _read_topics(self) -> dict[int, str]:
-        """Topic of every channel number; files of before this stood in the metadata are searched for it."""
+        """Topic of every channel number; files of before this stood in the metadata are searched
+        for it."""
         if "topics" in self.metadata:
             with contextlib.suppress(msgspec.DecodeError):
                 return msgspec.json.decode(self.metadata["topics"], type=dict[int, str])
@@ -190,12 +202,14 @@ class Recording:
         try:
             yield from scan(self.path, METADATA_NAME)
         except OSError as error:
-            raise RecordingError(f"{self.path}: cannot be read ({error.strerror}); give the path of a "
-                                 "recording") from error
+            raise RecordingError(
+                f"{self.path}: cannot be read ({error.strerror}); give the path of a recording"
+            ) from error
 
 
 class Damage:
-    """What a reading of a recording passed over, for people; at most :data:`NOTES_MAX` places are named."""
+    """What a reading of a recording passed over, for people; at most :data:`NOTES_MAX` places are
+    named."""
 
     def __init__(self) -> None:
         self.places = 0
@@ -211,8 +225,10 @@ class Damage:
         self._close("the end")
         self.places += 1
         self.skipped_bytes += skipped.end - skipped.start
-        self._open = (f"bytes {skipped.start} to {skipped.end} skipped ({skipped.cause}), "
-                      f"from {self._after(self._last_ns)} to ")
+        self._open = (
+            f"bytes {skipped.start} to {skipped.end} skipped ({skipped.cause}), "
+            f"from {self._after(self._last_ns)} to "
+        )
 
     def resume(self, t_ns: int) -> None:
         """A message that is whole was written at ``t_ns``."""
@@ -232,7 +248,11 @@ class Damage:
         self._close("the end")
         more = [f"and {self.places - NOTES_MAX} places more"] if self.places > NOTES_MAX else []
         lost = self.messages_without_topic
-        return [*self._notes, *more, *([f"{lost} messages of an unknown channel left out"] if lost else [])]
+        return [
+            *self._notes,
+            *more,
+            *([f"{lost} messages of an unknown channel left out"] if lost else []),
+        ]
 
     def _close(self, until: str) -> None:
         if self._open:
@@ -257,7 +277,9 @@ def _digest(pairs: Mapping[str, str]) -> str:
 
 def _is_ours(record: Metadata) -> bool:
     """Whether ``record`` is a whole head of a recording."""
-    return bool(record.name == METADATA_NAME and record.metadata.get("digest") == _digest(record.metadata))
+    return bool(
+        record.name == METADATA_NAME and record.metadata.get("digest") == _digest(record.metadata)
+    )
 
 
 def _is_old(record: Metadata) -> bool:
@@ -276,9 +298,14 @@ def decode_exact(stored: Stored, record_type: type[T]) -> T:
     RecordingError
         Another version wrote it, and this one does not know its fields.
     """
-    decode = msgspec.msgpack.decode if TOPICS[record_type].encoding == "msgpack" else msgspec.json.decode
+    decode = (
+        msgspec.msgpack.decode if TOPICS[record_type].encoding == "msgpack" else msgspec.json.decode
+    )
     try:
         return decode(stored.data, type=record_type)
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        raise RecordingError(f"a {record_type.__name__} in the recording does not fit this version ({error}); use the "
-                             "orbitd that wrote it") from error
+        raise RecordingError(
+            f"a {record_type.__name__} in the recording does not fit this version ({error}); use "
+            f"the "
+            "orbitd that wrote it"
+        ) from error

@@ -1,4 +1,5 @@
-"""Starts processes, keeps them alive, stops them: for laptops and demos, where systemd is not at hand."""
+"""Starts processes, keeps them alive, stops them: for laptops and demos, where systemd is not at
+hand."""
 
 from __future__ import annotations
 
@@ -36,7 +37,8 @@ GOOD_START_S: Final = 5.0
 FROM_OUTSIDE: Final = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
 
 WRONG_INPUT: Final = 2
-"""Exit code of a process whose configuration, files or options are wrong: that never mends itself."""
+"""Exit code of a process whose configuration, files or options are wrong: that never mends
+itself."""
 
 LAST_LINES: Final = 5
 LAST_BYTES: Final = 4096
@@ -55,7 +57,8 @@ class _Running:
 
 @dataclass(frozen=True)
 class Exit:
-    """A process that ended without being asked to; ``restart_in_s`` is None when it is not started again."""
+    """A process that ended without being asked to; ``restart_in_s`` is None when it is not started
+    again."""
 
     name: str
     code: int
@@ -66,7 +69,11 @@ class Exit:
     @property
     def cause(self) -> str:
         """How it ended, for a person."""
-        return f"by {signal.Signals(-self.code).name}" if self.code < 0 else f"with exit code {self.code}"
+        return (
+            f"by {signal.Signals(-self.code).name}"
+            if self.code < 0
+            else f"with exit code {self.code}"
+        )
 
 
 @dataclass
@@ -86,7 +93,11 @@ class Supervisor:
             if child.restart_at_s is not None:
                 if now_s >= child.restart_at_s:
                     again = _begin(child.program, now_s)
-                    child.process, child.log_at, child.started_s = again.process, again.log_at, now_s
+                    child.process, child.log_at, child.started_s = (
+                        again.process,
+                        again.log_at,
+                        now_s,
+                    )
                     child.restart_at_s = None
                     child.starts += 1
             elif (code := child.process.poll()) is not None:
@@ -100,7 +111,13 @@ class Supervisor:
         pause_s = None if code == WRONG_INPUT else child.pause_s
         child.restart_at_s = math.inf if pause_s is None else now_s + pause_s
         child.pause_s = max(child.program.restart_after_s, min(PAUSE_MAX_S, 2.0 * child.pause_s))
-        return Exit(child.program.name, code, child.starts, pause_s, last_words(child.program.log, child.log_at))
+        return Exit(
+            child.program.name,
+            code,
+            child.starts,
+            pause_s,
+            last_words(child.program.log, child.log_at),
+        )
 
     def pid(self, name: str) -> int:
         """Process id of ``name`` as last started."""
@@ -112,7 +129,8 @@ class Supervisor:
             self._children[name].process.send_signal(sig)
 
     def stop(self, timeout_s: float = 3.0) -> None:
-        """Ask all to stop, in reverse order of their start; kill those that do not within ``timeout_s``."""
+        """Ask all to stop, in reverse order of their start; kill those that do not within
+        ``timeout_s``."""
         children = [c for c in reversed(self._children.values()) if c.restart_at_s is None]
         for child in children:
             child.process.terminate()
@@ -131,7 +149,8 @@ _PR_SET_PDEATHSIG = 1
 
 
 def die_with_parent() -> None:
-    """Ask the kernel to end this child when its supervisor dies, however that happens (prctl(2))."""
+    """Ask the kernel to end this child when its supervisor dies, however that happens
+    (prctl(2))."""
     _libc.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
 
 
@@ -164,5 +183,8 @@ def _spawn(program: Program) -> subprocess.Popen[bytes]:
             stderr=log,
             start_new_session=True,
             preexec_fn=die_with_parent,
-            env={"OMP_NUM_THREADS": "1", **os.environ},  # as the service units: matrices are small, threads only spin
+            env={
+                "OMP_NUM_THREADS": "1",
+                **os.environ,
+            },  # as the service units: matrices are small, threads only spin
         )

@@ -34,10 +34,15 @@ def load(path: Path) -> Any:
     data = path.read_bytes()
     digest, payload = data[:_DIGEST_BYTES], data[_DIGEST_BYTES:]
     if hashlib.sha256(payload).digest() != digest:
-        raise CheckpointError(f"{path}: checkpoint of {len(data)} bytes is damaged (SHA-256 differs); nothing was "
-                              "overwritten: delete that file to repeat its step, or train without --resume")
+        raise CheckpointError(
+            f"{path}: checkpoint of {len(data)} bytes is damaged (SHA-256 differs); nothing was "
+            "overwritten: delete that file to repeat its step, or train without --resume"
+        )
     try:
         return pickle.loads(payload)
     except (AttributeError, ImportError, pickle.UnpicklingError) as error:
-        raise CheckpointError(f"{path}: checkpoint of another version of the code ({error}); nothing was overwritten: "
-                              "delete the folder, or train without --resume") from error
+        raise CheckpointError(
+            f"{path}: checkpoint of another version of the code ({error}); nothing was "
+            f"overwritten: "
+            "delete the folder, or train without --resume"
+        ) from error

@@ -1,4 +1,5 @@
-"""``orbitd evaluate MODEL --seed N``: judge a model on builds, duties and noise that follow from N."""
+"""``orbitd evaluate MODEL --seed N``: judge a model on builds, duties and noise that follow from
+N."""
 
 from __future__ import annotations
 
@@ -17,16 +18,36 @@ EXIT_BAD_INPUT = 2
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="orbitd evaluate", description=__doc__)
     parser.add_argument("model", choices=tuple(_JUDGES))
-    parser.add_argument("--seed", type=seed, default=1, help="decides every build, duty and noise of the judgement")
+    parser.add_argument(
+        "--seed", type=seed, default=1, help="decides every build, duty and noise of the judgement"
+    )
     parser.add_argument("--file", type=Path, help="model file to judge (default: the shipped one)")
-    parser.add_argument("--size", "--episodes", type=count, help="films, builds or episodes (default: as in training)")
-    parser.add_argument("--rate-hz", type=int, default=5000, choices=(5000, 10000), help="classifier: sampling rate")
-    parser.add_argument("--data", type=Path, help="classifier: measured recordings (models/diagnosis/DATASET.md)")
-    parser.add_argument("--group", default="group", help="with --data: column whose values are left out one by one")
-    parser.add_argument("--out", type=Path, default=Path("runs"), help="folder where recordings are kept")
+    parser.add_argument(
+        "--size",
+        "--episodes",
+        type=count,
+        help="films, builds or episodes (default: as in training)",
+    )
+    parser.add_argument(
+        "--rate-hz", type=int, default=5000, choices=(5000, 10000), help="classifier: sampling rate"
+    )
+    parser.add_argument(
+        "--data", type=Path, help="classifier: measured recordings (models/diagnosis/DATASET.md)"
+    )
+    parser.add_argument(
+        "--group", default="group", help="with --data: column whose values are left out one by one"
+    )
+    parser.add_argument(
+        "--out", type=Path, default=Path("runs"), help="folder where recordings are kept"
+    )
     parser.add_argument("--qualify", action="store_true",
-                        help="frozen evaluation (its own seed and size) against bars.toml; marks the file")  # fmt: skip
-    parser.add_argument("--ship", action="store_true", help="with --qualify: ship it unless the shipped one is better")
+                        help="frozen evaluation (its own seed and size) against bars.toml; marks "
+                             "the file")  # fmt: skip
+    parser.add_argument(
+        "--ship",
+        action="store_true",
+        help="with --qualify: ship it unless the shipped one is better",
+    )
     parser.add_argument("--json", action="store_true", help="print JSON instead of lines")
     return parser
 
@@ -35,11 +56,19 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Entry of ``orbitd evaluate``; returns the exit code."""
     args = _parser().parse_args(argv)
     if args.data and args.model != "classifier":
-        print(f"orbitd evaluate: --data: recordings judge the classifier, not the {args.model}", file=sys.stderr)
+        print(
+            f"orbitd evaluate: --data: recordings judge the classifier, not the {args.model}",
+            file=sys.stderr,
+        )
         return EXIT_BAD_INPUT
-    path = args.file or ARTIFACTS / f"{args.model}{'.json' if args.model == 'predictor' else '.onnx'}"
+    path = (
+        args.file or ARTIFACTS / f"{args.model}{'.json' if args.model == 'predictor' else '.onnx'}"
+    )
     if not (args.data or path.is_file()):
-        print(f"orbitd evaluate: {path}: no such file; train one with `orbitd train {args.model}`", file=sys.stderr)
+        print(
+            f"orbitd evaluate: {path}: no such file; train one with `orbitd train {args.model}`",
+            file=sys.stderr,
+        )
         return EXIT_BAD_INPUT
     try:
         judge = _qualified if args.qualify else _judged
@@ -101,7 +130,10 @@ def _measured(args: argparse.Namespace) -> dict[str, object]:
     from models.diagnosis.measured_features import windows_of
 
     data = windows_of(read_folder(args.data, args.group))
-    return {**measured.evaluate(data, args.seed), "fit_normal_then_detect": measured_normal.detect(data)}
+    return {
+        **measured.evaluate(data, args.seed),
+        "fit_normal_then_detect": measured_normal.detect(data),
+    }
 
 
 def _actor(path: Path, args: argparse.Namespace) -> dict[str, object]:
@@ -119,5 +151,9 @@ _JUDGES = {
 def _lines(report: object, prefix: str = "") -> list[str]:
     """One ``a.b.c = value`` a figure."""
     if isinstance(report, dict):
-        return [line for key, item in report.items() for line in _lines(item, f"{prefix}.{key}".lstrip("."))]
+        return [
+            line
+            for key, item in report.items()
+            for line in _lines(item, f"{prefix}.{key}".lstrip("."))
+        ]
     return [f"{prefix} = {report}"]

@@ -53,7 +53,9 @@ class Metadata:
     def properties(self) -> dict[str, str]:
         """All fields as strings, with the commit that made the file."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
-        texts = {k: v if isinstance(v, str) else json.dumps(v, sort_keys=True) for k, v in values.items()}
+        texts = {
+            k: v if isinstance(v, str) else json.dumps(v, sort_keys=True) for k, v in values.items()
+        }
         return {**texts, "commit": _commit()}
 
 
@@ -80,7 +82,8 @@ def export(
     """
     if len(metadata.inputs) != example.shape[1]:
         raise ExportError(
-            f"{metadata.kind}: metadata names {len(metadata.inputs)} inputs, the graph takes {example.shape[1]}"
+            f"{metadata.kind}: metadata names {len(metadata.inputs)} inputs, the graph takes "
+            f"{example.shape[1]}"
         )
     buffer: Any = io.BytesIO()  # the stubs know only paths, the exporter also takes a stream
     with warnings.catch_warnings():
@@ -103,14 +106,20 @@ def session(path: Path) -> onnxruntime.InferenceSession:
     """One-thread session on the bytes of ``path``."""
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
-    return onnxruntime.InferenceSession(path.read_bytes(), options, providers=["CPUExecutionProvider"])
+    return onnxruntime.InferenceSession(
+        path.read_bytes(), options, providers=["CPUExecutionProvider"]
+    )
 
 
 def milliseconds_per_call(path: Path, calls: int = 300) -> float:
     """Median time of one answer for one row, one thread."""
     run = session(path)
     given = run.get_inputs()[0]
-    row = {given.name: np.zeros((1, given.shape[1]), np.float64 if "double" in given.type else np.float32)}
+    row = {
+        given.name: np.zeros(
+            (1, given.shape[1]), np.float64 if "double" in given.type else np.float32
+        )
+    }
     times = []
     for _ in range(calls):
         started = time.perf_counter()
@@ -120,7 +129,8 @@ def milliseconds_per_call(path: Path, calls: int = 300) -> float:
 
 
 def parity(module: torch.nn.Module, path: Path, x: NDArray[np.generic]) -> float:
-    """Largest difference between ``module`` and the file over inputs ``x``, relative to ``|y| + mean |y|``."""
+    """Largest difference between ``module`` and the file over inputs ``x``, relative to ``|y| +
+    mean |y|``."""
     with torch.no_grad():
         expected = module.eval()(torch.from_numpy(x))
     expected = expected if isinstance(expected, tuple) else (expected,)

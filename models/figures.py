@@ -18,7 +18,8 @@ Floats = NDArray[np.float64]
 
 
 def classifier(folder: Path, decisions: Decisions) -> None:
-    """Confusion of the classes, reliability of the named one, and the share named rightly over the severities."""
+    """Confusion of the classes, reliability of the named one, and the share named rightly over the
+    severities."""
 
     def confusion(axes: Any) -> None:
         counts = np.zeros((len(CLASSES), len(CLASSES)))
@@ -26,7 +27,15 @@ def classifier(folder: Path, decisions: Decisions) -> None:
         share = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
         axes.imshow(share, cmap="Blues", vmin=0.0, vmax=1.0)
         for (row, column), value in np.ndenumerate(share):
-            axes.text(column, row, f"{value:.2f}", ha="center", va="center", fontsize=7, color="wk"[int(value < 0.6)])
+            axes.text(
+                column,
+                row,
+                f"{value:.2f}",
+                ha="center",
+                va="center",
+                fontsize=7,
+                color="wk"[int(value < 0.6)],
+            )
         names = [name.replace("_", " ") for name in CLASSES]
         axes.set_xticks(range(len(names)), names, rotation=30, ha="right", fontsize=7)
         axes.set_yticks(range(len(names)), names, fontsize=7)
@@ -44,12 +53,20 @@ def classifier(folder: Path, decisions: Decisions) -> None:
         axes.legend(fontsize=7)
 
     _figure(folder / "confusion.png", confusion, x="named", y="true")
-    _figure(folder / "reliability.png", reliability, x="probability of the named class", y="share right")
-    _figure(folder / "severity.png", severity, x="preload left, %, or balance grade G", y="share named rightly")
+    _figure(
+        folder / "reliability.png", reliability, x="probability of the named class", y="share right"
+    )
+    _figure(
+        folder / "severity.png",
+        severity,
+        x="preload left, %, or balance grade G",
+        y="share named rightly",
+    )
 
 
 def actor(folder: Path, report: dict[str, Any]) -> None:
-    """For each scoreboard: returns over training steps, power against time in violation, every agent's power."""
+    """For each scoreboard: returns over training steps, power against time in violation, every
+    agent's power."""
     with (folder / "metrics.csv").open(encoding="utf-8") as stream:
         logged = list(csv.DictReader(stream))
     for board in ("clearance", "pair"):
@@ -60,7 +77,12 @@ def actor(folder: Path, report: dict[str, Any]) -> None:
                 y="return of an episode")  # fmt: skip
         _figure(folder / f"{board}_pareto.png", partial(_pareto, found=found), x="time in violation, s",
                 y="mean power, W")  # fmt: skip
-        _figure(folder / f"{board}_agents.png", partial(_agents, found=found), x="agent", y="mean power, W")
+        _figure(
+            folder / f"{board}_agents.png",
+            partial(_agents, found=found),
+            x="agent",
+            y="mean power, W",
+        )
 
 
 def _curves(axes: Any, *, rows: Floats) -> None:
@@ -77,18 +99,29 @@ def _curves(axes: Any, *, rows: Floats) -> None:
 
 
 def _pareto(axes: Any, *, found: dict[str, Any]) -> None:
-    """Every policy and agent, filled behind the shield, open without it; both references as lines."""
+    """Every policy and agent, filled behind the shield, open without it; both references as
+    lines."""
     for name, row in found["policies"].items():
         alone = name.endswith("_without_shield")
-        axes.plot(row["violation_s"], row["power_W"], "s", mfc="none" if alone else None, color="C1" if alone else "C0")
+        axes.plot(
+            row["violation_s"],
+            row["power_W"],
+            "s",
+            mfc="none" if alone else None,
+            color="C1" if alone else "C0",
+        )
         text = name.removesuffix("_without_shield").replace("_", " ")
         axes.annotate(text, (row["violation_s"], row["power_W"]), fontsize=6)
     for key, look in (("ddpg_all_seeds", {}), ("ddpg_all_seeds_without_shield", {"mfc": "none"})):
         rows = found[key]
-        axes.plot(rows["violation_s_each_seed"], rows["power_W_each_seed"], ".", color="0.3", **look)
+        axes.plot(
+            rows["violation_s_each_seed"], rows["power_W_each_seed"], ".", color="0.3", **look
+        )
     for name, power in {**found["references_W"], "best fixed": found["best_fixed_W"]}.items():
         axes.axhline(power, ls="--", lw=0.8, color="0.4")
-        axes.annotate(name, (0.98, power), xycoords=("axes fraction", "data"), fontsize=6, ha="right")
+        axes.annotate(
+            name, (0.98, power), xycoords=("axes fraction", "data"), fontsize=6, ha="right"
+        )
     axes.set_xscale("symlog", linthresh=1.0)
     axes.set_xlim(left=-0.3)
     axes.set_title("open: without the shield; dots: every DDPG agent", fontsize=7)

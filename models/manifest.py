@@ -11,7 +11,10 @@ from pathlib import Path
 def write_manifest(folder: Path) -> None:
     """Renew ``manifest.json`` from every file in ``folder`` that the device loads."""
     files = {
-        path.name: {"sha256": hashlib.sha256(path.read_bytes()).hexdigest(), "bytes": path.stat().st_size}
+        path.name: {
+            "sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
+            "bytes": path.stat().st_size,
+        }
         for path in sorted([*folder.glob("*.onnx"), *folder.glob("predictor.json")])
     }
     text = json.dumps({"schema": 1, "files": files}, indent=2, sort_keys=True) + "\n"

@@ -1,8 +1,10 @@
-"""``orbitd evaluate MODEL --qualify``: judge a model on the frozen evaluation against bars that training never reads.
+"""``orbitd evaluate MODEL --qualify``: judge a model on the frozen evaluation against bars that
+training never reads.
 
-A model is called qualified only when every bar of ``bars.toml`` holds, and takes the shipped one's place only when
-it was made for this physics and is not worse than the shipped one on the same evaluation: one that keeps every bar
-comes before one that does not, and between equals one figure decides.
+A model is called qualified only when every bar of ``bars.toml`` holds, and takes the shipped one's
+place only when it was made for this physics and is not worse than the shipped one on the same
+evaluation: one that keeps every bar comes before one that does not, and between equals one figure
+decides.
 """
 
 from __future__ import annotations
@@ -41,7 +43,9 @@ class Bar(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         """Whether ``value`` keeps the limit; a figure that the report lacks does not."""
         if value is None:
             return False
-        return (self.least is None or value >= self.least) and (self.most is None or value <= self.most)
+        return (self.least is None or value >= self.least) and (
+            self.most is None or value <= self.most
+        )
 
 
 class Better(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -77,16 +81,26 @@ def load_bars() -> dict[str, Bars]:
     return msgspec.convert(tomllib.loads(text), dict[str, Bars])
 
 
-def qualify(kind: str, path: Path, evaluate: Evaluate, *, ship: bool, artifacts: Path = ARTIFACTS,
-            bars: Bars | None = None) -> dict[str, object]:
-    """Judge ``path``, write its status into it, and with ``ship`` put it in the place of the shipped model.
+def qualify(
+    kind: str,
+    path: Path,
+    evaluate: Evaluate,
+    *,
+    ship: bool,
+    artifacts: Path = ARTIFACTS,
+    bars: Bars | None = None,
+) -> dict[str, object]:
+    """Judge ``path``, write its status into it, and with ``ship`` put it in the place of the
+    shipped model.
 
-    A file that carries this verdict already stays byte for byte as it is: timings alone renew nothing.
+    A file that carries this verdict already stays byte for byte as it is: timings alone renew
+    nothing.
 
     Raises
     ------
     QualifyError
-        Made for another physics, damaged, or (with ``ship``) worse than the shipped model; nothing was changed.
+        Made for another physics, damaged, or (with ``ship``) worse than the shipped model; nothing
+        was changed.
     """
     bars = bars or load_bars()[kind]
     _check_physics(path)
@@ -96,7 +110,12 @@ def qualify(kind: str, path: Path, evaluate: Evaluate, *, ship: bool, artifacts:
     shipped = artifacts / path.name
     if ship and shipped.is_file() and shipped.resolve() != path.resolve() and _alike(path, shipped):
         _check_not_worse(path, bars, report, evaluate(shipped, bars.seed, bars.size))
-    verdict = {"qualified": qualified, "seed": bars.seed, "size": bars.size, "bars": [asdict(row) for row in rows]}
+    verdict = {
+        "qualified": qualified,
+        "seed": bars.seed,
+        "size": bars.size,
+        "bars": [asdict(row) for row in rows],
+    }
     status = "qualified" if qualified else "provisional"
     if not _carries(path, status, verdict):
         _mark(path, status, verdict)
@@ -118,8 +137,10 @@ def figure(report: Mapping[str, Any], dotted: str) -> float | None:
 def _check_physics(path: Path) -> None:
     made_for = metadata(path).get("physics_version")
     if made_for != PHYSICS_VERSION:
-        raise QualifyError(f"{path}: physics_version {made_for!r}, this checkout simulates {PHYSICS_VERSION!r}: "
-                           "train it again; nothing was changed")
+        raise QualifyError(
+            f"{path}: physics_version {made_for!r}, this checkout simulates {PHYSICS_VERSION!r}: "
+            "train it again; nothing was changed"
+        )
 
 
 def metadata(path: Path) -> dict[str, str]:
@@ -135,45 +156,69 @@ def metadata(path: Path) -> dict[str, str]:
             return dict(json.loads(path.read_text(encoding="utf-8")))
         return Session(path.name, path.read_bytes()).metadata
     except (OSError, ValueError, ModelError) as error:
-        raise QualifyError(f"{path}: no model that can be read ({error}); train and export it again") from error
+        raise QualifyError(
+            f"{path}: no model that can be read ({error}); train and export it again"
+        ) from error
 
 
 def _alike(path: Path, shipped: Path) -> bool:
-    """Whether both were made for the same physics and from the same inputs; else there is nothing to compare."""
+    """Whether both were made for the same physics and from the same inputs; else there is nothing
+    to compare."""
     new, old = metadata(path), metadata(shipped)
     return all(new.get(key) == old.get(key) for key in ("physics_version", "inputs"))
 
 
 def _judged(bars: Bars, report: Mapping[str, Any]) -> list[Judged]:
-    return [Judged(bar.figure, value, bar.least, bar.most, bar.holds(value))
-            for bar in bars.bar for value in (figure(report, bar.figure),)]
+    return [
+        Judged(bar.figure, value, bar.least, bar.most, bar.holds(value))
+        for bar in bars.bar
+        for value in (figure(report, bar.figure),)
+    ]
 
 
-def _check_not_worse(path: Path, bars: Bars, report: Mapping[str, Any], shipped: Mapping[str, Any]) -> None:
-    """Whoever keeps every bar comes before whoever does not; between equals the figure ``bars.better`` decides."""
+def _check_not_worse(
+    path: Path, bars: Bars, report: Mapping[str, Any], shipped: Mapping[str, Any]
+) -> None:
+    """Whoever keeps every bar comes before whoever does not; between equals the figure
+    ``bars.better`` decides."""
     figure_name, good = bars.better.figure, bars.better.good
     new, old = figure(report, figure_name), figure(shipped, figure_name)
     if new is None:
         raise QualifyError(f"{path}: the evaluation gives no {figure_name}; nothing was changed")
     keeps, kept = (all(row.holds for row in _judged(bars, r)) for r in (report, shipped))
     if kept and not keeps:
-        raise QualifyError(f"{path}: misses a bar that the shipped model keeps on the same evaluation: it stays; "
-                           "nothing was changed")
+        raise QualifyError(
+            f"{path}: misses a bar that the shipped model keeps on the same evaluation: it stays; "
+            "nothing was changed"
+        )
     if keeps == kept and old is not None and (new > old if good == "least" else new < old):
-        raise QualifyError(f"{path}: {figure_name} = {new:g}, the shipped model reaches {old:g} on the same "
-                           "evaluation: it stays; nothing was changed")
+        raise QualifyError(
+            f"{path}: {figure_name} = {new:g}, the shipped model reaches {old:g} on the same "
+            "evaluation: it stays; nothing was changed"
+        )
 
 
 def _carries(path: Path, status: str, verdict: Mapping[str, Any]) -> bool:
     """Whether the file and its report say all of this already, but for how long a call took."""
     report = path.with_suffix(".json")
-    told = json.loads(report.read_text(encoding="utf-8")).get("frozen_evaluation") if report.is_file() else None
-    return metadata(path).get("status") == status and told is not None and _untimed(told) == _untimed(verdict)
+    told = (
+        json.loads(report.read_text(encoding="utf-8")).get("frozen_evaluation")
+        if report.is_file()
+        else None
+    )
+    return (
+        metadata(path).get("status") == status
+        and told is not None
+        and _untimed(told) == _untimed(verdict)
+    )
 
 
 def _untimed(verdict: Mapping[str, Any]) -> dict[str, object]:
     """``verdict`` without what was reached in milliseconds."""
-    bars = [bar | {"reached": None} if bar["figure"].startswith("milliseconds") else bar for bar in verdict["bars"]]
+    bars = [
+        bar | {"reached": None} if bar["figure"].startswith("milliseconds") else bar
+        for bar in verdict["bars"]
+    ]
     return {**verdict, "bars": bars}
 
 

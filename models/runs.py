@@ -1,4 +1,5 @@
-"""The runs folder: settings beside the weights, metrics as they come, checkpoints, a report, figures and cards."""
+"""The runs folder: settings beside the weights, metrics as they come, checkpoints, a report,
+figures and cards."""
 
 from __future__ import annotations
 
@@ -16,7 +17,14 @@ from typing import Annotated, Any, TypeVar
 import msgspec
 import numpy as np
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TaskID,
+    TextColumn,
+    TimeRemainingColumn,
+)
 
 from models import checkpoint
 
@@ -44,7 +52,9 @@ def load_settings(kind: type[S], path: Path | None) -> S:
     try:
         return msgspec.convert(tomllib.loads(path.read_text(encoding="utf-8")), kind)
     except (OSError, UnicodeDecodeError) as error:
-        raise SettingsError(f"{path}: cannot be read ({error}); give the path of a TOML file") from error
+        raise SettingsError(
+            f"{path}: cannot be read ({error}); give the path of a TOML file"
+        ) from error
     except (tomllib.TOMLDecodeError, msgspec.ValidationError) as error:
         known = ", ".join(kind.__struct_fields__)
         raise SettingsError(f"{path}: {error}; known keys: {known}") from error
@@ -62,14 +72,30 @@ class Run:
     settings
         Saved as ``config.json``.
     resume
-        Go on from the checkpoints of the same folder, which must have been made with the same settings.
+        Go on from the checkpoints of the same folder, which must have been made with the same
+        settings.
     config
         The file that the settings came from, for the line that reproduces the run.
     """
 
-    def __init__(self, out: Path, kind: str, seed: int, settings: Settings, *, smoke: bool, resume: bool = False,
-                 config: Path | None = None) -> None:
-        self.kind, self.seed, self.settings, self.smoke, self._config = kind, seed, settings, smoke, config
+    def __init__(
+        self,
+        out: Path,
+        kind: str,
+        seed: int,
+        settings: Settings,
+        *,
+        smoke: bool,
+        resume: bool = False,
+        config: Path | None = None,
+    ) -> None:
+        self.kind, self.seed, self.settings, self.smoke, self._config = (
+            kind,
+            seed,
+            settings,
+            smoke,
+            config,
+        )
         self.folder = out / f"{kind}-seed{seed}{'-smoke' if smoke else ''}"
         self.folder.mkdir(parents=True, exist_ok=True)
         self._board: Any = None
@@ -87,9 +113,13 @@ class Run:
     def _check_same(self, content: object) -> None:
         path = self.folder / "config.json"
         if not path.is_file():
-            raise SettingsError(f"{path}: not there, so there is nothing to resume; train without --resume")
+            raise SettingsError(
+                f"{path}: not there, so there is nothing to resume; train without --resume"
+            )
         if json.loads(path.read_text(encoding="utf-8")) != json.loads(json.dumps(content)):
-            raise SettingsError(f"{path}: made with other settings; give the same ones, or train without --resume")
+            raise SettingsError(
+                f"{path}: made with other settings; give the same ones, or train without --resume"
+            )
 
     @property
     def model(self) -> Path:
@@ -105,7 +135,9 @@ class Run:
     def command(self) -> str:
         """Exact line that reproduces this run."""
         config = f" --config {self._config}" if self._config else ""
-        return f"orbitd train {self.kind} --seed {self.seed}{config}{' --smoke' if self.smoke else ''}"
+        return (
+            f"orbitd train {self.kind} --seed {self.seed}{config}{' --smoke' if self.smoke else ''}"
+        )
 
     def has(self, name: str) -> bool:
         """Whether the checkpoint ``name`` is there."""
@@ -115,9 +147,11 @@ class Run:
         return self.folder / "checkpoints" / f"{name}.ckpt"
 
     def kept(self, name: str, work: Callable[[], T], rng: np.random.Generator | None = None) -> T:
-        """The result of ``work``, done once: a resumed training takes it from the checkpoint ``name``.
+        """The result of ``work``, done once: a resumed training takes it from the checkpoint
+        ``name``.
 
-        ``rng`` goes on as if the work had been done now, so that what follows draws the same numbers.
+        ``rng`` goes on as if the work had been done now, so that what follows draws the same
+        numbers.
 
         Raises
         ------
@@ -136,7 +170,8 @@ class Run:
         return done
 
     def log(self, row: Mapping[str, object]) -> None:
-        """Append a row to ``metrics.csv`` (the first names the columns) and its numbers to the TensorBoard events."""
+        """Append a row to ``metrics.csv`` (the first names the columns) and its numbers to the
+        TensorBoard events."""
         path = self.folder / "metrics.csv"
         first = not path.exists()
         with path.open("a", newline="", encoding="utf-8") as stream:
@@ -144,7 +179,9 @@ class Run:
             if first:
                 writer.writeheader()
             writer.writerow(row)
-        numbers = {name: float(value) for name, value in row.items() if isinstance(value, (int, float))}
+        numbers = {
+            name: float(value) for name, value in row.items() if isinstance(value, (int, float))
+        }
         self._logged += 1
         step = int(numbers.pop("step", self._logged))
         for name, value in numbers.items():
@@ -172,8 +209,14 @@ class Run:
 
 @contextmanager
 def progress_bar(text: str, total: int) -> Iterator[ProgressTo]:
-    """A progress bar; the yielded object is called with the work done so far.  Only the main process shows any."""
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    """A progress bar; the yielded object is called with the work done so far.  Only the main
+    process shows any."""
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+    )
     hidden = multiprocessing.parent_process() is not None
     with Progress(*columns, console=Console(stderr=True), transient=False, disable=hidden) as bar:
         to = ProgressTo(bar, bar.add_task(text, total=total))

@@ -1,4 +1,5 @@
-"""``orbitd train MODEL``: train, judge, export; ``orbitd evaluate MODEL --file FILE --qualify --ship`` ships it."""
+"""``orbitd train MODEL``: train, judge, export; ``orbitd evaluate MODEL --file FILE --qualify
+--ship`` ships it."""
 
 from __future__ import annotations
 
@@ -31,12 +32,22 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="orbitd train", description=__doc__)
     parser.add_argument("model", choices=tuple(TRAINERS))
     parser.add_argument("--seed", type=seed, default=0, help="every random number follows from it")
-    parser.add_argument("--smoke", action="store_true", help="the same steps in seconds, a model for tests only")
+    parser.add_argument(
+        "--smoke", action="store_true", help="the same steps in seconds, a model for tests only"
+    )
     parser.add_argument("--config", type=Path, help="TOML file with training settings")
-    parser.add_argument("--data", type=Path, help="classifier: measured recordings (models/diagnosis/DATASET.md)")
-    parser.add_argument("--group", default="group", help="with --data: column whose values never cross a split")
-    parser.add_argument("--out", type=Path, default=Path("runs"), help="folder for the run (default: runs)")
-    parser.add_argument("--resume", action="store_true", help="go on where the same training was interrupted")
+    parser.add_argument(
+        "--data", type=Path, help="classifier: measured recordings (models/diagnosis/DATASET.md)"
+    )
+    parser.add_argument(
+        "--group", default="group", help="with --data: column whose values never cross a split"
+    )
+    parser.add_argument(
+        "--out", type=Path, default=Path("runs"), help="folder for the run (default: runs)"
+    )
+    parser.add_argument(
+        "--resume", action="store_true", help="go on where the same training was interrupted"
+    )
     return parser
 
 
@@ -44,7 +55,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Entry of ``orbitd train``; returns the exit code."""
     args = _parser().parse_args(argv)
     if args.data and args.model != "classifier":
-        print(f"orbitd train: --data: recordings train a classifier, not the {args.model}", file=sys.stderr)
+        print(
+            f"orbitd train: --data: recordings train a classifier, not the {args.model}",
+            file=sys.stderr,
+        )
         return EXIT_BAD_INPUT
     try:
         report = _train(args)
@@ -57,12 +71,22 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _train(args: argparse.Namespace) -> dict[str, object]:
     name = "measured_model" if args.data else args.model
-    trainer = importlib.import_module(MEASURED if args.data else TRAINERS[name])  # brings torch: only the one asked for
+    trainer = importlib.import_module(
+        MEASURED if args.data else TRAINERS[name]
+    )  # brings torch: only the one asked for
     settings = load_settings(trainer.SETTINGS, args.config)
     settings = settings.smoked() if args.smoke else settings
     if args.data:
         settings = msgspec.structs.replace(settings, data=str(args.data), group=args.group)
-    run = Run(args.out, name, args.seed, settings, smoke=args.smoke, resume=args.resume, config=args.config)
+    run = Run(
+        args.out,
+        name,
+        args.seed,
+        settings,
+        smoke=args.smoke,
+        resume=args.resume,
+        config=args.config,
+    )
     with closing(run):
         report: dict[str, object] = trainer.train(run, settings)
     return report

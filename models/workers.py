@@ -30,7 +30,8 @@ def map_in_order(make: Callable[[T], R], items: Sequence[T], workers: int) -> It
 def _single_threaded() -> Iterator[None]:
     """Processes that start meanwhile compute with one thread, unless the user says otherwise.
 
-    With as many threads as cores in each of as many processes they wait for each other: twice the time.
+    With as many threads as cores in each of as many processes they wait for each other: twice the
+    time.
     """
     added = [name for name in THREADS if name not in os.environ]
     os.environ.update(dict.fromkeys(added, "1"))

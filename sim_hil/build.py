@@ -1,4 +1,5 @@
-"""One build of a rig: how this example differs from the drawing, within the spread of ``classes.json``."""
+"""One build of a rig: how this example differs from the drawing, within the spread of
+``classes.json``."""
 
 from __future__ import annotations
 
@@ -29,8 +30,8 @@ def unbalance_of_grade(rig: RigData, grade: float) -> float:
 class Build:
     """Factors (1 = as drawn) and absolute errors of one build.
 
-    ``bolt``: stiffness factors of the four pedestal and four motor bolts.  ``bolt_gap_m``: how far each
-    would back off when loose.  ``gain``, ``zero``: calibration of the channels, SI.
+    ``bolt``: stiffness factors of the four pedestal and four motor bolts.  ``bolt_gap_m``: how far
+    each would back off when loose.  ``gain``, ``zero``: calibration of the channels, SI.
     ``runout_m``: amplitude of the two displacement probes in orders 1 to 3, shape (2, 3).
     """
 
@@ -88,15 +89,20 @@ class Build:
             damping=around(spread["foundation_damping"]),
             clearance_error_m=float(rng.uniform(-1, 1)) * spread["radial_clearance_m"],
             viscosity=around(spread["viscosity"]),
-            unbalance_kg_m=unbalance_of_grade(rig, float(log_uniform(*spread["normal_unbalance_G"]))),
+            unbalance_kg_m=unbalance_of_grade(
+                rig, float(log_uniform(*spread["normal_unbalance_G"]))
+            ),
             unbalance_angle_rad=float(rng.uniform(0, 2 * math.pi)),
             bolt=1.0 + rng.uniform(-_BOLT_SPREAD, _BOLT_SPREAD, 8),
             bolt_gap_m=log_uniform(gaps[0], gaps[1], 8),
             gain=gain,
             zero=zero,
-            runout_m=rng.uniform(spread["runout_m"][0], spread["runout_m"][1], (2, 1)) * np.array([0.6, 0.3, 0.1]),
+            runout_m=rng.uniform(spread["runout_m"][0], spread["runout_m"][1], (2, 1))
+            * np.array([0.6, 0.3, 0.1]),
             runout_phase_rad=rng.uniform(0, 2 * math.pi, (2, 3)),
-            housing_rad_s=2 * math.pi * np.array(_HOUSING_HZ)
+            housing_rad_s=2
+            * math.pi
+            * np.array(_HOUSING_HZ)
             * (1 + rng.uniform(-1, 1, 3) * spread["housing_mode_frequency"]),
             roughness_m=float(rng.uniform(*_ROUGHNESS_M)),
             room_Pa=_REFERENCE_PA * 10 ** (float(rng.uniform(*_ROOM_DB)) / 20),
@@ -111,7 +117,8 @@ class Build:
 
 
 def _calibration(rng: np.random.Generator) -> tuple[Floats, Floats]:
-    """Gain and zero of each channel within ``sensors.json`` (uniform); displacement zeros are given in um."""
+    """Gain and zero of each channel within ``sensors.json`` (uniform); displacement zeros are given
+    in um."""
     channels = read_json("sensors.json")["channels"]
     gain = np.array([1 + rng.uniform(-1, 1) * c.get("gain_error", 0.0) for c in channels])
     zero = np.array([rng.uniform(-1, 1) * c.get("zero_error", 0.0) * 1e-6 for c in channels])

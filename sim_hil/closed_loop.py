@@ -1,4 +1,5 @@
-"""Rig, guard and brain in one process on a simulated clock: the same stages and the same encoded frames.
+"""Rig, guard and brain in one process on a simulated clock: the same stages and the same encoded
+frames.
 
 Deterministic and faster than real time; tests, replay and training live on it.
 """

@@ -1,7 +1,7 @@
 """Where compiled kernels are kept between runs: one folder per state of the simulator's sources.
 
-Numba notices a change of the file in which a kernel stands, but not of the constants and functions that it
-imports; a folder named after all sources can hold nothing stale.
+Numba notices a change of the file in which a kernel stands, but not of the constants and functions
+that it imports; a folder named after all sources can hold nothing stale.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ KERNEL_FOLDERS = ("film", "rotor", "sensors")
 
 
 def keep_compiled() -> None:
-    """Point Numba at the folder that belongs to these sources, unless the environment names another."""
+    """Point Numba at the folder that belongs to these sources, unless the environment names
+    another."""
     if "NUMBA_CACHE_DIR" in os.environ:
         return
     base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
@@ -25,7 +26,8 @@ def keep_compiled() -> None:
 
 
 def _state() -> str:
-    """Sizes and modification times of every source from which kernels are made, as one short name."""
+    """Sizes and modification times of every source from which kernels are made, as one short
+    name."""
     digest = hashlib.sha256()
     here = Path(__file__).parent
     folders = [sorted((here / folder).rglob("*.py")) for folder in KERNEL_FOLDERS]

@@ -1,9 +1,9 @@
 """The rig's own console: JSON over a Unix socket beside the device's, never through the device.
 
 One packet is one request ``{"verb": ..., ...}``, answered by one packet ``{"ok": true, ...}`` or
-``{"ok": false, "error": "..."}``.  Verbs: ``inject`` (fault, severity), ``clear``, ``operating`` (speed_rpm,
-load_N, ramp_s), ``duty`` (name published or random, seed, seconds), ``start`` (the operator's hand after a
-coast-down), ``truth`` (after_ns), ``status``, ``quit``.
+``{"ok": false, "error": "..."}``.  Verbs: ``inject`` (fault, severity), ``clear``, ``operating``
+(speed_rpm, load_N, ramp_s), ``duty`` (name published or random, seed, seconds), ``start`` (the
+operator's hand after a coast-down), ``truth`` (after_ns), ``status``, ``quit``.
 """
 
 from __future__ import annotations
@@ -108,7 +108,10 @@ class Console:
             return {"ok": False, "error": str(error)}
         except (ValueError, KeyError, TypeError) as error:
             known = ", ".join(self._verbs)
-            return {"ok": False, "error": f"bad request ({type(error).__name__}: {error}); verbs: {known}"}
+            return {
+                "ok": False,
+                "error": f"bad request ({type(error).__name__}: {error}); verbs: {known}",
+            }
 
     def _serve(self, fd: int) -> None:
         peer = self._peers[fd]
@@ -135,10 +138,13 @@ class Console:
         data = self._rig.machine.rig
         speed, load = float(request["speed_rpm"]), float(request["load_N"])
         if not 0.0 <= speed <= data.speed_max_rpm:
-            raise ConsoleError(f"speed_rpm = {speed:g}: outside 0 .. {data.speed_max_rpm:g}; choose a value inside")
+            raise ConsoleError(
+                f"speed_rpm = {speed:g}: outside 0 .. {data.speed_max_rpm:g}; choose a value inside"
+            )
         if not data.load_min_N <= load <= data.load_max_N:
             raise ConsoleError(
-                f"load_N = {load:g}: outside {data.load_min_N:g} .. {data.load_max_N:g}; choose a value inside"
+                f"load_N = {load:g}: outside {data.load_min_N:g} .. {data.load_max_N:g}; choose a "
+                f"value inside"
             )
         self._rig.set_operating(speed, load, float(request.get("ramp_s", 0.0)))
         return {}
@@ -160,7 +166,9 @@ class Console:
 
     def _start(self, request: dict[str, Any]) -> Reply:
         if not self._rig.drive.start():
-            raise ConsoleError("start: the device does not permit the run; arm it or clear its trip first")
+            raise ConsoleError(
+                "start: the device does not permit the run; arm it or clear its trip first"
+            )
         return {}
 
     def _truth(self, request: dict[str, Any]) -> Reply:
@@ -200,8 +208,11 @@ def ask(runtime: Path, request: dict[str, Any]) -> Reply:
             sock.send(json.dumps(request).encode())
             packet = sock.recv(4 * MAX_PACKET)
         except OSError as error:
-            raise NoRig(f"{runtime / SOCKET_NAME}: no rig answers ({error}); start `orbitd hil` with the same "
-                        "--instance") from error
+            raise NoRig(
+                f"{runtime / SOCKET_NAME}: no rig answers ({error}); start `orbitd hil` with the "
+                f"same "
+                "--instance"
+            ) from error
     reply: Reply = json.loads(packet) if packet else {"ok": False, "error": "the rig ended"}
     if not reply.pop("ok"):
         raise ConsoleError(str(reply["error"]))
@@ -220,16 +231,26 @@ def main(argv: list[str]) -> int:
     faults = ", ".join([*MACHINE_FAULTS, *ACTUATOR_FAULTS, *NODE_FAULTS, *sensors])
     parser = argparse.ArgumentParser(
         prog="orbitd inject",
-        description="give the rig in software a fault (or: clear, operating, duty, start, status, truth)",
-        epilog=f"faults: {faults}. Severity: balance grade G for unbalance, percent of preload left for bolts "
+        description="give the rig in software a fault (or: clear, operating, duty, start, status, "
+        "truth)",
+        epilog=f"faults: {faults}. Severity: balance grade G for unbalance, percent of preload "
+        f"left for bolts "
         "(100 is tight), 0 to 1 for the rest.",
     )
-    parser.add_argument("what", metavar="FAULT", help="a fault, clear, operating, duty, start, status or truth")
-    parser.add_argument("value", type=finite, nargs="?", metavar="SEVERITY", help="how much; see below")
+    parser.add_argument(
+        "what", metavar="FAULT", help="a fault, clear, operating, duty, start, status or truth"
+    )
+    parser.add_argument(
+        "value", type=finite, nargs="?", metavar="SEVERITY", help="how much; see below"
+    )
     parser.add_argument("--severity", type=finite, metavar="SEVERITY", help="the same by name")
     parser.add_argument("--speed-rpm", type=finite, help="with operating")
-    parser.add_argument("--load-N", type=finite, dest="load_N", help="with operating: static bearing load")
-    parser.add_argument("--ramp-s", type=finite, default=0.0, help="with operating: how long the change takes")
+    parser.add_argument(
+        "--load-N", type=finite, dest="load_N", help="with operating: static bearing load"
+    )
+    parser.add_argument(
+        "--ramp-s", type=finite, default=0.0, help="with operating: how long the change takes"
+    )
     parser.add_argument("--json", action="store_true", help="the answer as JSON")
     launch.add_options(parser)
     options = parser.parse_args(argv)
@@ -250,8 +271,12 @@ def _request(parser: argparse.ArgumentParser, options: argparse.Namespace) -> di
     if options.what == "operating":
         if options.speed_rpm is None or options.load_N is None:
             parser.error("operating needs --speed-rpm and --load-N")
-        return {"verb": "operating", "speed_rpm": options.speed_rpm, "load_N": options.load_N,
-                "ramp_s": options.ramp_s}
+        return {
+            "verb": "operating",
+            "speed_rpm": options.speed_rpm,
+            "load_N": options.load_N,
+            "ramp_s": options.ramp_s,
+        }
     if len(given) != 1:
         parser.error(f"{options.what} needs one severity: orbitd inject {options.what} SEVERITY")
     return {"verb": "inject", "fault": options.what, "severity": given[0]}

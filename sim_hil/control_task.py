@@ -1,11 +1,12 @@
-"""The control problem that the environments pose: what is seen, what is judged, what an episode brings.
+"""The control problem that the environments pose: what is seen, what is judged, what an episode
+brings.
 
-:mod:`sim_hil.environment` poses it on one whole machine, :mod:`sim_hil.vector_environment` on many rotors alone;
-the same seed gives both the same episode.
+:mod:`sim_hil.environment` poses it on one whole machine, :mod:`sim_hil.vector_environment` on many
+rotors alone; the same seed gives both the same episode.
 
-Reward per step of :data:`CONTROL_S`: ``-P / P_ref - penalties`` with the mean power ``P`` (the pump's counts where
-its pressure is an action), Petroff's power ``P_ref`` at nominal clearance and present speed, and the
-:class:`Limits` below.  A film under ``trip_film_m`` ends the episode.
+Reward per step of :data:`CONTROL_S`: ``-P / P_ref - penalties`` with the mean power ``P`` (the
+pump's counts where its pressure is an action), Petroff's power ``P_ref`` at nominal clearance and
+present speed, and the :class:`Limits` below.  A film under ``trip_film_m`` ends the episode.
 """
 
 from __future__ import annotations
@@ -48,7 +49,8 @@ OBSERVATIONS: Final = {
     "load_estimate_N": (0.0, 2000.0),
     "subsync_share": (0.0, 1.0),
 }
-"""Names and bounds of the observation, in order: only what a rig can measure, with the sensors' errors."""
+"""Names and bounds of the observation, in order: only what a rig can measure, with the sensors'
+errors."""
 
 
 class ActionError(OrbitdError, ValueError):
@@ -59,10 +61,10 @@ class ActionError(OrbitdError, ValueError):
 class Limits:
     """Constraints and the weight of their violation in the reward (per step, at 100 % excess).
 
-    Film, trip and swing are the published duty's (``duty_bench.json``).  The two of the oil count where the supply
-    pressure is an action: the outlet may be as hot as ``oil.film_max_C`` of the shipped configuration, up to which
-    the guard's laws hold; the least flow, 0.05 L/min, is assumed (no reference file names one): what a flow switch in
-    such a line tells from none.
+    Film, trip and swing are the published duty's (``duty_bench.json``).  The two of the oil count
+    where the supply pressure is an action: the outlet may be as hot as ``oil.film_max_C`` of the
+    shipped configuration, up to which the guard's laws hold; the least flow, 0.05 L/min, is assumed
+    (no reference file names one): what a flow switch in such a line tells from none.
     """
 
     min_film_m: float = 10e-6
@@ -78,11 +80,13 @@ class Limits:
 
 @dataclass(frozen=True)
 class Disturbances:
-    """What an episode may bring beside the spread of builds (`classes.json`); everything uniform in its range.
+    """What an episode may bring beside the spread of builds (`classes.json`); everything uniform in
+    its range.
 
-    Speed and load hold and ramp (:meth:`Duty.random`).  The oil inlet drifts from one temperature in ``inlet_C`` to
-    another over the episode.  In a share ``developing`` of the episodes one fault grows from nothing at a random
-    instant to its end: unbalance to a grade in ``unbalance_G``, or radial wear to a length in ``wear_m``.
+    Speed and load hold and ramp (:meth:`Duty.random`).  The oil inlet drifts from one temperature
+    in ``inlet_C`` to another over the episode.  In a share ``developing`` of the episodes one fault
+    grows from nothing at a random instant to its end: unbalance to a grade in ``unbalance_G``, or
+    radial wear to a length in ``wear_m``.
     """
 
     hold_s: tuple[float, float] = (3.0, 8.0)
@@ -125,17 +129,27 @@ class Episode:
         cls, rig: RigData, rng: np.random.Generator, seconds: float, disturbances: Disturbances,
         duty: Duty | None = None, build: Build | None = None,
     ) -> Episode:  # fmt: skip
-        """An episode of the declared set; the start is a clearance from the smallest to the nominal one."""
+        """An episode of the declared set; the start is a clearance from the smallest to the nominal
+        one."""
         d, b = disturbances, rig.bearing
         build = build or Build.draw(rig, rng)
         duty = duty or Duty.random(
-            rig, rng, seconds, hold_s=d.hold_s, load_rate_N_s=d.load_rate_N_s, speed_rate_rpm_s=d.speed_rate_rpm_s
+            rig,
+            rng,
+            seconds,
+            hold_s=d.hold_s,
+            load_rate_N_s=d.load_rate_N_s,
+            speed_rate_rpm_s=d.speed_rate_rpm_s,
         )
         growths = {"unbalance_kg_m": Growth(), "wear_m": Growth()}
         if rng.random() < d.developing:
             start_s, name = float(rng.uniform(0, seconds)), str(rng.choice(list(growths)))
-            unbalance = unbalance_of_grade(rig, float(rng.uniform(*d.unbalance_G))) - build.unbalance_kg_m
-            size = max(0.0, unbalance) if name == "unbalance_kg_m" else float(rng.uniform(*d.wear_m))
+            unbalance = (
+                unbalance_of_grade(rig, float(rng.uniform(*d.unbalance_G))) - build.unbalance_kg_m
+            )
+            size = (
+                max(0.0, unbalance) if name == "unbalance_kg_m" else float(rng.uniform(*d.wear_m))
+            )
             growths[name] = Growth(start_s, size / (seconds - start_s))
         return cls(
             build=build, duty=duty, clearance_m=float(rng.uniform(b.clearance_min_m, b.clearance_nominal_m)),
@@ -146,7 +160,9 @@ class Episode:
 
     def inlet_at(self, time_s: float) -> float:
         """Oil inlet temperature, Celsius."""
-        return self.inlet_C[0] + (self.inlet_C[1] - self.inlet_C[0]) * min(1.0, time_s / self.seconds)
+        return self.inlet_C[0] + (self.inlet_C[1] - self.inlet_C[0]) * min(
+            1.0, time_s / self.seconds
+        )
 
 
 def spaces(pressure: bool) -> tuple[gymnasium.spaces.Box, gymnasium.spaces.Box]:
@@ -157,7 +173,8 @@ def spaces(pressure: bool) -> tuple[gymnasium.spaces.Box, gymnasium.spaces.Box]:
 
 
 def targets(rig: RigData, action: Observation) -> Floats:
-    """Clearance, m, and supply pressure, Pa, of actions in [-1, 1] (cut there), shape (..., 1 or 2) to (..., 2).
+    """Clearance, m, and supply pressure, Pa, of actions in [-1, 1] (cut there), shape (..., 1 or 2)
+    to (..., 2).
 
     Raises
     ------
@@ -178,7 +195,8 @@ def targets(rig: RigData, action: Observation) -> Floats:
 
 
 def actions_of(rig: RigData, wish: Floats) -> Observation:
-    """Actions in [-1, 1] that ask for clearances, m, and supply pressures, Pa: :func:`targets` undone.
+    """Actions in [-1, 1] that ask for clearances, m, and supply pressures, Pa: :func:`targets`
+    undone.
 
     Shape (..., 1 or 2) in and out.
     """
@@ -189,14 +207,18 @@ def actions_of(rig: RigData, wish: Floats) -> Observation:
     return actions
 
 
-def judge(rig: RigData, limits: Limits, true: Mapping[str, Floats], *, pressure: bool) -> dict[str, Floats]:
-    """True figures of a step, the penalty for violated limits, and the reward, each of the shape of its inputs.
+def judge(
+    rig: RigData, limits: Limits, true: Mapping[str, Floats], *, pressure: bool
+) -> dict[str, Floats]:
+    """True figures of a step, the penalty for violated limits, and the reward, each of the shape of
+    its inputs.
 
     Parameters
     ----------
     true
-        Means ``speed_rad_s``, ``load_N``, ``clearance_m``, ``shaft_power_W``, ``pump_power_W``, the smallest film
-        ``min_film_m``, the larger ``peak_to_peak_m`` of the two axes, ``flow_m3_s`` and ``outlet_C``.
+        Means ``speed_rad_s``, ``load_N``, ``clearance_m``, ``shaft_power_W``, ``pump_power_W``, the
+        smallest film ``min_film_m``, the larger ``peak_to_peak_m`` of the two axes, ``flow_m3_s``
+        and ``outlet_C``.
     """
     b = rig.bearing
     petroff = (
@@ -205,10 +227,14 @@ def judge(rig: RigData, limits: Limits, true: Mapping[str, Floats], *, pressure:
     )  # fmt: skip
     power = true["shaft_power_W"] + (true["pump_power_W"] if pressure else 0.0)
     lack = np.maximum(0.0, 1 - true["min_film_m"] / limits.min_film_m)
-    excess = np.maximum(0.0, true["peak_to_peak_m"] / (limits.swing_share * true["clearance_m"]) - 1)
+    excess = np.maximum(
+        0.0, true["peak_to_peak_m"] / (limits.swing_share * true["clearance_m"]) - 1
+    )
     dry = np.maximum(0.0, pressure * (1 - true["flow_m3_s"] / limits.min_flow_m3_s))
     hot = np.maximum(0.0, pressure * (true["outlet_C"] / limits.max_outlet_C - 1))
-    penalty = limits.film_weight * lack + limits.swing_weight * excess + limits.oil_weight * (dry + hot)
+    penalty = (
+        limits.film_weight * lack + limits.swing_weight * excess + limits.oil_weight * (dry + hot)
+    )
     tripped = true["min_film_m"] < limits.trip_film_m
     return {
         **true, "power_W": power, "power_share": power / petroff, "penalty": penalty,
@@ -224,8 +250,11 @@ def shaft_xy(probes: Floats) -> Floats:
 
 
 def subsynchronous_share(orbit: Floats, rate_hz: float, speed_rad_s: Floats) -> Floats:
-    """Share of the alternating energy of both axes between 0.35 and 0.6 orders, shapes (..., n, 2), (...) to (...)."""
-    alternating = (orbit - orbit.mean(axis=-2, keepdims=True)) * np.hanning(orbit.shape[-2])[:, None]
+    """Share of the alternating energy of both axes between 0.35 and 0.6 orders, shapes (..., n, 2),
+    (...) to (...)."""
+    alternating = (orbit - orbit.mean(axis=-2, keepdims=True)) * np.hanning(orbit.shape[-2])[
+        :, None
+    ]
     energy = (np.abs(np.fft.rfft(alternating, axis=-2)) ** 2).sum(axis=-1)
     per_order = 2 * math.pi / np.maximum(speed_rad_s, 1.0)
     order = np.fft.rfftfreq(orbit.shape[-2], 1 / rate_hz) * np.asarray(per_order)[..., None]

@@ -4,8 +4,9 @@ With the surface speed ``omega R``, the gap ``c`` and the viscosity ``mu``
 
     Re = rho omega R c / mu,   Ta = Re sqrt(c / R),   Re* = rho omega c^2 / mu
 
-Taylor vortices begin at Ta = 41 between concentric cylinders (Taylor, Phil. Trans. R. Soc. A 223, 1923), and Reynolds'
-equation leaves out the inertia of the oil, which is of the order Re* of its friction (Szeri, Fluid Film Lubrication).
+Taylor vortices begin at Ta = 41 between concentric cylinders (Taylor, Phil. Trans. R. Soc. A 223,
+1923), and Reynolds' equation leaves out the inertia of the oil, which is of the order Re* of its
+friction (Szeri, Fluid Film Lubrication).
 """
 
 from __future__ import annotations
@@ -22,7 +23,8 @@ INERTIA_LIMIT: Final = 1.0
 
 @dataclass(frozen=True)
 class Domain:
-    """Reynolds number, Taylor number and reduced Reynolds number ``rho omega c^2 / mu`` of a film."""
+    """Reynolds number, Taylor number and reduced Reynolds number ``rho omega c^2 / mu`` of a
+    film."""
 
     reynolds: float
     taylor: float
@@ -35,7 +37,10 @@ class Domain:
         if self.taylor > TAYLOR_LIMIT:
             found.append(f"not laminar: Ta = {self.taylor:.1f}, above {TAYLOR_LIMIT:g}")
         if self.inertia > INERTIA_LIMIT:
-            found.append(f"oil inertia counts: rho omega c^2/mu = {self.inertia:.2g}, above {INERTIA_LIMIT:g}")
+            found.append(
+                f"oil inertia counts: rho omega c^2/mu = {self.inertia:.2g}, above "
+                f"{INERTIA_LIMIT:g}"
+            )
         return tuple(found)
 
 
@@ -48,13 +53,16 @@ def domain(rig: RigData, rpm: float, clearance_m: float, viscosity_Pa_s: float) 
 
 
 def describe(rig: RigData) -> list[str]:
-    """Lines for people: the fastest film of the rig at its nominal and at its widest clearance, oil at the inlet."""
+    """Lines for people: the fastest film of the rig at its nominal and at its widest clearance, oil
+    at the inlet."""
     mu, rpm = rig.oil.viscosity_at(rig.oil.inlet_C), rig.speed_max_rpm
     lines = []
     for clearance_m in (rig.bearing.clearance_nominal_m, rig.bearing.clearance_max_m):
         at = domain(rig, rpm, clearance_m, mu)
         where = f"{rpm:g} rpm, {clearance_m * 1e6:g} um"
-        numbers = f"Re = {at.reynolds:.0f}, Ta = {at.taylor:.1f}, rho omega c^2/mu = {at.inertia:.2f}"
+        numbers = (
+            f"Re = {at.reynolds:.0f}, Ta = {at.taylor:.1f}, rho omega c^2/mu = {at.inertia:.2f}"
+        )
         lines.append(f"film at {where}: {numbers}")
         lines += [f"warning: film at {where}: {text}" for text in at.warnings]
     return lines

@@ -1,4 +1,5 @@
-"""The rig's drive: follows a duty, coasts down when the device asks or falls silent (``deploy/NODE.md``, 7)."""
+"""The rig's drive: follows a duty, coasts down when the device asks or falls silent
+(``deploy/NODE.md``, 7)."""
 
 from __future__ import annotations
 
@@ -12,8 +13,9 @@ from sim_hil.rigs import Drive as DriveData
 from sim_hil.rotor.parameters import Floats
 
 HEARTBEAT_LIMIT_S: Final = (0.5, 5.0)
-"""Least and greatest heartbeat limit that a drive may have: a guard that was killed is back within 1 to 2 s, and
-nothing protects the machine for longer than the limit and the time it takes to stop."""
+"""Least and greatest heartbeat limit that a drive may have: a guard that was killed is back within
+1 to 2 s, and nothing protects the machine for longer than the limit and the time it takes to
+stop."""
 
 HEARTBEAT_LIMIT_DEFAULT_S: Final = 3.0
 
@@ -38,11 +40,19 @@ class Drive:
         The heartbeat limit lies outside :data:`HEARTBEAT_LIMIT_S`.
     """
 
-    def __init__(self, data: DriveData, duty: Duty, *, coast_on_silence: bool = True,
-                 heartbeat_limit_s: float = HEARTBEAT_LIMIT_DEFAULT_S) -> None:
+    def __init__(
+        self,
+        data: DriveData,
+        duty: Duty,
+        *,
+        coast_on_silence: bool = True,
+        heartbeat_limit_s: float = HEARTBEAT_LIMIT_DEFAULT_S,
+    ) -> None:
         low_s, high_s = HEARTBEAT_LIMIT_S
         if not low_s <= heartbeat_limit_s <= high_s:
-            raise ValueError(f"heartbeat limit {heartbeat_limit_s:g} s: outside {low_s:g} .. {high_s:g} s")
+            raise ValueError(
+                f"heartbeat limit {heartbeat_limit_s:g} s: outside {low_s:g} .. {high_s:g} s"
+            )
         self._silence_us = round(heartbeat_limit_s * 1e6)
         self._data = data
         self._coast_on_silence = coast_on_silence
@@ -61,7 +71,9 @@ class Drive:
     def operate(self, speed_rpm: float, load_N: float, ramp_s: float, now_s: float) -> None:
         """Go to a speed and load in ``ramp_s`` and stay."""
         present_rpm = self.speed_rad_s / RAD_S_PER_RPM
-        self.follow(Duty((0.0, max(ramp_s, 0.0)), (present_rpm, speed_rpm), (self.load_N, load_N)), now_s)
+        self.follow(
+            Duty((0.0, max(ramp_s, 0.0)), (present_rpm, speed_rpm), (self.load_N, load_N)), now_s
+        )
 
     def start(self) -> bool:
         """The operator's hand: run again; False while a device is there that does not permit it."""

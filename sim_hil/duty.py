@@ -41,15 +41,24 @@ class Duty:
         table = read_json("duty_bench.json")
         corners = [(0.0, float(table["start"]["rpm"]), float(table["start"]["load_N"]))]
         for segment in table["segments"]:
-            corners.append((corners[-1][0] + segment["seconds"], segment["to_rpm"], segment["to_load_N"]))
+            corners.append(
+                (corners[-1][0] + segment["seconds"], segment["to_rpm"], segment["to_load_N"])
+            )
         return cls._of(corners)
 
     @classmethod
     def random(
-        cls, rig: RigData, rng: np.random.Generator, seconds: float, *, hold_s: tuple[float, float] = (3.0, 8.0),
-        load_rate_N_s: float = 50.0, speed_rate_rpm_s: float = 2000.0,
+        cls,
+        rig: RigData,
+        rng: np.random.Generator,
+        seconds: float,
+        *,
+        hold_s: tuple[float, float] = (3.0, 8.0),
+        load_rate_N_s: float = 50.0,
+        speed_rate_rpm_s: float = 2000.0,
     ) -> Duty:
-        """Holds of random speed (uniform) and load (log-uniform) joined by ramps within the rates."""
+        """Holds of random speed (uniform) and load (log-uniform) joined by ramps within the
+        rates."""
         corners: list[tuple[float, float, float]] = []
         while not corners or corners[-1][0] < seconds:
             speed = float(rng.uniform(rig.speed_min_rpm, rig.speed_max_rpm))
@@ -58,7 +67,10 @@ class Duty:
                 corners.append((0.0, speed, load))
             else:
                 t, before_speed, before_load = corners[-1]
-                ramp = max(abs(load - before_load) / load_rate_N_s, abs(speed - before_speed) / speed_rate_rpm_s)
+                ramp = max(
+                    abs(load - before_load) / load_rate_N_s,
+                    abs(speed - before_speed) / speed_rate_rpm_s,
+                )
                 corners.append((t + ramp, speed, load))
             corners.append((corners[-1][0] + float(rng.uniform(*hold_s)), speed, load))
         return cls._of(corners)
@@ -76,7 +88,9 @@ class Duty:
             return self.speed_rpm[k] * RAD_S_PER_RPM, self.load_N[k]
         share = (time_s - self.time_s[i - 1]) / (self.time_s[i] - self.time_s[i - 1])
         speed = self.speed_rpm[i - 1] + share * (self.speed_rpm[i] - self.speed_rpm[i - 1])
-        return speed * RAD_S_PER_RPM, self.load_N[i - 1] + share * (self.load_N[i] - self.load_N[i - 1])
+        return speed * RAD_S_PER_RPM, self.load_N[i - 1] + share * (
+            self.load_N[i] - self.load_N[i - 1]
+        )
 
     def at(self, time_s: Floats) -> Floats:
         """Speed, rad/s, and load, N, at the given times, shape (n, 2)."""

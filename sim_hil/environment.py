@@ -1,10 +1,11 @@
 """Gymnasium environment ``orbitd/Rotor-v0``: choose the bearing clearance of a running machine.
 
-The whole plant with its sensors is integrated in time with the table film.  One step is 0.1 s.  The observation
-(:data:`OBSERVATIONS`) is what a rig can measure, from the quantised, noisy displacement channels and the status
-readings.  Action: clearance target in [-1, 1], linear over the bearing's range, which the actuator follows at its
-rate limit; with ``pressure=True`` a second one for the supply pressure.  :mod:`sim_hil.control_task` declares
-reward, limits and episodes; ``gymnasium.make_vec`` gives many rotors at once (:mod:`sim_hil.vector_environment`).
+The whole plant with its sensors is integrated in time with the table film.  One step is 0.1 s.  The
+observation (:data:`OBSERVATIONS`) is what a rig can measure, from the quantised, noisy displacement
+channels and the status readings.  Action: clearance target in [-1, 1], linear over the bearing's
+range, which the actuator follows at its rate limit; with ``pressure=True`` a second one for the
+supply pressure.  :mod:`sim_hil.control_task` declares reward, limits and episodes;
+``gymnasium.make_vec`` gives many rotors at once (:mod:`sim_hil.vector_environment`).
 """
 
 from __future__ import annotations
@@ -38,7 +39,15 @@ from sim_hil.rotor.parameters import TRUTH_COLUMNS, Floats
 from sim_hil.runs import CLEARANCE_NOISE_M, run
 from sim_hil.sensors.chain import units
 
-__all__ = ["CONTROL_S", "ENVIRONMENT_ID", "OBSERVATIONS", "Disturbances", "Limits", "RotorEnv", "register"]
+__all__ = [
+    "CONTROL_S",
+    "ENVIRONMENT_ID",
+    "OBSERVATIONS",
+    "Disturbances",
+    "Limits",
+    "RotorEnv",
+    "register",
+]
 
 ENVIRONMENT_ID: Final = "orbitd/Rotor-v0"
 
@@ -55,7 +64,8 @@ class RotorEnv(gymnasium.Env[Observation, Observation]):
     duty, build
         Fixed ones instead of random.
     pressure
-        The supply pressure is a second action, on the film that it feeds from the groove; the pump's power counts.
+        The supply pressure is a second action, on the film that it feeds from the groove; the
+        pump's power counts.
     """
 
     def __init__(
@@ -76,11 +86,20 @@ class RotorEnv(gymnasium.Env[Observation, Observation]):
         """Draw an episode; the machine has settled at its first operating point."""
         super().reset(seed=seed)
         self.episode = Episode.draw(
-            self.rig, self.np_random, self._steps * CONTROL_S, self.disturbances, self._fixed_duty, self._fixed_build
+            self.rig,
+            self.np_random,
+            self._steps * CONTROL_S,
+            self.disturbances,
+            self._fixed_duty,
+            self._fixed_build,
         )
         e = self.episode
         self._machine = Machine(
-            self.rig, e.build, int(self.np_random.integers(2**31)), clearance_m=e.clearance_m, inlet_C=e.inlet_C[0],
+            self.rig,
+            e.build,
+            int(self.np_random.integers(2**31)),
+            clearance_m=e.clearance_m,
+            inlet_C=e.inlet_C[0],
             fed=self.pressure,
         )
         self._step = 0
@@ -91,12 +110,18 @@ class RotorEnv(gymnasium.Env[Observation, Observation]):
         return seen, {}
 
     def step(self, action: Observation) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Advance by :data:`CONTROL_S`; ``info`` holds the true power, film, clearance and violations."""
+        """Advance by :data:`CONTROL_S`; ``info`` holds the true power, film, clearance and
+        violations."""
         clearance, supply = targets(self.rig, action).tolist()
         now_s = self._step * CONTROL_S
         self._develop(now_s)
         batch = run(
-            self._machine, self.episode.duty, CONTROL_S, clearance=clearance, pressure=supply, start_s=now_s
+            self._machine,
+            self.episode.duty,
+            CONTROL_S,
+            clearance=clearance,
+            pressure=supply,
+            start_s=now_s,
         )
         self._step += 1
         info: dict[str, Any] = {name: value.item() for name, value in self._judge(batch).items()}
@@ -113,17 +138,27 @@ class RotorEnv(gymnasium.Env[Observation, Observation]):
         machine.set_inlet(e.inlet_at(now_s))
         unbalance, wear = e.unbalance_kg_m.at(now_s), e.wear_m.at(now_s)
         if unbalance > 0:
-            machine.inject("unbalance", (e.build.unbalance_kg_m + unbalance) / unbalance_of_grade(self.rig, 1.0))
+            machine.inject(
+                "unbalance",
+                (e.build.unbalance_kg_m + unbalance) / unbalance_of_grade(self.rig, 1.0),
+            )
         if wear > 0:
             machine.inject("wear", wear / WEAR_M)
 
     def _judge(self, batch: Batch) -> dict[str, Floats]:
         """What the last step was worth (:func:`judge`)."""
         truth = {name: batch.truth[:, i] for i, name in enumerate(TRUTH_COLUMNS)}
-        true = {name: truth[name].mean() for name in ("speed_rad_s", "load_N", "clearance_m", "shaft_power_W")}
+        true = {
+            name: truth[name].mean()
+            for name in ("speed_rad_s", "load_N", "clearance_m", "shaft_power_W")
+        }
         pumped = truth["pressure_Pa"] * truth["side_flow_m3_s"] / self.rig.supply.pump_efficiency
         swings = [np.ptp(truth[f"eccentricity_{axis}_m"]) for axis in "xy"]
-        true |= {"pump_power_W": pumped.mean(), "min_film_m": truth["min_film_m"].min(), "peak_to_peak_m": max(swings)}
+        true |= {
+            "pump_power_W": pumped.mean(),
+            "min_film_m": truth["min_film_m"].min(),
+            "peak_to_peak_m": max(swings),
+        }
         true |= {"flow_m3_s": truth["side_flow_m3_s"].mean(), "outlet_C": truth["oil_C"][-1]}
         return judge(self.rig, self.limits, true, pressure=self.pressure)
 
@@ -131,19 +166,30 @@ class RotorEnv(gymnasium.Env[Observation, Observation]):
         """What the device would know after this step."""
         noise = CLEARANCE_NOISE_M * self.np_random.standard_normal()
         speed = float(batch.truth[-1, TRUTH_COLUMNS.index("speed_rad_s")])
-        clearance = float(batch.truth[-1, TRUTH_COLUMNS.index("clearance_m")]) - self._machine.wear_m + noise
+        clearance = (
+            float(batch.truth[-1, TRUTH_COLUMNS.index("clearance_m")])
+            - self._machine.wear_m
+            + noise
+        )
         oil_C = float(batch.truth[-1, TRUTH_COLUMNS.index("oil_C")]) + self.episode.oil_error_C
-        power = float(batch.truth[:, TRUTH_COLUMNS.index("shaft_power_W")].mean()) + self.episode.power_error_W
+        power = (
+            float(batch.truth[:, TRUTH_COLUMNS.index("shaft_power_W")].mean())
+            + self.episode.power_error_W
+        )
         measured = units(batch.counts)
         orbit = shaft_xy(measured[:, :2])
-        self._history = np.concatenate([self._history, orbit])[-round(WINDOW_S * self._machine.rate_hz) :]
+        self._history = np.concatenate([self._history, orbit])[
+            -round(WINDOW_S * self._machine.rate_hz) :
+        ]
         mean, swing = orbit.mean(axis=0), np.ptp(orbit, axis=0)
         load = self._machine.static_load(float(mean[0]), float(mean[1]), speed, clearance, oil_C)
         values = np.array([
             speed, mean[0], mean[1], swing[0], swing[1], clearance, measured[:, 6].mean(), power, oil_C, load,
             float(subsynchronous_share(self._history, self._machine.rate_hz, np.array(speed))),
         ])  # fmt: skip
-        seen: Observation = np.clip(values, self.observation_space.low, self.observation_space.high).astype(np.float32)
+        seen: Observation = np.clip(
+            values, self.observation_space.low, self.observation_space.high
+        ).astype(np.float32)
         return seen
 
 

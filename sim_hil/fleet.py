@@ -26,7 +26,8 @@ FIGURES: Final = (
     "eccentricity_x_m", "eccentricity_y_m", "peak_to_peak_x_m", "peak_to_peak_y_m",
     "true_swing_m", "min_film_m", "clearance_m", "shaft_power_W",
 )  # fmt: skip
-"""Of a control step: mean and peak-to-peak as measured; true swing (larger axis), smallest film, mean gap and power."""
+"""Of a control step: mean and peak-to-peak as measured; true swing (larger axis), smallest film,
+mean gap and power."""
 
 Records = NDArray[np.void]
 Numbers = NDArray[np.intp]
@@ -45,7 +46,18 @@ def advance_fleet(
     """:func:`advance_rotor` for each of ``which``: one row of ``out`` a step of STEP_S."""
     for r in which:
         advance_rotor(
-            shaft[r], film[r], act[r], law, w[r], scalar[r], drive[r], target[r], STEP_S, 1, RENEW_STEPS, out[r]
+            shaft[r],
+            film[r],
+            act[r],
+            law,
+            w[r],
+            scalar[r],
+            drive[r],
+            target[r],
+            STEP_S,
+            1,
+            RENEW_STEPS,
+            out[r],
         )
 
 
@@ -55,13 +67,20 @@ def _runout(probe: Floats, c1: float, s1: float) -> float:
     c2, s2 = c1 * c1 - s1 * s1, 2 * s1 * c1
     c3, s3 = c2 * c1 - s2 * s1, s2 * c1 + c2 * s1
     wobble: float = (
-        probe[2] * c1 + probe[3] * c2 + probe[4] * c3 - probe[5] * s1 - probe[6] * s2 - probe[7] * s3
+        probe[2] * c1
+        + probe[3] * c2
+        + probe[4] * c3
+        - probe[5] * s1
+        - probe[6] * s2
+        - probe[7] * s3
     )
     return wobble
 
 
 @allocating
-def measure_orbits(out: Floats, probe: Floats, normal: Floats, which: Numbers, orbit: Floats, figures: Floats) -> None:
+def measure_orbits(
+    out: Floats, probe: Floats, normal: Floats, which: Numbers, orbit: Floats, figures: Floats
+) -> None:
     """Journals as their probes show them, and the true figures of their step.
 
     Parameters
@@ -69,8 +88,8 @@ def measure_orbits(out: Floats, probe: Floats, normal: Floats, which: Numbers, o
     out
         What :func:`advance_fleet` wrote, shape (n, periods, 11).
     probe
-        Of the probes at 45 and 135 degrees: gain, zero, m, and runout of orders 1 to 3, m, real then imaginary
-        parts of ``R exp(i k angle)``, shape (n, 2, 8).
+        Of the probes at 45 and 135 degrees: gain, zero, m, and runout of orders 1 to 3, m, real
+        then imaginary parts of ``R exp(i k angle)``, shape (n, 2, 8).
     normal
         Standard normal numbers for ``which``, shape (len(which), periods, 2).
     orbit
@@ -81,12 +100,19 @@ def measure_orbits(out: Floats, probe: Floats, normal: Floats, which: Numbers, o
     n = out.shape[1]
     for k, r in enumerate(which):
         first, second, rows, to = probe[r, 0], probe[r, 1], out[r], figures[r]
-        low, high = (math.inf, math.inf, math.inf, math.inf), (-math.inf, -math.inf, -math.inf, -math.inf)
+        low, high = (
+            (math.inf, math.inf, math.inf, math.inf),
+            (-math.inf, -math.inf, -math.inf, -math.inf),
+        )
         sum_x = sum_y = clearance = power = 0.0
         film = math.inf
         for i in range(n):
             x, y, angle = rows[i, 0], rows[i, 1], rows[i, 8]
-            film, clearance, power = min(film, rows[i, 4]), clearance + rows[i, 5], power + rows[i, 6]
+            film, clearance, power = (
+                min(film, rows[i, 4]),
+                clearance + rows[i, 5],
+                power + rows[i, 6],
+            )
             c1, s1 = math.cos(angle), math.sin(angle)
             at_45 = first[0] * (_DIAGONAL * (x + y) + _runout(first, c1, s1)) + first[1]
             at_135 = second[0] * (_DIAGONAL * (y - x) + _runout(second, c1, s1)) + second[1]
@@ -103,8 +129,11 @@ def measure_orbits(out: Floats, probe: Floats, normal: Floats, which: Numbers, o
 
 
 @allocating
-def static_loads(table: Floats, rest: Floats, speed: Floats, gap: Floats, mu: Floats, R: float, L: float) -> Floats:
-    """Film force, N, of journals resting at ``rest`` (n, 2) in a nominal bearing: a load estimate."""
+def static_loads(
+    table: Floats, rest: Floats, speed: Floats, gap: Floats, mu: Floats, R: float, L: float
+) -> Floats:
+    """Film force, N, of journals resting at ``rest`` (n, 2) in a nominal bearing: a load
+    estimate."""
     load = np.empty(len(rest))
     for r in range(len(rest)):
         f = table_force(table, rest[r, 0], rest[r, 1], 0.0, 0.0, speed[r], gap[r], mu[r], R, L, 0.0)

@@ -1,11 +1,13 @@
-"""How the simulator's kernels are compiled: IEEE arithmetic to the bit, and no needless reference counts.
+"""How the simulator's kernels are compiled: IEEE arithmetic to the bit, and no needless reference
+counts.
 
-No kernel may contract or reorder arithmetic (``fastmath``).  Numba hands such options on to the kernels that are
-compiled on the way, so that the last bits would depend on which kernel happened to be called first after an
-installation.  For the same reason every kind of kernel says all of its options.
+No kernel may contract or reorder arithmetic (``fastmath``).  Numba hands such options on to the
+kernels that are compiled on the way, so that the last bits would depend on which kernel happened to
+be called first after an installation.  For the same reason every kind of kernel says all of its
+options.
 
-Most kernels take arrays and numbers and make none: nothing of theirs needs counting, and the counters' atomic
-instructions took more than half of the machine's time.
+Most kernels take arrays and numbers and make none: nothing of theirs needs counting, and the
+counters' atomic instructions took more than half of the machine's time.
 """
 
 from __future__ import annotations

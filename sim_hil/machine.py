@@ -1,4 +1,5 @@
-"""One machine in time: the compiled plant, its random excitation and its sensors, behind two methods."""
+"""One machine in time: the compiled plant, its random excitation and its sensors, behind two
+methods."""
 
 from __future__ import annotations
 
@@ -33,8 +34,8 @@ MAX_STEP_S = 40e-6
 LONGEST_STEP_S = 50e-6
 """Verified: orbits within 0.5 % of half the step, but for whirl that fills the clearance.
 
-Its swing is wrong by 2 %, and its power by more: whirl that fills 160 um takes 380 W with steps of 20 us, 314 W with
-40 us and 294 W with 50 us.  Take ``max_step_s = 20e-6`` where that power counts.
+Its swing is wrong by 2 %, and its power by more: whirl that fills 160 um takes 380 W with steps of
+20 us, 314 W with 40 us and 294 W with 50 us.  Take ``max_step_s = 20e-6`` where that power counts.
 """
 
 SLOPES_KEPT_S = 200e-6
@@ -55,12 +56,14 @@ def _check_steps(rate_hz: int, max_step_s: float) -> None:
     """Refuse what the integration is not verified for."""
     if not 0.0 < max_step_s <= LONGEST_STEP_S:
         raise MachineError(
-            f"max_step_s = {max_step_s:g}: above zero and at most {LONGEST_STEP_S:g} s, up to where the film is "
+            f"max_step_s = {max_step_s:g}: above zero and at most {LONGEST_STEP_S:g} s, up to "
+            f"where the film is "
             f"verified; {MAX_STEP_S:g} s is the default"
         )
     if not (rate_hz >= SLOWEST_RATE_HZ and 1e6 % rate_hz == 0):
         raise MachineError(
-            f"rate_hz = {rate_hz}: a period is a whole number of microseconds, and the rate at least "
+            f"rate_hz = {rate_hz}: a period is a whole number of microseconds, and the rate at "
+            f"least "
             f"{SLOWEST_RATE_HZ} Hz; take 5000 or 10000"
         )
 
@@ -69,8 +72,8 @@ def _check_steps(rate_hz: int, max_step_s: float) -> None:
 class Batch:
     """``n`` sampling instants: counts (n, 8), truth (n, 14, see ``TRUTH_COLUMNS``), marks (n,).
 
-    ``marks`` holds the time of a once-per-turn edge from the start of the sampling period, s, else -1.
-    ``counts`` and the truth differ by the delay of the anti-alias filter (``Machine.delay_s``).
+    ``marks`` holds the time of a once-per-turn edge from the start of the sampling period, s, else
+    -1. ``counts`` and the truth differ by the delay of the anti-alias filter (``Machine.delay_s``).
     """
 
     counts: Counts
@@ -102,14 +105,16 @@ class Machine:
     inlet_C, thermal
         Oil inlet temperature, and whether the film warms up by its own friction.
     fed
-        Whether the supply pressure acts in the film: the rig's groove, instead of the unfed periodic film.
+        Whether the supply pressure acts in the film: the rig's groove, instead of the unfed
+        periodic film.
     max_step_s
         Longest integration step, at most :data:`LONGEST_STEP_S`.
 
     Raises
     ------
     MachineError
-        A rate or a step outside what the integration is verified for, or a start outside the actuator's range.
+        A rate or a step outside what the integration is verified for, or a start outside the
+        actuator's range.
     AssemblyError
         A rig or a build that no machine can have.
     FilmError
@@ -181,7 +186,12 @@ class Machine:
     def readings(self) -> Readings:
         """Slow quantities now."""
         scalar = self._state.scalar
-        return Readings(float(scalar[CLEARANCE]), float(scalar[PRESSURE]), float(scalar[POWER]), float(scalar[OIL]))
+        return Readings(
+            float(scalar[CLEARANCE]),
+            float(scalar[PRESSURE]),
+            float(scalar[POWER]),
+            float(scalar[OIL]),
+        )
 
     def set_inlet(self, inlet_C: float) -> None:
         """Oil inlet temperature from now on."""
@@ -211,14 +221,16 @@ class Machine:
         Parameters
         ----------
         drive
-            Speed, rad/s, of any sign, and static bearing load, N, at the borders of the periods, shape (n + 1, 2).
+            Speed, rad/s, of any sign, and static bearing load, N, at the borders of the periods,
+            shape (n + 1, 2).
         clearance_m, pressure_Pa
             Targets of the actuator.
 
         Raises
         ------
         MachineError
-            A target outside the actuator's range, a speed or load that is not finite, or no finite answer.
+            A target outside the actuator's range, a speed or load that is not finite, or no finite
+            answer.
         """
         drive = np.ascontiguousarray(drive, dtype=np.float64)
         self._check_drive(drive)
@@ -233,43 +245,72 @@ class Machine:
         )  # fmt: skip
         if not (math.isfinite(truth.sum()) and math.isfinite(signals.sum())):
             raise MachineError(
-                f"machine {self.rig.name}: no finite answer at {self.time_s:.3f} s with speed {drive[0, 0]:g} rad/s, "
-                f"load {drive[0, 1]:g} N, clearance {clearance_m * 1e6:g} um, faults {self.faults}; use a shorter "
+                f"machine {self.rig.name}: no finite answer at {self.time_s:.3f} s with speed "
+                f"{drive[0, 0]:g} rad/s, "
+                f"load {drive[0, 1]:g} N, clearance {clearance_m * 1e6:g} um, faults "
+                f"{self.faults}; use a shorter "
                 f"max_step_s or smaller loads"
             )
         time_s = (self._instants + np.arange(n, dtype=np.float64)) * self.period_s
         angle = truth[:, 0] - truth[:, 1] * self.delay_s
-        counts = self._chain.counts(signals, normal[:, :N_SENSORS], self._uniform(n), time_s, angle, self._faults)
+        counts = self._chain.counts(
+            signals, normal[:, :N_SENSORS], self._uniform(n), time_s, angle, self._faults
+        )
         self._instants += n
         return Batch(counts, truth, marks)
 
-    def static_load(self, ex_m: float, ey_m: float, speed_rad_s: float, clearance_m: float, oil_C: float) -> float:
-        """Film force, N, of a journal resting at ``(ex, ey)`` of the nominal bearing: a load estimate."""
+    def static_load(
+        self, ex_m: float, ey_m: float, speed_rad_s: float, clearance_m: float, oil_C: float
+    ) -> float:
+        """Film force, N, of a journal resting at ``(ex, ey)`` of the nominal bearing: a load
+        estimate."""
         b, mu = self.rig.bearing, self.rig.oil.viscosity_at(oil_C)
         fx, fy, _, _ = table_force(
-            self._unfed, ex_m, ey_m, 0.0, 0.0, speed_rad_s, clearance_m, mu, b.radius_m, b.length_m, 0.0
+            self._unfed,
+            ex_m,
+            ey_m,
+            0.0,
+            0.0,
+            speed_rad_s,
+            clearance_m,
+            mu,
+            b.radius_m,
+            b.length_m,
+            0.0,
         )
         return math.hypot(fx, fy)
 
     def _check_drive(self, drive: Floats) -> None:
         if drive.ndim != 2 or drive.shape[1] != 2 or len(drive) < 2:
-            raise MachineError(f"drive of shape {drive.shape}: (n + 1, 2) with n >= 1, columns speed and load")
+            raise MachineError(
+                f"drive of shape {drive.shape}: (n + 1, 2) with n >= 1, columns speed and load"
+            )
         if not math.isfinite(drive.sum()):
-            raise MachineError(f"speed or load at {self.time_s:.3f} s is not finite: {drive[0]} to {drive[-1]}")
+            raise MachineError(
+                f"speed or load at {self.time_s:.3f} s is not finite: {drive[0]} to {drive[-1]}"
+            )
 
     def _check_targets(self, clearance_m: float, pressure_Pa: float) -> None:
         """Refuse what no actuator could follow."""
         bearing = self.rig.bearing
-        if not bearing.clearance_min_m - _ROUNDING_M <= clearance_m <= bearing.clearance_max_m + _ROUNDING_M:
+        if (
+            not bearing.clearance_min_m - _ROUNDING_M
+            <= clearance_m
+            <= bearing.clearance_max_m + _ROUNDING_M
+        ):
             raise MachineError(
-                f"clearance = {clearance_m * 1e6:g} um: outside the radial range {bearing.clearance_min_m * 1e6:g} to "
+                f"clearance = {clearance_m * 1e6:g} um: outside the radial range "
+                f"{bearing.clearance_min_m * 1e6:g} to "
                 f"{bearing.clearance_max_m * 1e6:g} um of rig {self.rig.name}"
             )
         if not 0.0 <= pressure_Pa < math.inf:
-            raise MachineError(f"pressure = {pressure_Pa:g} Pa: a supply pressure is finite and not negative")
+            raise MachineError(
+                f"pressure = {pressure_Pa:g} Pa: a supply pressure is finite and not negative"
+            )
 
     def _uniform(self, n: int) -> Floats:
-        """Random numbers for sensor faults: a stream of their own, so that a fault changes no other noise."""
+        """Random numbers for sensor faults: a stream of their own, so that a fault changes no other
+        noise."""
         if any(sensor_fault(name) for name in self._faults):
             return self._fault_rng.random((n, N_SENSORS))
         return _NO_FAULTS

@@ -1,7 +1,8 @@
-"""The actuator node's duties, as ``deploy/NODE.md`` states them, on decoded messages and the node's own ticks.
+"""The actuator node's duties, as ``deploy/NODE.md`` states them, on decoded messages and the node's
+own ticks.
 
-A tick is the node's clock in microseconds, here without wrapping; only the echo of a command is compared
-modulo 2^32.
+A tick is the node's clock in microseconds, here without wrapping; only the echo of a command is
+compared modulo 2^32.
 """
 
 from __future__ import annotations
@@ -62,7 +63,10 @@ class Node:
 
     def expire(self, tick_us: int) -> None:
         """Fall back to the boot values when no command was obeyed for the time to live."""
-        if self._obeyed_us is None or tick_us - self._obeyed_us > self.limits.time_to_live_ms * 1000:
+        if (
+            self._obeyed_us is None
+            or tick_us - self._obeyed_us > self.limits.time_to_live_ms * 1000
+        ):
             self.mode = NodeMode.SAFE
             self.clearance_um = self.limits.boot_clearance_um
             self.pressure_bar = self.limits.boot_pressure_bar

@@ -1,7 +1,7 @@
 """The rotor of equation (2) on its film, without pedestal, motor and sensors: runs and maps.
 
-`sim_hil.runs` follows the whole machine with everything that shakes it; here stands the rotor alone,
-deterministic, much faster, and with a choice of films.
+`sim_hil.runs` follows the whole machine with everything that shakes it; here stands the rotor
+alone, deterministic, much faster, and with a choice of films.
 """
 
 from __future__ import annotations
@@ -29,7 +29,15 @@ from sim_hil.rotor.rigid import COLUMNS, RENEW_STEPS, advance_rotor
 
 Schedule = float | Callable[[float], float]
 """A constant, or a function of the time in seconds."""
-Force = Literal["direct", "table", "linear"] | Path | str | FilmModel | FilmTable | ReducedNetworkLaw | RawNetworkLaw
+Force = (
+    Literal["direct", "table", "linear"]
+    | Path
+    | str
+    | FilmModel
+    | FilmTable
+    | ReducedNetworkLaw
+    | RawNetworkLaw
+)
 STEP_S = 50e-6
 SAMPLES_PER_TURN = 50
 """At least so many rows a turn where orbits are judged."""
@@ -41,7 +49,8 @@ LOW_FILM_SHARE = 0.01
 
 
 class SimulationError(OrbitdError, ValueError):
-    """A run that cannot be made, or that left the finite numbers; the message names cause, value and limit."""
+    """A run that cannot be made, or that left the finite numbers; the message names cause, value
+    and limit."""
 
     exit_code = 2
 
@@ -63,9 +72,10 @@ class Trajectory:
     time_s
         End of each row's period, shape (n,).
     rows
-        `COLUMNS` of `sim_hil.rotor.rigid`: journal x, y, m, and velocity, m/s, relative to the bearing; smallest film,
-        m, and mean power, W, over the period; clearance, m, oil temperature, Celsius, shaft angle, rad, mean side
-        flow, m3/s, and supply pressure, Pa; shape (n, 11).
+        `COLUMNS` of `sim_hil.rotor.rigid`: journal x, y, m, and velocity, m/s, relative to the
+        bearing; smallest film, m, and mean power, W, over the period; clearance, m, oil
+        temperature, Celsius, shaft angle, rad, mean side flow, m3/s, and supply pressure, Pa; shape
+        (n, 11).
     events
         Contacts and releases.
     """
@@ -85,7 +95,8 @@ class Trajectory:
 
     @property
     def power_W(self) -> Floats:
-        """Dissipated power: friction moment times speed, less film force times velocity, plus windage."""
+        """Dissipated power: friction moment times speed, less film force times velocity, plus
+        windage."""
         return self.column("power_W")
 
     def pump_power_W(self, efficiency: float) -> Floats:
@@ -112,20 +123,22 @@ def simulate(
     seconds: float | None = None, thermal: bool = True, pressure: Schedule | None = None, rate_hz: float = 5000.0,
     build: Build | None = None, inlet_C: float | None = None, fed: bool = False,
 ) -> Trajectory:  # fmt: skip
-    """Follow `duty` (to its end when `seconds` is None) with the journal starting at rest at its equilibrium.
+    """Follow `duty` (to its end when `seconds` is None) with the journal starting at rest at its
+    equilibrium.
 
     Parameters
     ----------
     clearance
-        Target of the actuator (rate, lag and backlash as the rig's), m: a number or a function of time, s.
+        Target of the actuator (rate, lag and backlash as the rig's), m: a number or a function of
+        time, s.
     pressure
         Target of the supply pressure, Pa, likewise; nominal when None.
     dt_s
         Longest integration step; a period of `rate_hz` is cut into equal steps.
     force
-        `table`: Reynolds film, tabulated; `direct`: Guembel film solved at each call; `linear`: springs and dampers
-        around the equilibrium of the start; a `FilmTable` (`FilmTable.build`); a film model or the path of its ONNX
-        file, tabulated once; or a network of `network_law`.
+        `table`: Reynolds film, tabulated; `direct`: Guembel film solved at each call; `linear`:
+        springs and dampers around the equilibrium of the start; a `FilmTable` (`FilmTable.build`);
+        a film model or the path of its ONNX file, tabulated once; or a network of `network_law`.
     seed
         Draws the shaft angle at the start.
     thermal
@@ -133,26 +146,32 @@ def simulate(
     inlet_C
         Temperature of the oil that comes in, Celsius; the rig's own when None.
     fed
-        The film with the rig's groove, where the supply pressure carries load, instead of the unfed periodic film
-        (with `force="table"` only). Films are laminar and without inertia: `sim_hil.domain` says how far that holds.
+        The film with the rig's groove, where the supply pressure carries load, instead of the unfed
+        periodic film (with `force="table"` only). Films are laminar and without inertia:
+        `sim_hil.domain` says how far that holds.
 
     Raises
     ------
     SimulationError
-        A clearance outside the rig's range, a pressure that no supply has, a step too long, or a run that left the
-        finite numbers.
+        A clearance outside the rig's range, a pressure that no supply has, a step too long, or a
+        run that left the finite numbers.
     """
     if not (0 < dt_s <= LONGEST_STEP_S and rate_hz > 0):
         raise SimulationError(
-            f"dt_s = {dt_s}, rate_hz = {rate_hz}: both above zero, and the step at most {LONGEST_STEP_S} s"
+            f"dt_s = {dt_s}, rate_hz = {rate_hz}: both above zero, and the step at most "
+            f"{LONGEST_STEP_S} s"
         )
     period = 1 / rate_hz
     total = round((duty.seconds if seconds is None else seconds) / period)
     if total < 1:
-        raise SimulationError(f"seconds = {seconds}: shorter than one period of rate_hz = {rate_hz}")
+        raise SimulationError(
+            f"seconds = {seconds}: shorter than one period of rate_hz = {rate_hz}"
+        )
     time_s = np.arange(total + 1, dtype=np.float64) * period
     target = _targets(rig, clearance, pressure, time_s[:-1])
-    plant = assemble(rig, Build.nominal(rig) if build is None else build, dt_s, inlet_C=inlet_C, thermal=thermal)
+    plant = assemble(
+        rig, Build.nominal(rig) if build is None else build, dt_s, inlet_C=inlet_C, thermal=thermal
+    )
     drive = duty.at(time_s)
     start = equilibrium_at(rig, plant, float(drive[0, 0]), float(drive[0, 1]), float(target[0, 0]))
     law = _fed_law(rig, force) if fed else _law(rig, plant, force, start)
@@ -160,11 +179,24 @@ def simulate(
     rows = np.empty((total, len(COLUMNS)))
     steps = max(1, math.ceil(period / dt_s - 1e-9))
     advance_rotor(
-        plant.shaft, plant.film, plant.act, law, w, state.scalar, drive, target, period, steps, RENEW_STEPS, rows
+        plant.shaft,
+        plant.film,
+        plant.act,
+        law,
+        w,
+        state.scalar,
+        drive,
+        target,
+        period,
+        steps,
+        RENEW_STEPS,
+        rows,
     )
     if not np.all(np.isfinite(rows)):
         lost_s = time_s[int(np.argmax(~np.isfinite(rows).all(axis=1)))]
-        raise SimulationError(f"dt_s = {dt_s}: the run left the finite numbers at {lost_s:.4f} s; take a shorter step")
+        raise SimulationError(
+            f"dt_s = {dt_s}: the run left the finite numbers at {lost_s:.4f} s; take a shorter step"
+        )
     return Trajectory(time_s[1:], rows, _events(time_s[1:], rows))
 
 
@@ -181,14 +213,19 @@ def power_map(
     rig: RigData, rpm: Floats, load_N: Floats, clearance_m: Floats, *, seconds: float = 1.0, thermal: bool = False,
     force: Force = "table", pressure_Pa: float | None = None,
 ) -> PowerMap:  # fmt: skip
-    """Mean power, smallest film and larger peak-to-peak of the last half of `seconds` at each point.
+    """Mean power, smallest film and larger peak-to-peak of the last half of `seconds` at each
+    point.
 
-    With `pressure_Pa` the film is the one fed from the groove at that supply pressure, and the pump's power counts.
+    With `pressure_Pa` the film is the one fed from the groove at that supply pressure, and the
+    pump's power counts.
 
-    The journal starts at rest at its equilibrium, so that whirl shows where it grows by itself; close to its threshold
-    it takes longer than a second (at 12000 rpm, 30 N of rig `bench` the peak-to-peak after 1 s is 3 % short).
+    The journal starts at rest at its equilibrium, so that whirl shows where it grows by itself;
+    close to its threshold it takes longer than a second (at 12000 rpm, 30 N of rig `bench` the
+    peak-to-peak after 1 s is 3 % short).
     """
-    rpm, load_N, clearance_m = (np.atleast_1d(np.asarray(a, dtype=np.float64)) for a in (rpm, load_N, clearance_m))
+    rpm, load_N, clearance_m = (
+        np.atleast_1d(np.asarray(a, dtype=np.float64)) for a in (rpm, load_N, clearance_m)
+    )
     shape = (rpm.size, load_N.size, clearance_m.size)
     figures = np.empty((3, *shape))
     for i, j, k in np.ndindex(shape):
@@ -199,7 +236,11 @@ def power_map(
             pressure=pressure_Pa, fed=pressure_Pa is not None,
         ).last(seconds / 2)  # fmt: skip
         pumped = 0.0 if pressure_Pa is None else run.pump_power_W(rig.supply.pump_efficiency).mean()
-        figures[:, i, j, k] = run.power_W.mean() + pumped, run.min_film_m.min(), run.peak_to_peak_m()
+        figures[:, i, j, k] = (
+            run.power_W.mean() + pumped,
+            run.min_film_m.min(),
+            run.peak_to_peak_m(),
+        )
     return PowerMap(*figures)
 
 
@@ -213,8 +254,11 @@ class Start:
     load_N: float
 
 
-def equilibrium_at(rig: RigData, plant: Plant, speed_rad_s: float, load_N: float, clearance_m: float) -> Start:
-    """Where the journal rests, with K and C along x and y; the middle for a machine that does not turn."""
+def equilibrium_at(
+    rig: RigData, plant: Plant, speed_rad_s: float, load_N: float, clearance_m: float
+) -> Start:
+    """Where the journal rests, with K and C along x and y; the middle for a machine that does not
+    turn."""
     film = plant.film
     if speed_rad_s == 0.0:
         return Start(np.zeros(2), np.zeros((2, 2)), np.zeros((2, 2)), load_N)
@@ -224,7 +268,9 @@ def equilibrium_at(rig: RigData, plant: Plant, speed_rad_s: float, load_N: float
         speed_rad_s=speed_rad_s, grid=(96, 12),
     )  # fmt: skip
     sense = math.copysign(1.0, speed_rad_s)
-    axes = np.array([[0.0, -1.0], [sense, 0.0]])  # along the load, and 90 degrees on in the sense of rotation
+    axes = np.array(
+        [[0.0, -1.0], [sense, 0.0]]
+    )  # along the load, and 90 degrees on in the sense of rotation
     turned = [axes.T @ m @ axes for m in (found.stiffness_N_m, found.damping_N_s_m)]
     return Start(found.position_m, turned[0], turned[1], load_N)
 
@@ -234,16 +280,22 @@ def _over(schedule: Schedule, time_s: Floats) -> Floats:
     if not callable(schedule):
         return np.full(time_s.size, schedule)
     tick = np.floor(time_s / COMMAND_S + 1e-6).astype(np.int64)
-    return np.array([schedule(t) for t in (np.arange(tick[-1] + 1) * COMMAND_S).tolist()], dtype=np.float64)[tick]
+    return np.array(
+        [schedule(t) for t in (np.arange(tick[-1] + 1) * COMMAND_S).tolist()], dtype=np.float64
+    )[tick]
 
 
-def _targets(rig: RigData, clearance: Schedule, pressure: Schedule | None, time_s: Floats) -> Floats:
+def _targets(
+    rig: RigData, clearance: Schedule, pressure: Schedule | None, time_s: Floats
+) -> Floats:
     """Clearance, m, and supply pressure, Pa, that the actuator is to follow, shape (n, 2)."""
     supply = rig.supply.nominal_Pa if pressure is None else pressure
     target = np.column_stack([_over(clearance, time_s), _over(supply, time_s)])
     _check_clearance(rig, target[:, 0])
     if not (target[:, 1].min() >= 0.0 and np.isfinite(target[:, 1]).all()):
-        raise SimulationError("pressure: a supply pressure is finite and not negative, Pa above ambient")
+        raise SimulationError(
+            "pressure: a supply pressure is finite and not negative, Pa above ambient"
+        )
     return target
 
 
@@ -252,14 +304,18 @@ def _check_clearance(rig: RigData, clearance_m: Floats) -> None:
     for value in (float(clearance_m.min()), float(clearance_m.max())):
         if not low - 1e-12 <= value <= high + 1e-12:
             raise SimulationError(
-                f"clearance = {value * 1e6:.2f} um: outside the radial range {low * 1e6:g} to {high * 1e6:g} um of "
+                f"clearance = {value * 1e6:.2f} um: outside the radial range {low * 1e6:g} to "
+                f"{high * 1e6:g} um of "
                 f"rig {rig.name}"
             )
 
 
 def _fed_law(rig: RigData, force: Force) -> Law:
     if force != "table":
-        raise SimulationError(f"force = {force!r} with fed = True: only the table knows the groove; take force='table'")
+        raise SimulationError(
+            f"force = {force!r} with fed = True: only the table knows the groove; take "
+            f"force='table'"
+        )
     try:
         return rig_film(rig, fed=True)
     except FilmError as error:
@@ -272,15 +328,22 @@ def _law(rig: RigData, plant: Plant, force: Force, start: Start) -> Law:
         return force
     if force == "linear":
         if start.load_N and not start.damping_N_s_m.any():
-            raise SimulationError("force = linear: a film at rest has no stiffness; start with the machine turning")
-        return LinearLaw.of((start.position_m, np.array([0.0, start.load_N])), start.stiffness_N_m, start.damping_N_s_m)
+            raise SimulationError(
+                "force = linear: a film at rest has no stiffness; start with the machine turning"
+            )
+        return LinearLaw.of(
+            (start.position_m, np.array([0.0, start.load_N])),
+            start.stiffness_N_m,
+            start.damping_N_s_m,
+        )
     try:
         table = FilmTable.load(shape) if force in ("table", "direct") else _table_of(force, shape)
     except FilmError as error:
         raise SimulationError(str(error)) from error
     if abs(table.length_over_diameter - shape) > 1e-9:
         raise SimulationError(
-            f"force: a film for length/diameter {table.length_over_diameter}, rig {rig.name} has {shape}"
+            f"force: a film for length/diameter {table.length_over_diameter}, rig {rig.name} has "
+            f"{shape}"
         )
     return DirectLaw.make(table.coefficients) if force == "direct" else table.coefficients
 
@@ -292,12 +355,15 @@ def _table_of(force: Path | str | FilmModel | FilmTable, shape: float) -> FilmTa
     if callable(force):
         return tabulate(force, shape)
     if not Path(force).exists():
-        raise SimulationError(f"force = {str(force)!r}: use direct, table, linear, a film model or its ONNX file")
+        raise SimulationError(
+            f"force = {str(force)!r}: use direct, table, linear, a film model or its ONNX file"
+        )
     return tabulate(*load_model(Path(force)))
 
 
 def _at_rest(plant: Plant, start: Start, target: Floats, seed: int) -> tuple[Floats, State]:
-    """Rotor hinged at the coupling end with the journal at its equilibrium; actuator at its first target."""
+    """Rotor hinged at the coupling end with the journal at its equilibrium; actuator at its first
+    target."""
     s = plant.shaft
     span = s.to_bearing + s.to_coupling
     w = np.zeros(8)
@@ -311,4 +377,6 @@ def _events(time_s: Floats, rows: Floats) -> tuple[Event, ...]:
     film, clearance = rows[:, COLUMNS.index("min_film_m")], rows[:, COLUMNS.index("clearance_m")]
     touching = np.concatenate([[False], film < LOW_FILM_SHARE * clearance])
     changes = np.flatnonzero(np.diff(touching))
-    return tuple(Event(float(time_s[i]), "contact" if touching[i + 1] else "release") for i in changes)
+    return tuple(
+        Event(float(time_s[i]), "contact" if touching[i + 1] else "release") for i in changes
+    )

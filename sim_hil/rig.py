@@ -1,7 +1,7 @@
 """The whole rig behind the bus: machine, sensors, actuator node and drive, as one pure stage.
 
-``rig.step(now_ns, frames_in)`` advances the physics to ``now_ns`` and returns every frame due since the
-last call, exactly as it would cross the wire.
+``rig.step(now_ns, frames_in)`` advances the physics to ``now_ns`` and returns every frame due since
+the last call, exactly as it would cross the wire.
 """
 
 from __future__ import annotations
@@ -94,19 +94,33 @@ class Rig:
     Attributes
     ----------
     lag_ms_max, periods_left_out
-        How far a step ever lay behind real time, and sampling periods skipped because it was too far.
+        How far a step ever lay behind real time, and sampling periods skipped because it was too
+        far.
     """
 
     def __init__(
-        self, rig: RigData, codec: Codec, limits: NodeLimits, seed: int, *, build: Build | None = None,
-        duty: Duty | None = None, rate_hz: int = 5000, coast_on_silence: bool = True, fed: bool = False,
+        self,
+        rig: RigData,
+        codec: Codec,
+        limits: NodeLimits,
+        seed: int,
+        *,
+        build: Build | None = None,
+        duty: Duty | None = None,
+        rate_hz: int = 5000,
+        coast_on_silence: bool = True,
+        fed: bool = False,
         heartbeat_limit_s: float = HEARTBEAT_LIMIT_DEFAULT_S,
     ) -> None:
         self._rng = np.random.default_rng([seed, 2])
         self._codec = codec
         self.node = Node(limits)
-        self.drive = Drive(rig.drive, duty or _START[rig.name], coast_on_silence=coast_on_silence,
-                           heartbeat_limit_s=heartbeat_limit_s)
+        self.drive = Drive(
+            rig.drive,
+            duty or _START[rig.name],
+            coast_on_silence=coast_on_silence,
+            heartbeat_limit_s=heartbeat_limit_s,
+        )
         self.machine = Machine(
             rig, Build.nominal(rig) if build is None else build, seed, rate_hz=rate_hz,
             clearance_m=limits.boot_clearance_um * 1e-6, pressure_Pa=limits.boot_pressure_bar * 1e5, fed=fed,
@@ -181,12 +195,15 @@ class Rig:
         out: list[RawFrame] = []
         while due > 0:
             n = min(due, CHUNK_PERIODS)
-            out += [self._codec.encode(message, now_ns) for message in self._advance(n, now_ns, behind)]
+            out += [
+                self._codec.encode(message, now_ns) for message in self._advance(n, now_ns, behind)
+            ]
             due -= n
         return out
 
     def _account(self, due: int) -> tuple[int, bool]:
-        """Periods to simulate and whether they are late; beyond :data:`GIVE_UP_MS` whole frames are left out."""
+        """Periods to simulate and whether they are late; beyond :data:`GIVE_UP_MS` whole frames are
+        left out."""
         lag_ms = due * self._period_us * 1e-3
         self.lag_ms_max = max(self.lag_ms_max, lag_ms)
         if lag_ms > GIVE_UP_MS:
@@ -215,8 +232,16 @@ class Rig:
         limits = self.node.limits
         lead_m = limits.rate_um_s * 1e-6 * self.machine.rig.actuator.time_constant_s
         low_m, high_m = (um * 1e-6 for um in limits.clearance_um)
-        return reached(Reach(*targets, self.machine.readings().clearance_m, limits.boot_clearance_um * 1e-6,
-                             (low_m, high_m), lead_m), self._drive_faults)
+        return reached(
+            Reach(
+                *targets,
+                self.machine.readings().clearance_m,
+                limits.boot_clearance_um * 1e-6,
+                (low_m, high_m),
+                lead_m,
+            ),
+            self._drive_faults,
+        )
 
     def _advance(self, n: int, now_ns: int, behind: bool) -> list[WireMessage]:
         """``n`` sampling periods, and what is to be said after them."""
@@ -227,7 +252,10 @@ class Rig:
         batch = self.machine.advance(drive, *self._reached())
         self._periods += n
         self._truth.add(batch.truth, now_ns, self.node.clearance_um, self.drive.coasting)
-        return [*self._sampler.frames(batch, start_us, self._flags(behind)), *self._slow(batch, start_us)]
+        return [
+            *self._sampler.frames(batch, start_us, self._flags(behind)),
+            *self._slow(batch, start_us),
+        ]
 
     def _flags(self, behind: bool) -> int:
         return behind * SampleFlag.BEHIND.value + self.drive.coasting * SampleFlag.COASTING.value

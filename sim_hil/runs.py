@@ -1,4 +1,5 @@
-"""Runs of the whole machine faster than real time: what it does at given duties and clearances, what it would measure.
+"""Runs of the whole machine faster than real time: what it does at given duties and clearances,
+what it would measure.
 
 The rotor alone, with steady maps and other films: `sim_hil.response`.
 """
@@ -27,7 +28,12 @@ def _value(schedule: Schedule, time_s: float) -> float:
 
 
 def run(
-    machine: Machine, duty: Duty, seconds: float, *, clearance: Schedule, pressure: Schedule | None = None,
+    machine: Machine,
+    duty: Duty,
+    seconds: float,
+    *,
+    clearance: Schedule,
+    pressure: Schedule | None = None,
     start_s: float = 0.0,
 ) -> Batch:
     """Advance ``machine`` through ``duty`` from ``start_s`` of the duty on.
@@ -45,17 +51,25 @@ def run(
         n = min(step, total - first)
         time_s = start_s + (first + np.arange(n + 1, dtype=np.float64)) * period
         now = float(time_s[0])
-        batches.append(machine.advance(duty.at(time_s), _value(clearance, now), _value(supply, now)))
-    return Batch(*(np.concatenate([getattr(b, name) for b in batches]) for name in ("counts", "truth", "marks")))
+        batches.append(
+            machine.advance(duty.at(time_s), _value(clearance, now), _value(supply, now))
+        )
+    return Batch(
+        *(
+            np.concatenate([getattr(b, name) for b in batches])
+            for name in ("counts", "truth", "marks")
+        )
+    )
 
 
 @dataclass(frozen=True)
 class Recording:
     """What the device would have received.
 
-    ``counts``: int16 (n, 8); instant ``i`` was measured at ``time_s[i]``.  ``mark_s``: once-per-turn edges
-    on the same time.  ``status``: every 0.05 s, columns time_s, shaft_power_W, oil_C, clearance_m,
-    pressure_Pa, with the reading errors of ``sensors.json``.  ``truth``: (n, 14), ``TRUTH_COLUMNS``.
+    ``counts``: int16 (n, 8); instant ``i`` was measured at ``time_s[i]``.  ``mark_s``:
+    once-per-turn edges on the same time.  ``status``: every 0.05 s, columns time_s, shaft_power_W,
+    oil_C, clearance_m, pressure_Pa, with the reading errors of ``sensors.json``.  ``truth``: (n,
+    14), ``TRUTH_COLUMNS``.
     """
 
     rate_hz: int
@@ -78,11 +92,21 @@ CLEARANCE_NOISE_M = 0.2e-6
 
 
 def record(
-    rig: RigData, build: Build, duty: Duty, seconds: float, *, clearance: Schedule, seed: int,
-    pressure: Schedule | None = None, faults: Mapping[str, float] | None = None, rate_hz: int = 5000,
-    inlet_C: float | None = None, settle_s: float = 0.4,
+    rig: RigData,
+    build: Build,
+    duty: Duty,
+    seconds: float,
+    *,
+    clearance: Schedule,
+    seed: int,
+    pressure: Schedule | None = None,
+    faults: Mapping[str, float] | None = None,
+    rate_hz: int = 5000,
+    inlet_C: float | None = None,
+    settle_s: float = 0.4,
 ) -> Recording:
-    """Measure ``seconds`` of a machine after it has run for ``settle_s`` healthy and as long with ``faults``."""
+    """Measure ``seconds`` of a machine after it has run for ``settle_s`` healthy and as long with
+    ``faults``."""
     machine = Machine(
         rig, build, seed, rate_hz=rate_hz, inlet_C=inlet_C, clearance_m=_value(clearance, 0.0),
         pressure_Pa=None if pressure is None else _value(pressure, 0.0),
@@ -105,14 +129,21 @@ def recording_of(machine: Machine, batch: Batch, rng: np.random.Generator) -> Re
     n = len(batch.truth) // every
     slow = batch.truth[: n * every].reshape(n, every, -1).mean(axis=1)
     columns = {name: slow[:, i] for i, name in enumerate(TRUTH_COLUMNS)}
-    power_error, oil_error = rng.uniform(-POWER_ERROR_W, POWER_ERROR_W), rng.uniform(-OIL_ERROR_C, OIL_ERROR_C)
+    power_error, oil_error = (
+        rng.uniform(-POWER_ERROR_W, POWER_ERROR_W),
+        rng.uniform(-OIL_ERROR_C, OIL_ERROR_C),
+    )
     reported = columns["clearance_m"] - machine.wear_m + CLEARANCE_NOISE_M * rng.standard_normal(n)
-    status = np.column_stack([
-        np.arange(1, n + 1) * every * period,
-        columns["shaft_power_W"] + power_error,
-        columns["oil_C"] + oil_error,
-        reported,
-        columns["pressure_Pa"],
-    ])
+    status = np.column_stack(
+        [
+            np.arange(1, n + 1) * every * period,
+            columns["shaft_power_W"] + power_error,
+            columns["oil_C"] + oil_error,
+            reported,
+            columns["pressure_Pa"],
+        ]
+    )
     time_s = start + period - machine.delay_s
-    return Recording(machine.rate_hz, time_s, batch.counts, (start + batch.marks)[marked], status, batch.truth)
+    return Recording(
+        machine.rate_hz, time_s, batch.counts, (start + batch.marks)[marked], status, batch.truth
+    )

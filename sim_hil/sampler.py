@@ -47,10 +47,13 @@ class Sampler:
         self._counter = (self._counter + frames) % COUNTERS
 
     def frames(self, batch: Batch, start_us: int, flags: int) -> list[SampleFrame]:
-        """Frames that ``batch``, beginning at ``start_us``, completes; ``flags`` without ``MARK_VALID``."""
+        """Frames that ``batch``, beginning at ``start_us``, completes; ``flags`` without
+        ``MARK_VALID``."""
         for i in np.flatnonzero(batch.marks >= 0).tolist():
             self._edges += 1
-            self._marks.append((start_us + i * self._period_us + round(batch.marks[i] * 1e6), self._edges))
+            self._marks.append(
+                (start_us + i * self._period_us + round(batch.marks[i] * 1e6), self._edges)
+            )
         if not self._pending:
             self._first_us = start_us + self._period_us - self._delay_us
         self._pending += batch.counts.astype("<i2", copy=False).tobytes()

@@ -1,6 +1,7 @@
 """The rig in software as a process: real time, one link to the device, one console for people.
 
-It speaks only the wires that a rig of steel would.  Everything is compiled before it says ``ready``.
+It speaks only the wires that a rig of steel would.  Everything is compiled before it says
+``ready``.
 """
 
 from __future__ import annotations
@@ -27,14 +28,22 @@ if TYPE_CHECKING:
 
 PERIOD_NS = 1_000_000
 WARM_UP_STEPS = 1200
-"""Simulated milliseconds of a throw-away rig: every message is sent once, everything is compiled."""
+"""Simulated milliseconds of a throw-away rig: every message is sent once, everything is
+compiled."""
 
 
 def make_rig(
-    config: Config, name: str, seed: int, *, nominal: bool = False, duty: Duty | None = None, fed: bool = False,
+    config: Config,
+    name: str,
+    seed: int,
+    *,
+    nominal: bool = False,
+    duty: Duty | None = None,
+    fed: bool = False,
     heartbeat_limit_s: float = HEARTBEAT_LIMIT_DEFAULT_S,
 ) -> Rig:
-    """The rig ``name`` on the wire of ``config``; its build is drawn from ``seed`` unless ``nominal``."""
+    """The rig ``name`` on the wire of ``config``; its build is drawn from ``seed`` unless
+    ``nominal``."""
     from sim_hil.build import Build
     from sim_hil.rig import Rig, node_limits
 
@@ -54,8 +63,11 @@ def warm_up(config: Config, name: str, fed: bool = False) -> None:
         rig.step(step * PERIOD_NS, [])
 
 
-def serve(rig: Rig, link: Link, console: Console, clock: Clock, running: Callable[[], bool]) -> None:
-    """Read, step, write, sleep on a grid of :data:`PERIOD_NS` while ``running()``; late steps are not repeated."""
+def serve(
+    rig: Rig, link: Link, console: Console, clock: Clock, running: Callable[[], bool]
+) -> None:
+    """Read, step, write, sleep on a grid of :data:`PERIOD_NS` while ``running()``; late steps are
+    not repeated."""
     due_ns = clock.now_ns()
     while running() and not console.quit:
         now_ns = clock.now_ns()
@@ -70,20 +82,32 @@ def main(argv: list[str]) -> int:
     """``orbitd hil``: the rig alone, on the configured bus or serial port."""
     parser = argparse.ArgumentParser(
         prog="orbitd hil",
-        description="the rotor rig in software, in real time, on the bus or serial port of the configuration",
+        description="the rotor rig in software, in real time, on the bus or serial port of the "
+        "configuration",
     )
     launch.add_options(parser)
     parser.add_argument("--rig", choices=RIGS, help="which rig (default: the configuration's)")
-    parser.add_argument("--seed", type=seed, default=1, help="draws build, noise and clock (default 1)")
-    parser.add_argument("--nominal", action="store_true", help="the build as drawn, without spread")
-    parser.add_argument("--duty", choices=("hold", "published"), default="hold", help="what the drive follows")
     parser.add_argument(
-        "--film", choices=("periodic", "fed"), default="periodic",
-        help="unfed film, or fed from the rig's groove, where the supply pressure carries load (default periodic)",
+        "--seed", type=seed, default=1, help="draws build, noise and clock (default 1)"
+    )
+    parser.add_argument("--nominal", action="store_true", help="the build as drawn, without spread")
+    parser.add_argument(
+        "--duty", choices=("hold", "published"), default="hold", help="what the drive follows"
     )
     parser.add_argument(
-        "--heartbeat-limit", type=_heartbeat_limit_s, default=HEARTBEAT_LIMIT_DEFAULT_S, metavar="SECONDS",
-        help="the drive coasts down after so long without the device's heartbeat (0.5 to 5, default 3)",
+        "--film",
+        choices=("periodic", "fed"),
+        default="periodic",
+        help="unfed film, or fed from the rig's groove, where the supply pressure carries load "
+        "(default periodic)",
+    )
+    parser.add_argument(
+        "--heartbeat-limit",
+        type=_heartbeat_limit_s,
+        default=HEARTBEAT_LIMIT_DEFAULT_S,
+        metavar="SECONDS",
+        help="the drive coasts down after so long without the device's heartbeat (0.5 to 5, "
+        "default 3)",
     )
     options = parser.parse_args(argv)
     from sim_hil.domain import describe  # brings the compiler: only when the rig runs
@@ -95,10 +119,20 @@ def main(argv: list[str]) -> int:
     fed = options.film == "fed"
     print("\n".join(describe(load_rig(name))), flush=True)
     warm_up(started.config, name, fed)
-    rig = make_rig(started.config, name, options.seed, nominal=options.nominal, duty=duty, fed=fed,
-                   heartbeat_limit_s=options.heartbeat_limit)
+    rig = make_rig(
+        started.config,
+        name,
+        options.seed,
+        nominal=options.nominal,
+        duty=duty,
+        fed=fed,
+        heartbeat_limit_s=options.heartbeat_limit,
+    )
     _run(started, rig)
-    print(f"rig ended: {rig.time_s:.1f} s, worst lag {rig.lag_ms_max:.1f} ms, {rig.periods_left_out} periods left out")
+    print(
+        f"rig ended: {rig.time_s:.1f} s, worst lag {rig.lag_ms_max:.1f} ms, {rig.periods_left_out} "
+        f"periods left out"
+    )
     return 0
 
 
@@ -110,7 +144,9 @@ def _heartbeat_limit_s(text: str) -> float:
     except ValueError:
         value_s = math.nan
     if not low_s <= value_s <= high_s:
-        raise argparse.ArgumentTypeError(f"{text}: not a number of seconds from {low_s:g} to {high_s:g}")
+        raise argparse.ArgumentTypeError(
+            f"{text}: not a number of seconds from {low_s:g} to {high_s:g}"
+        )
     return value_s
 
 

@@ -40,7 +40,8 @@ class RigTruth(msgspec.Struct, frozen=True):
 
 
 def pump_power_W(rig: RigData, truth: Floats) -> Floats:
-    """Power of the oil pump, ``p_s Q / efficiency``, for truth rows (n, 14): it feeds what runs off at the ends."""
+    """Power of the oil pump, ``p_s Q / efficiency``, for truth rows (n, 14): it feeds what runs off
+    at the ends."""
     rows: Floats = truth[:, _COLUMN["pressure_Pa"]] * truth[:, _COLUMN["side_flow_m3_s"]]
     return rows / rig.supply.pump_efficiency
 
@@ -61,7 +62,10 @@ class TruthKeeper:
         truth = np.concatenate(self._recent)
         self._recent.clear()
         mean, last = truth.mean(axis=0), truth[-1]
-        swing = max(np.ptp(truth[:, _COLUMN["eccentricity_x_m"]]), np.ptp(truth[:, _COLUMN["eccentricity_y_m"]]))
+        swing = max(
+            np.ptp(truth[:, _COLUMN["eccentricity_x_m"]]),
+            np.ptp(truth[:, _COLUMN["eccentricity_y_m"]]),
+        )
         self.entries.append(
             RigTruth(
                 t_ns=now_ns,

@@ -1,14 +1,16 @@
 """Many rotors at once for training: ``gymnasium.make_vec("orbitd/Rotor-v0", num_envs=16)``.
 
-The task is that of :mod:`sim_hil.environment` (:mod:`sim_hil.control_task`), the plant is less: the rotor of
-equation (2) alone on its film and coupling (:mod:`sim_hil.rotor.rigid`, steps of 0.2 ms), without pedestal, motor
-and what shakes them.  Actuator, oil temperature, build spread, drifting inlet and growing faults are the same.
-The sensors are reduced to what the observation shows: probes with gain, zero, runout and noise of ``sensors.json``
-and ``classes.json``, status readings with their errors; no filter delay, no quantisation, no housing motion.
-On the same episodes the mean power of both agrees within 0.5 % and the smallest film within 0.5 um (tested).
+The task is that of :mod:`sim_hil.environment` (:mod:`sim_hil.control_task`), the plant is less: the
+rotor of equation (2) alone on its film and coupling (:mod:`sim_hil.rotor.rigid`, steps of 0.2 ms),
+without pedestal, motor and what shakes them.  Actuator, oil temperature, build spread, drifting
+inlet and growing faults are the same. The sensors are reduced to what the observation shows: probes
+with gain, zero, runout and noise of ``sensors.json`` and ``classes.json``, status readings with
+their errors; no filter delay, no quantisation, no housing motion. On the same episodes the mean
+power of both agrees within 0.5 % and the smallest film within 0.5 um (tested).
 
-An episode that ends starts anew in the same step (``AutoresetMode.SAME_STEP``): its last observation stands in
-``infos["final_obs"]``.  Rotor ``i`` sees the same for a given seed, whatever stands beside it.
+An episode that ends starts anew in the same step (``AutoresetMode.SAME_STEP``): its last
+observation stands in ``infos["final_obs"]``.  Rotor ``i`` sees the same for a given seed, whatever
+stands beside it.
 """
 
 from __future__ import annotations
@@ -41,11 +43,30 @@ from sim_hil.control_task import (
 from sim_hil.duty import Duty
 from sim_hil.faults.machine import worn_bore
 from sim_hil.film.table import FilmTable
-from sim_hil.fleet import FIGURES, STEP_S, Numbers, advance_fleet, measure_orbits, records, static_loads
+from sim_hil.fleet import (
+    FIGURES,
+    STEP_S,
+    Numbers,
+    advance_fleet,
+    measure_orbits,
+    records,
+    static_loads,
+)
 from sim_hil.rigs import load_rig
 from sim_hil.rotor.assembly import assemble, rig_film
 from sim_hil.rotor.film_law import Law
-from sim_hil.rotor.parameters import CLEARANCE, FLOW, N_SCALARS, OIL, PRESSURE, Act, Film, Floats, Shaft, new_state
+from sim_hil.rotor.parameters import (
+    CLEARANCE,
+    FLOW,
+    N_SCALARS,
+    OIL,
+    PRESSURE,
+    Act,
+    Film,
+    Floats,
+    Shaft,
+    new_state,
+)
 from sim_hil.rotor.rigid import COLUMNS
 from sim_hil.runs import CLEARANCE_NOISE_M
 
@@ -67,10 +88,14 @@ class RotorVectorEnv(gymnasium.vector.VectorEnv[Observation, Observation, NDArra
     Parameters
     ----------
     law
-        Another film than the tabulated one of the rig, which is fed from the groove where ``pressure`` is an action.
+        Another film than the tabulated one of the rig, which is fed from the groove where
+        ``pressure`` is an action.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": [], "autoreset_mode": AutoresetMode.SAME_STEP}
+    metadata: ClassVar[dict[str, Any]] = {
+        "render_modes": [],
+        "autoreset_mode": AutoresetMode.SAME_STEP,
+    }
 
     def __init__(
         self, num_envs: int = 8, rig: str = "bench", episode_s: float = 30.0, duty: Duty | None = None,
@@ -80,14 +105,18 @@ class RotorVectorEnv(gymnasium.vector.VectorEnv[Observation, Observation, NDArra
         self.num_envs, self.rig, self.pressure = num_envs, load_rig(rig), pressure
         self.limits, self.disturbances = limits or Limits(), disturbances or Disturbances()
         self.single_observation_space, self.single_action_space = spaces(pressure)
-        self.observation_space = gymnasium.vector.utils.batch_space(self.single_observation_space, num_envs)
+        self.observation_space = gymnasium.vector.utils.batch_space(
+            self.single_observation_space, num_envs
+        )
         self.action_space = gymnasium.vector.utils.batch_space(self.single_action_space, num_envs)
         self._steps = round(episode_s / CONTROL_S)
         self._fixed_duty, self._fixed_build = duty, build
         b, n = self.rig.bearing, num_envs
         self._table = FilmTable.load(b.length_m / (2 * b.radius_m)).coefficients
         self._law = rig_film(self.rig, fed=pressure) if law is None else law
-        self._shaft, self._film, self._act = (records(kind._fields, n) for kind in (Shaft, Film, Act))
+        self._shaft, self._film, self._act = (
+            records(kind._fields, n) for kind in (Shaft, Film, Act)
+        )
         self._w, self._scalar = np.zeros((n, 8)), np.zeros((n, N_SCALARS))
         self._drive, self._target = np.zeros((n, _PERIODS + 1, 2)), np.zeros((n, _PERIODS, 2))
         self._out = np.zeros((n, _PERIODS, len(COLUMNS)))
@@ -102,7 +131,11 @@ class RotorVectorEnv(gymnasium.vector.VectorEnv[Observation, Observation, NDArra
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
         """Draw every episode anew; an integer seeds rotor ``i`` with ``seed + i``."""
-        seeds = seed if isinstance(seed, list) else [None if seed is None else seed + i for i in range(self.num_envs)]
+        seeds = (
+            seed
+            if isinstance(seed, list)
+            else [None if seed is None else seed + i for i in range(self.num_envs)]
+        )
         for i, each in enumerate(seeds):
             if each is not None or not self.episodes:
                 self._random[i] = seeding.np_random(each)[0]
@@ -112,7 +145,8 @@ class RotorVectorEnv(gymnasium.vector.VectorEnv[Observation, Observation, NDArra
     def step(
         self, actions: Observation
     ) -> tuple[Observation, NDArray[np.float64], Flags, Flags, dict[str, Any]]:
-        """Advance all by :data:`CONTROL_S`; ``infos`` holds arrays of what ``RotorEnv.step`` tells of one."""
+        """Advance all by :data:`CONTROL_S`; ``infos`` holds arrays of what ``RotorEnv.step`` tells
+        of one."""
         everyone = np.arange(self.num_envs)
         self._target[:] = targets(self.rig, actions)[:, None, :]
         within = np.arange(_PERIODS + 1, dtype=np.float64) * STEP_S
@@ -123,7 +157,9 @@ class RotorVectorEnv(gymnasium.vector.VectorEnv[Observation, Observation, NDArra
             wear = episode.wear_m.at(now_s)
             self._film["wear"][i] = episode.build.clearance_error_m + wear
             self._film["drop"][i] = worn_bore(wear, self.rig.bearing.clearance_nominal_m)[1]
-            self._shaft["unbalance"][i] = episode.build.unbalance_kg_m + episode.unbalance_kg_m.at(now_s)
+            self._shaft["unbalance"][i] = episode.build.unbalance_kg_m + episode.unbalance_kg_m.at(
+                now_s
+            )
         self._advance(everyone)
         self._step += 1
         infos: dict[str, Any] = dict(self._judge())
@@ -142,15 +178,26 @@ class RotorVectorEnv(gymnasium.vector.VectorEnv[Observation, Observation, NDArra
         """Next episode of rotor ``i``, and its machine at rest."""
         rng = self._random[i]
         episode = Episode.draw(
-            self.rig, rng, self._steps * CONTROL_S, self.disturbances, self._fixed_duty, self._fixed_build
+            self.rig,
+            rng,
+            self._steps * CONTROL_S,
+            self.disturbances,
+            self._fixed_duty,
+            self._fixed_build,
         )
         build = episode.build
         plant = assemble(self.rig, build, STEP_S, inlet_C=episode.inlet_C[0])
-        for rows, part in ((self._shaft, plant.shaft), (self._film, plant.film), (self._act, plant.act)):
+        for rows, part in (
+            (self._shaft, plant.shaft),
+            (self._film, plant.film),
+            (self._act, plant.act),
+        ):
             rows[i] = tuple(part)
         self._w[i] = 0.0
         angle, supply = float(rng.uniform(0, 2 * math.pi)), self.rig.supply.nominal_Pa
-        self._scalar[i] = new_state(1, episode.clearance_m, supply, plant.film.inlet_C, angle).scalar
+        self._scalar[i] = new_state(
+            1, episode.clearance_m, supply, plant.film.inlet_C, angle
+        ).scalar
         runout = build.runout_m * np.exp(1j * build.runout_phase_rad)
         self._probe[i] = np.column_stack([build.gain[:2], build.zero[:2], runout.real, runout.imag])
         self._pressure_gain[i] = build.gain[_PRESSURE_CHANNEL]
@@ -175,7 +222,9 @@ class RotorVectorEnv(gymnasium.vector.VectorEnv[Observation, Observation, NDArra
         )  # fmt: skip
         for i in which[~np.isfinite(self._w[which]).all(axis=1)]:
             time_s = self._step[i] * CONTROL_S
-            raise VectorRunError(f"rotor {i}: no finite answer at {time_s:.1f} s of {self.episodes[i]}")
+            raise VectorRunError(
+                f"rotor {i}: no finite answer at {time_s:.1f} s of {self.episodes[i]}"
+            )
         noise = np.stack([self._random[i].standard_normal((_PERIODS, 2)) for i in which])
         measure_orbits(self._out, self._probe, noise, which, self._orbit, self._figures)
 
@@ -206,7 +255,9 @@ class RotorVectorEnv(gymnasium.vector.VectorEnv[Observation, Observation, NDArra
             "subsync_share": self._half_order(which, speed),
         }  # fmt: skip
         space = self.single_observation_space
-        seen: Observation = np.clip(np.stack([values[name] for name in OBSERVATIONS], axis=1), space.low, space.high)
+        seen: Observation = np.clip(
+            np.stack([values[name] for name in OBSERVATIONS], axis=1), space.low, space.high
+        )
         return seen.astype(np.float32)
 
     def _load(self, which: Numbers, speed: Floats, clearance: Floats, oil_C: Floats) -> Floats:
@@ -214,11 +265,15 @@ class RotorVectorEnv(gymnasium.vector.VectorEnv[Observation, Observation, NDArra
         bearing, oil = self.rig.bearing, self.rig.oil
         mu = oil.viscosity_Pa_s * np.exp(-oil.slope_per_K * (oil_C - oil.reference_C))
         rest = self._figures[which, :2]
-        load: Floats = static_loads(self._table, rest, speed, clearance, mu, bearing.radius_m, bearing.length_m)
+        load: Floats = static_loads(
+            self._table, rest, speed, clearance, mu, bearing.radius_m, bearing.length_m
+        )
         return load
 
     def _half_order(self, which: Numbers, speed: Floats) -> Floats:
         """Share of the half order in the orbits of the last WINDOW_S."""
         newest = self._orbit[which, ::_SPECTRUM_EVERY]
-        self._history[which] = np.concatenate([self._history[which], newest], axis=1)[:, newest.shape[1] :]
+        self._history[which] = np.concatenate([self._history[which], newest], axis=1)[
+            :, newest.shape[1] :
+        ]
         return subsynchronous_share(self._history[which], 1 / (STEP_S * _SPECTRUM_EVERY), speed)

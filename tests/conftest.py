@@ -28,4 +28,6 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     for line in _unexpected:
-        terminalreporter.write_line(f"skipped for a reason that is not in allowed_skips.txt: {line}", red=True)
+        terminalreporter.write_line(
+            f"skipped for a reason that is not in allowed_skips.txt: {line}", red=True
+        )

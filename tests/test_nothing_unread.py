@@ -27,8 +27,14 @@ CONSENTS = {"zenoh.insecure_network"}
 @cache
 def trees() -> dict[str, ast.Module]:
     """Every module of the project but the tests, by its path."""
-    paths = [p for folder in ("firmware_py", "sim_hil", "models", "deploy") for p in (ROOT / folder).rglob("*.py")]
-    return {str(path.relative_to(ROOT)): ast.parse(path.read_text(encoding="utf-8")) for path in paths}
+    paths = [
+        p
+        for folder in ("firmware_py", "sim_hil", "models", "deploy")
+        for p in (ROOT / folder).rglob("*.py")
+    ]
+    return {
+        str(path.relative_to(ROOT)): ast.parse(path.read_text(encoding="utf-8")) for path in paths
+    }
 
 
 def constants(tree: ast.Module) -> Iterator[str]:
@@ -56,8 +62,12 @@ def read_anywhere() -> frozenset[str]:
     return frozenset(name for tree in trees().values() for name in reads(tree))
 
 
-CONSTANTS = [(path, name) for path, tree in trees().items() if path.startswith("firmware_py")
-             and path not in (GENERATED, FOR_TESTS) for name in constants(tree)]
+CONSTANTS = [
+    (path, name)
+    for path, tree in trees().items()
+    if path.startswith("firmware_py") and path not in (GENERATED, FOR_TESTS)
+    for name in constants(tree)
+]
 
 
 @pytest.mark.parametrize("path", sorted({path for path, _ in CONSTANTS}))
@@ -81,17 +91,29 @@ def keys(kind: inspect.Type, place: str = "") -> Iterator[tuple[str, str]]:
 
 
 def test_every_key_of_the_configuration_is_read_by_what_acts_on_it() -> None:
-    acting = [tree for path, tree in trees().items()
-              if path.startswith(("firmware_py", "sim_hil")) and not any(part in path for part in CHECKS_ONLY)]
-    read = {node.attr for tree in acting for node in ast.walk(tree)
-            if isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Load)}
+    acting = [
+        tree
+        for path, tree in trees().items()
+        if path.startswith(("firmware_py", "sim_hil"))
+        and not any(part in path for part in CHECKS_ONLY)
+    ]
+    read = {
+        node.attr
+        for tree in acting
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Load)
+    }
     unread = [place for place, name in keys(inspect.type_info(Config)) if name not in read]
     assert set(unread) <= CONSENTS, f"nothing acts on {', '.join(unread)}"
 
 
 def test_every_budget_is_held_by_a_test() -> None:
     tests = " ".join(path.read_text(encoding="utf-8") for path in (ROOT / "tests").rglob("*.py"))
-    assert [name for name in constants(trees()[FOR_TESTS]) if name not in tests and name not in read_anywhere()] == []
+    assert [
+        name
+        for name in constants(trees()[FOR_TESTS])
+        if name not in tests and name not in read_anywhere()
+    ] == []
 
 
 def test_an_unread_constant_and_an_unread_key_are_found() -> None:

@@ -1,4 +1,5 @@
-"""Reading and writing protected messages with nothing but the DBC, python-can, cantools and binascii."""
+"""Reading and writing protected messages with nothing but the DBC, python-can, cantools and
+binascii."""
 
 from __future__ import annotations
 
@@ -16,8 +17,8 @@ DBC = Path(__file__).resolve().parents[2] / "firmware_py" / "wire" / "orbitd.dbc
 class Wire:
     """The messages of one DBC on one bus, with counter and CRC as its attributes describe them.
 
-    ``counts`` tells frames taken, lost (gaps in the counters), of unknown identifier, not sent, and per
-    message (``bad COMMAND``) those of wrong length or CRC.
+    ``counts`` tells frames taken, lost (gaps in the counters), of unknown identifier, not sent, and
+    per message (``bad COMMAND``) those of wrong length or CRC.
     """
 
     def __init__(self, bus: can.BusABC, dbc: Path = DBC) -> None:
@@ -40,8 +41,16 @@ class Wire:
         data = self.crc(message, data).to_bytes(2, "little") + data[2:]
         self._sent[name] += 1
         try:
-            self.bus.send(can.Message(arbitration_id=message.frame_id, is_extended_id=False, is_fd=True,
-                                      bitrate_switch=True, data=data), timeout=0)
+            self.bus.send(
+                can.Message(
+                    arbitration_id=message.frame_id,
+                    is_extended_id=False,
+                    is_fd=True,
+                    bitrate_switch=True,
+                    data=data,
+                ),
+                timeout=0,
+            )
         except can.CanOperationError:
             self.counts["not_sent"] += 1
 
@@ -62,7 +71,9 @@ class Wire:
             self.counts["unknown"] += 1
             return None
         data = bytes(frame.data)
-        if len(data) != message.length or int.from_bytes(data[:2], "little") != self.crc(message, data):
+        if len(data) != message.length or int.from_bytes(data[:2], "little") != self.crc(
+            message, data
+        ):
             self.counts[f"bad {message.name}"] += 1
             return None
         values = message.decode(data, decode_choices=False)

@@ -1,4 +1,5 @@
-"""Plays the device on a CAN FD bus: reads the samples, sends heartbeat and commands (see ../NODE.md).
+"""Plays the device on a CAN FD bus: reads the samples, sends heartbeat and commands (see
+../NODE.md).
 
     python play_device.py --seconds 10 --clearance 62.5 [--channel orbitd0] [--interface orbitd_hub]
 
@@ -69,16 +70,35 @@ def play(wire: Wire, seconds: float, clearance_um: float, pressure_bar: float) -
                 states += 1
                 following += values["mode"] == 1 and values["session"] == device.session
         if now >= heartbeat_due:
-            wire.send("DEVICE_HEARTBEAT", session=device.session, mode=AUTO, arm_state=ARMED, run_permit=1,
-                      trip_request=0)
+            wire.send(
+                "DEVICE_HEARTBEAT",
+                session=device.session,
+                mode=AUTO,
+                arm_state=ARMED,
+                run_permit=1,
+                trip_request=0,
+            )
             heartbeat_due = now + 0.050
         if now >= command_due and device.newest_tick is not None:
-            wire.send("COMMAND", session=device.session, echo_tick=device.newest_tick, clearance=clearance_um,
-                      pressure=pressure_bar)
+            wire.send(
+                "COMMAND",
+                session=device.session,
+                echo_tick=device.newest_tick,
+                clearance=clearance_um,
+                pressure=pressure_bar,
+            )
             command_due = now + 0.020
-    return {"instants": len(device.displacement), "peak_to_peak_um": device.peak_to_peak_um,
-            "speed_rpm": device.speed_rpm, "states": states, "states_following": following, "node": device.state,
-            "status": device.status, "info": device.info, "bus": dict(wire.counts)}
+    return {
+        "instants": len(device.displacement),
+        "peak_to_peak_um": device.peak_to_peak_um,
+        "speed_rpm": device.speed_rpm,
+        "states": states,
+        "states_following": following,
+        "node": device.state,
+        "status": device.status,
+        "info": device.info,
+        "bus": dict(wire.counts),
+    }
 
 
 def main() -> None:

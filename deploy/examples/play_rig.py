@@ -102,24 +102,36 @@ def orbit(t_s: float, clearance_um: float, pressure_bar: float) -> dict[str, flo
     angle = 2 * math.pi * SPEED_RPM / 60 * t_s
     size = 0.1 * clearance_um
     return {
-        "disp_x": -0.2 * clearance_um + size * math.cos(angle), "disp_y": -0.3 * clearance_um + size * math.sin(angle),
-        "acc_bearing_vertical": math.sin(angle), "acc_bearing_horizontal": math.cos(angle),
-        "acc_motor": 0.5 * math.sin(angle), "microphone": 0.1 * math.sin(2 * angle),
-        "supply_pressure": pressure_bar, "contact_resistance": 1.3,
+        "disp_x": -0.2 * clearance_um + size * math.cos(angle),
+        "disp_y": -0.3 * clearance_um + size * math.sin(angle),
+        "acc_bearing_vertical": math.sin(angle),
+        "acc_bearing_horizontal": math.cos(angle),
+        "acc_motor": 0.5 * math.sin(angle),
+        "microphone": 0.1 * math.sin(2 * angle),
+        "supply_pressure": pressure_bar,
+        "contact_resistance": 1.3,
     }
 
 
-def samples(first: int, period_us: int, actual: dict[str, float], coasting: bool) -> dict[str, float]:
+def samples(
+    first: int, period_us: int, actual: dict[str, float], coasting: bool
+) -> dict[str, float]:
     """The sample frame whose first instant is sample number ``first``."""
     tick_us = first * period_us
     turn_us = 60e6 / SPEED_RPM
     turns = int((tick_us + 2 * period_us) // turn_us)
     values: dict[str, float] = {
-        "tick": tick_us & 0xFFFFFFFF, "mark_tick": round(turns * turn_us) & 0xFFFFFFFF, "turn_count": turns & 0xFFFF,
-        "rig_behind": 0, "mark_valid": 1, "drive_coasting": coasting,
+        "tick": tick_us & 0xFFFFFFFF,
+        "mark_tick": round(turns * turn_us) & 0xFFFFFFFF,
+        "turn_count": turns & 0xFFFF,
+        "rig_behind": 0,
+        "mark_valid": 1,
+        "drive_coasting": coasting,
     }
     for i in range(3):
-        for name, value in orbit((first + i) * period_us * 1e-6, actual["clearance"], actual["pressure"]).items():
+        for name, value in orbit(
+            (first + i) * period_us * 1e-6, actual["clearance"], actual["pressure"]
+        ).items():
             values[f"{name}_{i}"] = value
     return values
 
@@ -129,12 +141,25 @@ def slow_messages(wire: Wire, node: Node, now_us: int) -> None:
     tick = now_us & 0xFFFFFFFF
     bad = sum(count for name, count in wire.counts.items() if name.startswith("bad "))
     refused = {**node.refused, "check": node.refused["check"] + bad}
-    wire.send("RIG_STATUS", tick=tick, shaft_power=87.0, oil_outlet=41.5,
-              clearance_actual=node.actual["clearance"], pressure_actual=node.actual["pressure"])
-    wire.send("NODE_STATE", tick=tick, session=node.session, command_counter=node.command_counter, mode=node.mode,
-              at_target=node.at_target, target_clearance=node.target["clearance"],
-              target_pressure=node.target["pressure"],
-              **{f"refused_{reason}": count & 0xFFFF for reason, count in refused.items()})
+    wire.send(
+        "RIG_STATUS",
+        tick=tick,
+        shaft_power=87.0,
+        oil_outlet=41.5,
+        clearance_actual=node.actual["clearance"],
+        pressure_actual=node.actual["pressure"],
+    )
+    wire.send(
+        "NODE_STATE",
+        tick=tick,
+        session=node.session,
+        command_counter=node.command_counter,
+        mode=node.mode,
+        at_target=node.at_target,
+        target_clearance=node.target["clearance"],
+        target_pressure=node.target["pressure"],
+        **{f"refused_{reason}": count & 0xFFFF for reason, count in refused.items()},
+    )
 
 
 def play(wire: Wire, node: Node, seconds: float, period_us: int) -> None:
@@ -150,9 +175,16 @@ def play(wire: Wire, node: Node, seconds: float, period_us: int) -> None:
             slow_messages(wire, node, now_us)
             slow_due += 50_000
         if now_us >= info_due:
-            wire.send("NODE_INFO", tick=now_us & 0xFFFFFFFF, schema=1, sample_period=period_us,
-                      boot_clearance=BOOT["clearance"], boot_pressure=BOOT["pressure"],
-                      time_to_live=TIME_TO_LIVE_US // 1000, rate=RATE["clearance"])
+            wire.send(
+                "NODE_INFO",
+                tick=now_us & 0xFFFFFFFF,
+                schema=1,
+                sample_period=period_us,
+                boot_clearance=BOOT["clearance"],
+                boot_pressure=BOOT["pressure"],
+                time_to_live=TIME_TO_LIVE_US // 1000,
+                rate=RATE["clearance"],
+            )
             info_due += 1_000_000
 
 
@@ -168,8 +200,18 @@ def main() -> None:
         wire = Wire(bus)
         with contextlib.suppress(KeyboardInterrupt):
             play(wire, node, options.seconds, 1_000_000 // options.rate)
-    print(json.dumps({"obeyed": node.obeyed, "refused": node.refused, "actual": node.actual, "mode": node.mode,
-                      "coasting": node.coasting, "bus": dict(wire.counts)}))
+    print(
+        json.dumps(
+            {
+                "obeyed": node.obeyed,
+                "refused": node.refused,
+                "actual": node.actual,
+                "mode": node.mode,
+                "coasting": node.coasting,
+                "bus": dict(wire.counts),
+            }
+        )
+    )
 
 
 if __name__ == "__main__":

@@ -1,4 +1,5 @@
-"""Runs inside user-mode-linux: the link and the examples on `vcan0`. Prints one line per finding."""
+"""Runs inside user-mode-linux: the link and the examples on `vcan0`. Prints one line per
+finding."""
 
 from __future__ import annotations
 
@@ -40,8 +41,11 @@ def listen(link: CanLink, seconds: float) -> None:
 
 def start_rig(link: CanLink) -> subprocess.Popen[str]:
     """play_rig, once it is heard: programs start slowly in here."""
-    rig = subprocess.Popen([sys.executable, str(EXAMPLES / "play_rig.py"), *BUS, "--seconds", "100", "--rate", "1000"],
-                           stdout=subprocess.PIPE, text=True)
+    rig = subprocess.Popen(
+        [sys.executable, str(EXAMPLES / "play_rig.py"), *BUS, "--seconds", "100", "--rate", "1000"],
+        stdout=subprocess.PIPE,
+        text=True,
+    )
     while not link.receive(time.monotonic_ns()):
         time.sleep(0.01)
     return rig
@@ -50,11 +54,21 @@ def start_rig(link: CanLink) -> subprocess.Popen[str]:
 def examples_work_together(link: CanLink) -> None:
     """The two programs that know the DBC alone."""
     rig = start_rig(link)
-    device = subprocess.run([sys.executable, str(EXAMPLES / "play_device.py"), *BUS, "--seconds", "5"],
-                            stdout=subprocess.PIPE, text=True, check=True)
+    device = subprocess.run(
+        [sys.executable, str(EXAMPLES / "play_device.py"), *BUS, "--seconds", "5"],
+        stdout=subprocess.PIPE,
+        text=True,
+        check=True,
+    )
     seen = json.loads(device.stdout)
-    check(seen["instants"] > 1000, f"play_device read {seen['instants']} instants, lost {seen['bus'].get('lost')}")
-    check(seen["states_following"] > 0, f"play_rig followed it in {seen['states_following']} of {seen['states']}")
+    check(
+        seen["instants"] > 1000,
+        f"play_device read {seen['instants']} instants, lost {seen['bus'].get('lost')}",
+    )
+    check(
+        seen["states_following"] > 0,
+        f"play_rig followed it in {seen['states_following']} of {seen['states']}",
+    )
     rig.send_signal(signal.SIGINT)
     played = json.loads(rig.communicate()[0])
     check(played["obeyed"] > 10, f"play_rig obeyed {played['obeyed']} commands")
@@ -71,8 +85,15 @@ def link_reads_and_commands(link: CanLink) -> None:
                 link.send(CODEC.encode(Command(counter, 7, messages[-1].tick_us, 61.0, 1.0)))
         time.sleep(0.01)
     rig.kill()
-    check(not any(isinstance(m, Rejected) for m in messages), f"CanLink read {len(messages)} frames, none rejected")
-    obeyed = [m for m in messages if isinstance(m, NodeState) and m.session == 7 and m.target_clearance_um == 61.0]
+    check(
+        not any(isinstance(m, Rejected) for m in messages),
+        f"CanLink read {len(messages)} frames, none rejected",
+    )
+    obeyed = [
+        m
+        for m in messages
+        if isinstance(m, NodeState) and m.session == 7 and m.target_clearance_um == 61.0
+    ]
     check(bool(obeyed), f"the node reported CanLink's command {len(obeyed)} times")
 
 
@@ -85,7 +106,10 @@ def link_survives_its_interface(link: CanLink) -> None:
     check(not link.send(RawFrame(0, 1, b"")), "a frame is refused, not lost silently")
     ip("set", "vcan0", "up")
     listen(link, 1.5)
-    check(link.up and not link.fault and link.send(RawFrame(0, 1, b"")), "interface up: back by itself")
+    check(
+        link.up and not link.fault and link.send(RawFrame(0, 1, b"")),
+        "interface up: back by itself",
+    )
     ip("del", "vcan0")
     listen(link, 1.5)
     check(not link.up and "bus.channel" in link.fault, f"interface gone: {link.fault}")

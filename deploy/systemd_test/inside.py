@@ -1,4 +1,5 @@
-"""Runs as root inside the booted container: follows SERVICE.md, breaks things, prints one line per check."""
+"""Runs as root inside the booted container: follows SERVICE.md, breaks things, prints one line per
+check."""
 
 from __future__ import annotations
 
@@ -52,7 +53,11 @@ def follow(section: str) -> None:
     for line in re.findall(r"^ {4}(.+)$", text, re.MULTILINE):
         began = time.monotonic()
         done = run("sh", "-c", line)
-        seen = f"{time.monotonic() - began:.1f} s" if done.returncode == 0 else (done.stdout + done.stderr)[-1500:]
+        seen = (
+            f"{time.monotonic() - began:.1f} s"
+            if done.returncode == 0
+            else (done.stdout + done.stderr)[-1500:]
+        )
         check(f"$ {line}", done.returncode == 0, seen)
 
 
@@ -125,13 +130,20 @@ def all_alive() -> bool:
 
 def hubs() -> list[int]:
     """Processes that are a hub."""
-    found = run("sh", "-c", "grep -laz 'wire/hub[.]py' /proc/[0-9]*/cmdline").stdout  # [.]: never finds itself
+    found = run(
+        "sh", "-c", "grep -laz 'wire/hub[.]py' /proc/[0-9]*/cmdline"
+    ).stdout  # [.]: never finds itself
     return [int(path.split("/")[2]) for path in found.split()]
 
 
 def units() -> None:
     """What systemd itself thinks of the rendered units."""
-    said = run("systemd-analyze", "verify", *(str(UNITS / room(name)) for name in ROOMS), str(UNITS / "orbitd.target"))
+    said = run(
+        "systemd-analyze",
+        "verify",
+        *(str(UNITS / room(name)) for name in ROOMS),
+        str(UNITS / "orbitd.target"),
+    )
     check("systemd-analyze verify prints nothing", not said.stderr + said.stdout, said.stderr)
     for name in ROOMS:
         text = run("systemd-analyze", "security", "--no-pager", room(name)).stdout
@@ -156,12 +168,19 @@ def ready() -> None:
     guard, brain = pid(room("guard")), pid(room("brain"))
     check("guard: SCHED_FIFO", os.sched_getscheduler(guard) == os.SCHED_FIFO)
     cores, others = os.sched_getaffinity(guard), os.sched_getaffinity(brain)
-    check("guard: a core of its own", len(os.sched_getaffinity(0)) == 1 or not cores & others, f"{cores}, {others}")
+    check(
+        "guard: a core of its own",
+        len(os.sched_getaffinity(0)) == 1 or not cores & others,
+        f"{cores}, {others}",
+    )
 
 
 def started_in(unit: str) -> str:
     """From start to READY, as systemd stamped them."""
-    begin, end = (int(show(unit, f"{what}TimestampMonotonic") or 0) for what in ("ExecMainStart", "ActiveEnter"))
+    begin, end = (
+        int(show(unit, f"{what}TimestampMonotonic") or 0)
+        for what in ("ExecMainStart", "ActiveEnter")
+    )
     return f"{(end - begin) / 1e6:.2f} s after its start"
 
 
@@ -187,21 +206,35 @@ def strangers() -> None:
 
 def breaks() -> None:
     """Kill and hang each room: it comes back, nobody else notices."""
-    for name in ("brain", "gate", "guard"):  # a guard that hangs is away for longer than the drive waits: last
+    for name in (
+        "brain",
+        "gate",
+        "guard",
+    ):  # a guard that hangs is away for longer than the drive waits: last
         others = pids(*(room(other) for other in ROOMS if other != name), RIG)
         hub = hubs()
         for sig, within_s in ((signal.SIGKILL, 30), (signal.SIGSTOP, WATCHDOG_S[name] + 30)):
             before = pid(room(name))
             os.kill(before, sig)
             back = wait(partial(replaced, name, before), within_s)
-            what = "back after SIGKILL" if sig == signal.SIGKILL else "the watchdog ends a hang (SIGSTOP), and back"
+            what = (
+                "back after SIGKILL"
+                if sig == signal.SIGKILL
+                else "the watchdog ends a hang (SIGSTOP), and back"
+            )
             check(f"{name}: {what}", back is not None, back)
         before_and_now = [(others, hub), (pids(*others), hubs())]
         same = before_and_now[0] == before_and_now[1]
-        check(f"{name}: the others, the rig and the hub went on", same, "" if same else before_and_now)
+        check(
+            f"{name}: the others, the rig and the hub went on", same, "" if same else before_and_now
+        )
     before = frames()
     check("samples flow again", (seen := wait(lambda: frames() > before, 20)) is not None, seen)
-    check("every room is alive again", (seen := wait(all_alive, 20)) is not None, status().get("rooms"))
+    check(
+        "every room is alive again",
+        (seen := wait(all_alive, 20)) is not None,
+        status().get("rooms"),
+    )
 
 
 def misconfigured() -> None:
@@ -225,18 +258,26 @@ def stops() -> None:
     took = time.monotonic() - began
     for name in ROOMS:
         state, result = show(room(name), "ActiveState"), show(room(name), "Result")
-        check(f"{name}: clean stop", (state, result) == ("inactive", "success"), f"{state}, {result}")
+        check(
+            f"{name}: clean stop", (state, result) == ("inactive", "success"), f"{state}, {result}"
+        )
     check("all stopped within 5 s", took < 5.0, f"{took:.2f} s")
     run("systemctl", "stop", RIG)
     check("rig: clean stop", show(RIG, "Result") in ("success", ""))
-    check("the hub ends after its last client", (gone := wait(lambda: not hubs(), 15)) is not None, gone)
+    check(
+        "the hub ends after its last client",
+        (gone := wait(lambda: not hubs(), 15)) is not None,
+        gone,
+    )
     left = sorted(path.name for path in Path("/run/orbitd").glob("*.sock"))
     check("no socket is left", not left, left or "")
 
 
 def removed() -> None:
     """Only configuration and state outlive the removal."""
-    left = [str(path) for path in Path("/usr/lib").glob("s*.d/*orbitd*")] + [str(p) for p in UNITS.rglob("*orbitd*")]
+    left = [str(path) for path in Path("/usr/lib").glob("s*.d/*orbitd*")] + [
+        str(p) for p in UNITS.rglob("*orbitd*")
+    ]
     check("removed: nothing but configuration and state", not left and CONFIG.exists(), left or "")
 
 
@@ -265,6 +306,8 @@ except Exception:
     raise
 finally:
     if failures:
-        print(run("journalctl", "-b", "--no-pager", "-n", "150", "-u", "orbitd-*", "-u", RIG).stdout)
+        print(
+            run("journalctl", "-b", "--no-pager", "-n", "150", "-u", "orbitd-*", "-u", RIG).stdout
+        )
     print("result: " + (f"failed: {', '.join(failures)}" if failures else "all passed"))
     sys.stdout.flush()

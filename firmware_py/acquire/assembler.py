@@ -43,9 +43,9 @@ class Assembler:
 
     Notes
     -----
-    ``counters`` (shared with the stage that owns this): ``frames_in``, ``frames_lost``, ``blocks_lost``
-    (in whole blocks' worth of lost frames), those of :func:`~firmware_py.acquire.counting.take`,
-    ``node_restarts``, ``clock_jumps``.
+    ``counters`` (shared with the stage that owns this): ``frames_in``, ``frames_lost``,
+    ``blocks_lost`` (in whole blocks' worth of lost frames), those of
+    :func:`~firmware_py.acquire.counting.take`, ``node_restarts``, ``clock_jumps``.
     """
 
     def __init__(self, config: Config, clock: ClockMap, counters: dict[str, int]) -> None:
@@ -87,7 +87,8 @@ class Assembler:
         return blocks
 
     def _gap(self, lost: int, restarted: bool, tick_us: int, arrival_ns: int) -> list[Block]:
-        """Close the present block, count what is missing, and judge whether the node's clock still holds."""
+        """Close the present block, count what is missing, and judge whether the node's clock still
+        holds."""
         s = self.state
         blocks = [self._close()] if s.parts else []
         s.block_quality = Quality.GAP_BEFORE if s.started else Quality.GOOD
@@ -98,7 +99,9 @@ class Assembler:
             self._counters["node_restarts"] += 1
         elif s.started and abs(tick_us - s.tick_us - expected_us) > TICK_TOLERANCE_US * (lost + 1):
             self._counters["clock_jumps"] += 1
-            suspect(s.track, SampleFrame, 1, arrival_ns)  # ticks that go back and forth are of two clocks
+            suspect(
+                s.track, SampleFrame, 1, arrival_ns
+            )  # ticks that go back and forth are of two clocks
         else:
             return blocks
         self._clock.reset()
@@ -111,7 +114,9 @@ class Assembler:
             self.speed.lose()
             return
         before_us = self.speed.state.mark_us
-        turn = self.speed.mark(frame.mark_tick_us, frame.turn_count, tick_us + self._frame_us - self._period_us)
+        turn = self.speed.mark(
+            frame.mark_tick_us, frame.turn_count, tick_us + self._frame_us - self._period_us
+        )
         if turn is not None:
             self.turns.append(turn)
         if self.speed.state.paired and self.speed.state.mark_us != before_us:
@@ -133,11 +138,19 @@ class Assembler:
         speed_rad_s = self.speed.state.speed_rad_s if self.speed.state.known else 0.0
         ok = self.channel_ok.step(counts, speed_rad_s, bool(s.block_quality & Quality.GAP_BEFORE))
         block = Block(
-            seq=s.seq, t_acq_ns=self._clock.host_ns(s.block_tick_us), period_ns=self._period_us * 1000,
-            tick_us=s.block_tick_us, sample_period_us=self._period_us, quality=int(quality),
-            channel_ok=ok, speed_rad_s=self.speed.state.speed_rad_s,
-            turn_count=max(self.speed.state.turn, 0), mark_ticks_us=s.marks, samples=samples,
-            channel_cause=self.channel_ok.state.causes, unusable=self.channel_ok.state.unusable,
+            seq=s.seq,
+            t_acq_ns=self._clock.host_ns(s.block_tick_us),
+            period_ns=self._period_us * 1000,
+            tick_us=s.block_tick_us,
+            sample_period_us=self._period_us,
+            quality=int(quality),
+            channel_ok=ok,
+            speed_rad_s=self.speed.state.speed_rad_s,
+            turn_count=max(self.speed.state.turn, 0),
+            mark_ticks_us=s.marks,
+            samples=samples,
+            channel_cause=self.channel_ok.state.causes,
+            unusable=self.channel_ok.state.unusable,
         )
         s.seq += 1
         s.block_quality, s.parts, s.marks = 0, [], []

@@ -1,13 +1,17 @@
-"""Channel OK (vocabulary of API 670, 5th ed.): could a working sensor give that signal, and if not, why not?
+"""Channel OK (vocabulary of API 670, 5th ed.): could a working sensor give that signal, and if not,
+why not?
 
-* **open**: at the rail for 0.1 s without an alternating part (a broken cable).  Not OK; it leaves the vote.
+* **open**: at the rail for 0.1 s without an alternating part (a broken cable).  Not OK; it leaves
+  the vote.
 * **stuck**: not moved by one count for :data:`STUCK_S`.  Not OK; it leaves the vote.
-* **saturated**: the rail is touched in step with the rotation or with whirl (:mod:`~firmware_py.acquire.rails`): that
-  is vibration, and must not defeat its own trip.  It counts as its rail and votes.
-* **intermittent**: the rail is touched out of step, or a displacement steps faster than a shaft can.  Not OK until
-  clean for :data:`CLEAN_S`; what is clean in between still counts towards a trip, a bad block neither way.
-* **beyond**: much of it lies outside the range, and it is none of these, or not yet: a gap that is wrong while the
-  signal alternates.  Not OK; it votes as measured.
+* **saturated**: the rail is touched in step with the rotation or with whirl
+  (:mod:`~firmware_py.acquire.rails`): that is vibration, and must not defeat its own trip.  It
+  counts as its rail and votes.
+* **intermittent**: the rail is touched out of step, or a displacement steps faster than a shaft
+  can.  Not OK until clean for :data:`CLEAN_S`; what is clean in between still counts towards a
+  trip, a bad block neither way.
+* **beyond**: much of it lies outside the range, and it is none of these, or not yet: a gap that is
+  wrong while the signal alternates.  Not OK; it votes as measured.
 
 Open, stuck, saturated and beyond return after :data:`HOLD_OFF_S` without their cause.
 """
@@ -33,20 +37,24 @@ CLEAN_S: Final = 30.0
 """Time without a bad block after which a channel with a bad contact is OK again."""
 
 STEP_FACTOR: Final = 2.0
-"""A shaft in the widest clearance ``c`` cannot move faster than ``w c`` at its highest speed ``w``; twice that, for
-what runs faster than the shaft."""
+"""A shaft in the widest clearance ``c`` cannot move faster than ``w c`` at its highest speed ``w``;
+twice that, for what runs faster than the shaft."""
 LONE_SHARE: Final = 0.5
-"""A step is one of a contact where the signal beside it moves by less than this share of it: a vibration that is too
-large for its range crosses the range in several steps."""
+"""A step is one of a contact where the signal beside it moves by less than this share of it: a
+vibration that is too large for its range crosses the range in several steps."""
 DROP_M: Final = 2e-6
 """Fall of a displacement to exactly zero, within one sample, that is a contact and no movement."""
 MEAN_S: Final = 0.25
 """Time constant of the mean of a displacement."""
 GAP_SHARE: Final = 1.25
-"""Mean of a displacement, over the widest clearance, beyond which the gap is wrong, whatever touches the rail."""
+"""Mean of a displacement, over the widest clearance, beyond which the gap is wrong, whatever
+touches the rail."""
 
-RAIL_JUDGED: Final = frozenset({"disp_x", "disp_y", "acc_bearing_vertical", "acc_bearing_horizontal", "acc_motor"})
-"""Channels on which a touch out of step is a bad contact; a microphone and a contact resistance may touch theirs."""
+RAIL_JUDGED: Final = frozenset(
+    {"disp_x", "disp_y", "acc_bearing_vertical", "acc_bearing_horizontal", "acc_motor"}
+)
+"""Channels on which a touch out of step is a bad contact; a microphone and a contact resistance may
+touch theirs."""
 
 _BEFORE: Final = 3
 """Samples of the block before that a step needs on both its sides."""
@@ -57,11 +65,11 @@ _INT16_MAX: Final = 32767
 class ChannelOkState(msgspec.Struct):
     """Per channel: samples without change and the value they hold; good samples still owed.
 
-    ``owed`` is that of the flag for the diagnosis.  ``cause`` stands for as long as ``cause_owed``, a bad contact as
-    long as ``unclean``; ``torn`` counts from the last step that no shaft can make.  Of the displacements: ``before``
-    are the last three samples, ``means`` the means, ``dropped`` the bits of those that lie at zero after a drop.
-    ``turn`` is where the shaft stands.  ``causes`` and ``unusable`` are what the last block said: see
-    :class:`~firmware_py.records.Block`.
+    ``owed`` is that of the flag for the diagnosis.  ``cause`` stands for as long as ``cause_owed``,
+    a bad contact as long as ``unclean``; ``torn`` counts from the last step that no shaft can make.
+    Of the displacements: ``before`` are the last three samples, ``means`` the means, ``dropped``
+    the bits of those that lie at zero after a drop. ``turn`` is where the shaft stands.  ``causes``
+    and ``unusable`` are what the last block said: see :class:`~firmware_py.records.Block`.
     """
 
     same: list[int]
@@ -82,7 +90,9 @@ class ChannelOkState(msgspec.Struct):
 
 def counts_range(channel: Channel) -> tuple[int, int]:
     """OK range of ``channel`` in raw counts, always inside the rails of ``int16``."""
-    ends = sorted((limit - channel.offset) / channel.scale for limit in (channel.ok_low, channel.ok_high))
+    ends = sorted(
+        (limit - channel.offset) / channel.scale for limit in (channel.ok_low, channel.ok_high)
+    )
     return max(math.ceil(ends[0]), _INT16_MIN + 1), min(math.floor(ends[1]), _INT16_MAX - 1)
 
 
@@ -96,11 +106,16 @@ class ChannelOk:
     rate_hz
         Sampling rate.
     reach_m, fastest_m_s
-        The farthest that a shaft can be from the middle, and its fastest movement; infinite: not judged.
+        The farthest that a shaft can be from the middle, and its fastest movement; infinite: not
+        judged.
     """
 
     def __init__(
-        self, channels: list[Channel], rate_hz: int, reach_m: float = math.inf, fastest_m_s: float = math.inf
+        self,
+        channels: list[Channel],
+        rate_hz: int,
+        reach_m: float = math.inf,
+        fastest_m_s: float = math.inf,
     ) -> None:
         ranges = [counts_range(c) for c in channels]
         self._low = np.array([low for low, _ in ranges], np.int16)
@@ -113,7 +128,9 @@ class ChannelOk:
         self._hold_off_samples = round(HOLD_OFF_S * rate_hz)
         self._clean_samples = round(CLEAN_S * rate_hz)
         self._probes = [i for i, name in enumerate(CHANNELS) if name.startswith("disp")]
-        scales = [(abs(channels[i].scale), channels[i].offset / channels[i].scale) for i in self._probes]
+        scales = [
+            (abs(channels[i].scale), channels[i].offset / channels[i].scale) for i in self._probes
+        ]
         self._steps = [fastest_m_s / rate_hz / scale for scale, _ in scales]
         self._zeros = [DROP_M / scale for scale, _ in scales]
         self._gaps = [(zero, GAP_SHARE * reach_m / scale) for scale, zero in scales]
@@ -122,11 +139,15 @@ class ChannelOk:
     @classmethod
     def of(cls, config: Config) -> ChannelOk:
         """With the clearance and speed that ``config`` declares."""
-        reach_m = (config.bearing.radial_clearance_max_um + config.bearing.radial_clearance_offset_um) * 1e-6
+        reach_m = (
+            config.bearing.radial_clearance_max_um + config.bearing.radial_clearance_offset_um
+        ) * 1e-6
         fastest_m_s = STEP_FACTOR * reach_m * config.operating.speed_max_rpm * math.pi / 30
         return cls(config.channel, config.sampling.rate_hz, reach_m, fastest_m_s)
 
-    def step(self, samples: npt.NDArray[np.int16], speed_rad_s: float = 0.0, gap: bool = False) -> int:
+    def step(
+        self, samples: npt.NDArray[np.int16], speed_rad_s: float = 0.0, gap: bool = False
+    ) -> int:
         """Mask of OK channels for the diagnosis, after the next ``samples`` (``n x 8`` counts).
 
         ``gap`` says that samples are missing before them; a speed of 0 is unknown.
@@ -143,7 +164,9 @@ class ChannelOk:
         ok = causes = unusable = 0
         for i in range(N_CHANNELS):
             stuck = self._stuck(i, samples, still[i])
-            rail = self._rails[i].step(s.rails[i], samples[:, i], outside[i] > 0, s.turn, speed_rad_s)
+            rail = self._rails[i].step(
+                s.rails[i], samples[:, i], outside[i] > 0, s.turn, speed_rad_s
+            )
             bad = 4 * outside[i] > n or stuck or torn >> i & 1
             s.owed[i] = self._hold_off_samples if bad else max(0, s.owed[i] - n)
             ok |= (s.owed[i] == 0) << i
@@ -190,7 +213,8 @@ class ChannelOk:
         return abs(self.state.means[self._probes.index(i)] + zero) <= most
 
     def _torn(self, samples: npt.NDArray[np.int16]) -> tuple[int, int]:
-        """Masks of displacements with a lone step that no shaft can make, or that drop to zero, and of undecided ones.
+        """Masks of displacements with a lone step that no shaft can make, or that drop to zero, and
+        of undecided ones.
 
         A step at the end of the block is judged with the next one.
         """
@@ -205,7 +229,9 @@ class ChannelOk:
         largest = np.abs(steps).max(axis=0, initial=0).tolist()
         zeros = (rows == 0).any(axis=0).tolist()
         for j, i in enumerate(self._probes):
-            dropped = zeros[j] and _drops_to_zero(rows[:, j], self._zeros[j], bool(s.dropped >> j & 1))
+            dropped = zeros[j] and _drops_to_zero(
+                rows[:, j], self._zeros[j], bool(s.dropped >> j & 1)
+            )
             s.dropped = s.dropped & ~(1 << j) | (dropped and bool(rows[-1, j] == 0)) << j
             torn = largest[j] > self._steps[j] and _lone_step(steps[:, j], self._steps[j])
             mask |= (torn or dropped) << i
@@ -237,7 +263,8 @@ def _lone_so_far(steps: list[int], limit: float) -> bool:
 
 
 def _drops_to_zero(rows: npt.NDArray[np.int64], least: float, dropped: bool) -> bool:
-    """Whether the signal falls to exactly zero from ``least`` or more, and stays there, or comes back from there.
+    """Whether the signal falls to exactly zero from ``least`` or more, and stays there, or comes
+    back from there.
 
     ``dropped``: it was there at the end of the block before.
     """

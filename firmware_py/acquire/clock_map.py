@@ -1,13 +1,14 @@
 """Node ticks on the host's clock: the lower envelope of arrival delays under a bounded drift.
 
-A frame cannot arrive before its samples exist, so ``arrival - tick`` is the clocks' offset plus a delay
-that is never negative: the offset is a lower envelope of it.  The envelope falls at once with a quicker
-frame and rises at most :data:`DRIFT_MAX_PPM` of the elapsed time, which is the most that two honest
-clocks drift apart.  So a link that suddenly delivers late is seen as *late*, never as a slower clock.
+A frame cannot arrive before its samples exist, so ``arrival - tick`` is the clocks' offset plus a
+delay that is never negative: the offset is a lower envelope of it.  The envelope falls at once with
+a quicker frame and rises at most :data:`DRIFT_MAX_PPM` of the elapsed time, which is the most that
+two honest clocks drift apart.  So a link that suddenly delivers late is seen as *late*, never as a
+slower clock.
 
-A settled envelope that falls by more than the clocks can drift says that the node's clock ran on while
-the host's stood (a suspended virtual machine): :attr:`ClockMap.ahead_ns` is by how much.  All integers:
-exact on every machine.
+A settled envelope that falls by more than the clocks can drift says that the node's clock ran on
+while the host's stood (a suspended virtual machine): :attr:`ClockMap.ahead_ns` is by how much.  All
+integers: exact on every machine.
 """
 
 from __future__ import annotations
@@ -22,7 +23,8 @@ DRIFT_MAX_PPM: Final = 200
 SETTLE_US: Final = 500_000
 """Time on both clocks after which the envelope has met enough quick frames to be trusted.
 
-On both: frames that waited come in a burst, whose ticks span far more than the time in which they arrive.
+On both: frames that waited come in a burst, whose ticks span far more than the time in which they
+arrive.
 """
 
 _US_PER_NS_OF_CREEP: Final = 1000 // DRIFT_MAX_PPM
@@ -33,8 +35,8 @@ _TICK_HALF: Final = 0x80000000
 class ClockMapState(msgspec.Struct):
     """Offset of the host's clock (ns) at node tick ``tick_us`` (unwrapped), and when it began.
 
-    ``drifted_ns`` follows the offset no faster than two honest clocks drift apart, either way; ``since_ns``
-    and ``arrival_ns`` are the first and the newest arrival.
+    ``drifted_ns`` follows the offset no faster than two honest clocks drift apart, either way;
+    ``since_ns`` and ``arrival_ns`` are the first and the newest arrival.
     """
 
     known: bool = False
@@ -63,11 +65,14 @@ class ClockMap:
         self.state = ClockMapState()
 
     def observe(self, tick_us: int, arrival_ns: int) -> None:
-        """Take in that data complete at node tick ``tick_us`` arrived at host time ``arrival_ns``."""
+        """Take in that data complete at node tick ``tick_us`` arrived at host time
+        ``arrival_ns``."""
         s = self.state
         offset_ns = arrival_ns - tick_us * 1000
         if not s.known:
-            self.state = ClockMapState(True, offset_ns, tick_us, tick_us, offset_ns, arrival_ns, arrival_ns)
+            self.state = ClockMapState(
+                True, offset_ns, tick_us, tick_us, offset_ns, arrival_ns, arrival_ns
+            )
             return
         creep_ns = (tick_us - s.tick_us) // _US_PER_NS_OF_CREEP
         highest_ns = s.offset_ns + creep_ns
@@ -84,12 +89,16 @@ class ClockMap:
 
     @property
     def ahead_ns(self) -> int:
-        """How far the node's clock has run ahead of the host's since the map settled, beyond any drift."""
+        """How far the node's clock has run ahead of the host's since the map settled, beyond any
+        drift."""
         return self.state.drifted_ns - self.state.offset_ns
 
     @property
     def settled(self) -> bool:
         """Whether the map has seen :data:`SETTLE_US` of both clocks."""
         s = self.state
-        return (s.known and s.tick_us - s.since_us >= SETTLE_US
-                and s.arrival_ns - s.since_ns >= SETTLE_US * 1000)
+        return (
+            s.known
+            and s.tick_us - s.since_us >= SETTLE_US
+            and s.arrival_ns - s.since_ns >= SETTLE_US * 1000
+        )

@@ -1,8 +1,10 @@
-"""Law of the contact channel: its voltage over the smallest film, and the film that a voltage tells.
+"""Law of the contact channel: its voltage over the smallest film, and the film that a voltage
+tells.
 
-Source: film resistance proportional to the smallest film, beside asperity contacts ``10 ohm exp(h / roughness)``
-(Greenwood and Williamson 1966), behind a series resistor.  Nobody knows the roughness of the surfaces but within
-:data:`ROUGHNESS_M`: above a dozen roughnesses it does not matter, below it rules.
+Source: film resistance proportional to the smallest film, beside asperity contacts ``10 ohm exp(h /
+roughness)`` (Greenwood and Williamson 1966), behind a series resistor.  Nobody knows the roughness
+of the surfaces but within :data:`ROUGHNESS_M`: above a dozen roughnesses it does not matter, below
+it rules.
 """
 
 from __future__ import annotations
@@ -48,8 +50,12 @@ def film_per_volt(contact: Contact, volt: float, roughness_m: float = MIDDLING_M
 
 
 def roughness_volt(contact: Contact, volt: float) -> float:
-    """Deviation of the voltage that comes from the unknown roughness of the surfaces, even within its range."""
-    film = np.array([contact.circuit_ohm * volt / max(contact.circuit_V - volt, 1e-3)]) / contact.film_ohm_per_m
+    """Deviation of the voltage that comes from the unknown roughness of the surfaces, even within
+    its range."""
+    film = (
+        np.array([contact.circuit_ohm * volt / max(contact.circuit_V - volt, 1e-3)])
+        / contact.film_ohm_per_m
+    )
     smooth, rough = (contact_volt(contact, film, sigma)[0] for sigma in ROUGHNESS_M)
     return float(abs(smooth - rough)) / (2.0 * math.sqrt(3.0))
 

@@ -1,9 +1,11 @@
-"""Frame counters: what was lost, repeated or reordered, when a sender has started again, and when there are two.
+"""Frame counters: what was lost, repeated or reordered, when a sender has started again, and when
+there are two.
 
-The wire's counter is 16 bit and rises by one per message of one identifier.  Three rules keep a second sender from
-pushing the first one out: a near jump forward is believed when the next frame continues it and not the old sequence;
-a wide jump, either way, when three frames in a row continue it; a small one back when six do.  Frames that belong to
-no sequence are counted, and where the old one goes on beside them there are two senders.
+The wire's counter is 16 bit and rises by one per message of one identifier.  Three rules keep a
+second sender from pushing the first one out: a near jump forward is believed when the next frame
+continues it and not the old sequence; a wide jump, either way, when three frames in a row continue
+it; a small one back when six do.  Frames that belong to no sequence are counted, and where the old
+one goes on beside them there are two senders.
 """
 
 from __future__ import annotations
@@ -21,7 +23,8 @@ CONFIRM: Final = 3
 """Frames in a row that make a wider jump believable."""
 
 CONFIRM_BACK: Final = 6
-"""Frames in a row that make a small step back believable: more than one burst of late frames holds."""
+"""Frames in a row that make a small step back believable: more than one burst of late frames
+holds."""
 
 NEVER_NS: Final = -(1 << 62)
 _MASK: Final = 0xFFFF
@@ -30,7 +33,8 @@ Message = SampleFrame | RigStatus | NodeState | NodeInfo
 
 
 class Patience(NamedTuple):
-    """How many frames of another sequence, less so many forgiven a second, make two senders; how long that stands."""
+    """How many frames of another sequence, less so many forgiven a second, make two senders; how
+    long that stands."""
 
     frames: float
     forgiven_per_s: float
@@ -43,14 +47,17 @@ PATIENCE: Final[dict[type, Patience]] = {
     NodeState: Patience(3.0, 0.5, 2_000_000_000),
     NodeInfo: Patience(3.0, 0.1, 5_000_000_000),
 }
-"""A late frame or two, and one burst of them, are one sender's; frames of three periods or more are not."""
+"""A late frame or two, and one burst of them, are one sender's; frames of three periods or more are
+not."""
 
 
 class CounterTrack(msgspec.Struct):
-    """Where one message's counter stands (``last`` is -1 before the first frame), and what speaks for a second sender.
+    """Where one message's counter stands (``last`` is -1 before the first frame), and what speaks
+    for a second sender.
 
-    ``held`` jumped ahead and waits for the next frame; ``newest`` was taken last; ``beside`` counts frames since then
-    that do not continue it; ``level`` is their leaky sum, last changed at ``level_ns``.
+    ``held`` jumped ahead and waits for the next frame; ``newest`` was taken last; ``beside`` counts
+    frames since then that do not continue it; ``level`` is their leaky sum, last changed at
+    ``level_ns``.
     """
 
     last: int = -1
@@ -74,14 +81,16 @@ class Taken(NamedTuple):
     restarted: bool
 
 
-def take(track: CounterTrack, message: Message, arrival_ns: int, counters: dict[str, int]) -> list[Taken]:
+def take(
+    track: CounterTrack, message: Message, arrival_ns: int, counters: dict[str, int]
+) -> list[Taken]:
     """Judge the next frame of one message.
 
     Parameters
     ----------
     counters
-        ``reject_repeated`` (the same frame again), ``reject_conflicting`` (its counter with another content) and
-        ``reject_reordered`` (of no sequence) are counted there.
+        ``reject_repeated`` (the same frame again), ``reject_conflicting`` (its counter with another
+        content) and ``reject_reordered`` (of no sequence) are counted there.
 
     Returns
     -------
@@ -113,7 +122,9 @@ def take(track: CounterTrack, message: Message, arrival_ns: int, counters: dict[
         track.held, track.held_ns = message, arrival_ns
         return []
     needed = CONFIRM_BACK if step > _MASK - NEAR else CONFIRM
-    track.run = track.run + 1 if track.run and message.counter == (track.candidate + 1) & _MASK else 1
+    track.run = (
+        track.run + 1 if track.run and message.counter == (track.candidate + 1) & _MASK else 1
+    )
     track.candidate = message.counter
     if track.run < needed:
         _refuse(track, counters)
@@ -128,7 +139,9 @@ def doubled(track: CounterTrack, kind: type, now_ns: int) -> bool:
     return now_ns - track.doubled_ns < PATIENCE[kind].hold_ns
 
 
-def _taken(track: CounterTrack, message: Message, arrival_ns: int, lost: int, restarted: bool = False) -> Taken:
+def _taken(
+    track: CounterTrack, message: Message, arrival_ns: int, lost: int, restarted: bool = False
+) -> Taken:
     """Take ``message`` in; frames of another sequence before it speak for a second sender."""
     track.last, track.newest, track.held, track.run = message.counter, message, None, 0
     if track.beside:
@@ -138,7 +151,8 @@ def _taken(track: CounterTrack, message: Message, arrival_ns: int, lost: int, re
 
 
 def suspect(track: CounterTrack, kind: type, frames: int, now_ns: int) -> None:
-    """Add ``frames`` to the leaky sum; while it is full, each more of them lets the verdict stand anew."""
+    """Add ``frames`` to the leaky sum; while it is full, each more of them lets the verdict stand
+    anew."""
     patience = PATIENCE[kind]
     forgiven = max(now_ns - track.level_ns, 0) * 1e-9 * patience.forgiven_per_s
     track.level = min(max(track.level - forgiven, 0.0) + frames, 2.0 * patience.frames)
@@ -152,8 +166,11 @@ def _refuse(track: CounterTrack, counters: dict[str, int]) -> None:
     counters["reject_reordered"] += 1
 
 
-def _refuse_repeated(track: CounterTrack, message: Message, known: Message | None, counters: dict[str, int]) -> None:
-    """The same frame again is a repetition; another one under its counter comes from somebody else."""
+def _refuse_repeated(
+    track: CounterTrack, message: Message, known: Message | None, counters: dict[str, int]
+) -> None:
+    """The same frame again is a repetition; another one under its counter comes from somebody
+    else."""
     if message == known:
         counters["reject_repeated"] += 1
         return

@@ -1,12 +1,13 @@
 """Order analysis of a window: spectra over shaft angle instead of time.
 
-The once-per-turn marks give the shaft angle of every sample (linear between marks).  Each channel is
-averaged over equal angle bins by interpolating its running integral (a box filter in angle: no aliasing
-from resampling), and a Hann-weighted FFT over whole turns gives amplitudes per order.  The box and the
-sample-and-hold of the integration are divided out.  The orbit ``x + jy`` gives the full spectrum: forward
-orders (in the direction of rotation) and backward orders.
+The once-per-turn marks give the shaft angle of every sample (linear between marks).  Each channel
+is averaged over equal angle bins by interpolating its running integral (a box filter in angle: no
+aliasing from resampling), and a Hann-weighted FFT over whole turns gives amplitudes per order.  The
+box and the sample-and-hold of the integration are divided out.  The orbit ``x + jy`` gives the full
+spectrum: forward orders (in the direction of rotation) and backward orders.
 
-Sources: order tracking by angular resampling, Fyfe and Munck 1997; full spectrum, Goldman and Muszynska 1999.
+Sources: order tracking by angular resampling, Fyfe and Munck 1997; full spectrum, Goldman and
+Muszynska 1999.
 """
 
 from __future__ import annotations
@@ -119,7 +120,8 @@ def analyse(window: Window) -> Orders:
 
 
 def by_angle(samples: Floats, marks: Floats) -> Floats:
-    """Means of :data:`ROTATING` over equal angle bins from the first to the last mark, shape (7, turns * BINS)."""
+    """Means of :data:`ROTATING` over equal angle bins from the first to the last mark, shape (7,
+    turns * BINS)."""
     turns = len(marks) - 1
     edges = np.interp(np.arange(turns * BINS + 1) / BINS, np.arange(turns + 1), marks)
     rotating = np.ascontiguousarray(samples[:, ROTATING].T)
@@ -132,7 +134,8 @@ def by_angle(samples: Floats, marks: Floats) -> Floats:
 
 
 def _loss(orders: NDArray[np.int_], samples_per_turn: float) -> Complexes:
-    """Gain and phase of the angle bin (centre half a bin late) and of the sample-and-hold, per order."""
+    """Gain and phase of the angle bin (centre half a bin late) and of the sample-and-hold, per
+    order."""
     box = np.sinc(orders / BINS) * np.sinc(orders / samples_per_turn)
     return np.asarray(box * np.exp(1j * np.pi * orders / BINS))
 

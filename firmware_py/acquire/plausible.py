@@ -1,8 +1,8 @@
 """Plausibility of a window's channels: signals that no machine makes, whatever ails it.
 
-Beside channel OK (range, stuck) these show a sick sensor: samples that drop to zero, a flat top, a mean where
-there can be none, a line of the mains that the shaft does not make.  What looks like a machine stays with the
-diagnosis: a changed gain, a slow drift inside the clearance.
+Beside channel OK (range, stuck) these show a sick sensor: samples that drop to zero, a flat top, a
+mean where there can be none, a line of the mains that the shaft does not make.  What looks like a
+machine stays with the diagnosis: a changed gain, a slow drift inside the clearance.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ from firmware_py.records import N_CHANNELS
 
 TORN_SHARE: Final = 0.002
 ZEROS_OVER_BESIDE: Final = 3.0
-"""Zeros between two samples of one sign: this share of a window; zeros over as many of the counts beside zero."""
+"""Zeros between two samples of one sign: this share of a window; zeros over as many of the counts
+beside zero."""
 _BESIDE: Final = 4
 FLAT_SHARE: Final = 0.05
 """Samples at one and the same extreme."""
@@ -25,7 +26,8 @@ FLAT_LEAST: Final = 16
 """Counts from extreme to extreme below which the signal is its own quantisation."""
 MAINS_HZ: Final = (50.0, 60.0)
 MAINS_ORDER_GAP: Final = 0.08
-"""The mains is told from the shaft where no multiple of half its speed comes nearer than this (in orders)."""
+"""The mains is told from the shaft where no multiple of half its speed comes nearer than this (in
+orders)."""
 MAINS_SI: Final = (1e-6, 1e-6, 0.7, 0.7, 0.7, 0.07, 0.03, 0.006)
 """Amplitudes of a mains line, about 0.4 % of the channels' ranges: m, m/s2, Pa, bar, V."""
 MEAN_SI: Final = (np.inf, np.inf, 2.0, 2.0, 2.0, 0.3, np.inf, np.inf)
@@ -59,7 +61,8 @@ def plausible(counts: Counts, scale: Floats, offset: Floats, rate_hz: float, mar
 
 
 def dropping_out(counts: Integers) -> Flags:
-    """Zeros where the signal was on one side, and far more often than the counts beside zero, (8,): a loose plug."""
+    """Zeros where the signal was on one side, and far more often than the counts beside zero, (8,):
+    a loose plug."""
     torn = np.zeros(N_CHANNELS, dtype=np.bool_)
     least = TORN_SHARE * counts.shape[1]
     for i in np.flatnonzero(np.count_nonzero(counts == 0, axis=1) > least).tolist():
@@ -74,7 +77,8 @@ def dropping_out(counts: Integers) -> Flags:
 
 
 def flat(counts: Integers, low: Integers, high: Integers) -> Flags:
-    """Many samples at one extreme, shape (8,): a clipping amplifier; the contact channel may rest at its supply."""
+    """Many samples at one extreme, shape (8,): a clipping amplifier; the contact channel may rest
+    at its supply."""
     at_low, at_high = (np.count_nonzero(counts == end[:, None], axis=1) for end in (low, high))
     many = (np.maximum(at_low, at_high) > FLAT_SHARE * counts.shape[1]) & (high - low > FLAT_LEAST)
     many[_CONTACT] = False
@@ -82,7 +86,8 @@ def flat(counts: Integers, low: Integers, high: Integers) -> Flags:
 
 
 def mains(swing: Floats, scale: Floats, rate_hz: float, marks: Floats) -> Flags:
-    """A line of the mains, shape (8,), in counts without their mean (8, n), where the shaft cannot have made it."""
+    """A line of the mains, shape (8,), in counts without their mean (8, n), where the shaft cannot
+    have made it."""
     found = np.zeros(N_CHANNELS, dtype=np.bool_)
     if len(marks) < 2:
         return found
@@ -93,7 +98,10 @@ def mains(swing: Floats, scale: Floats, rate_hz: float, marks: Floats) -> Flags:
         halves = 2.0 * line_hz / np.array([turns_hz.max(), turns_hz.min()])
         if np.floor(halves[1] + 2 * MAINS_ORDER_GAP) >= np.ceil(halves[0] - 2 * MAINS_ORDER_GAP):
             continue
-        found |= np.hypot(*(weighted @ _turning(line_hz / rate_hz, 1 << n.bit_length())[:n]).T) * scale > MAINS_SI
+        found |= (
+            np.hypot(*(weighted @ _turning(line_hz / rate_hz, 1 << n.bit_length())[:n]).T) * scale
+            > MAINS_SI
+        )
     return found
 
 

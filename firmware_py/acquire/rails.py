@@ -1,9 +1,10 @@
 """A channel at the end of its range: a vibration that saturates, an open circuit, or a bad contact?
 
-A *touch* is a run of samples beyond the OK range; it ends where the signal is well inside again.  Touches that follow
-each other within one period of the slowest whirl are a *chain*.  A vibration that saturates makes a long chain in
-step with the rotation, with one of its orders, or with whirl.  A bad contact makes short chains, or touches at
-random.  A cable that is open stays where it is, without an alternating part.
+A *touch* is a run of samples beyond the OK range; it ends where the signal is well inside again.
+Touches that follow each other within one period of the slowest whirl are a *chain*.  A vibration
+that saturates makes a long chain in step with the rotation, with one of its orders, or with whirl.
+A bad contact makes short chains, or touches at random.  A cable that is open stays where it is,
+without an alternating part.
 """
 
 from __future__ import annotations
@@ -16,7 +17,8 @@ import numpy as np
 import numpy.typing as npt
 
 SLOWEST_ORDER: Final = 0.4
-"""Slowest whirl, in orders of the rotation: a vibration touches its rail at least once in 1 / 0.4 turns."""
+"""Slowest whirl, in orders of the rotation: a vibration touches its rail at least once in 1 / 0.4
+turns."""
 CHAIN_MAX_S: Final = 0.5
 """Longest time between two touches of a chain, which holds at low speed."""
 CHAIN_UNKNOWN_S: Final = 0.1
@@ -25,22 +27,26 @@ CHAIN_LEAST: Final = 4
 """Touches before which nothing can be said of a chain: its blocks are not judged."""
 COHERENT_LEAST: Final = 16
 COHERENT_PERCENT: Final = 70
-"""Touches, and mean resultant length of their phases in the best order: 16 at random reach it in 1 of 100 chains,
-32 in 1 of 200 000 (29 orders are tried)."""
+"""Touches, and mean resultant length of their phases in the best order: 16 at random reach it in 1
+of 100 chains, 32 in 1 of 200 000 (29 orders are tried)."""
 REMEMBERED: Final = 32
 INSIDE_SHARE: Final = 0.1
-"""A touch ends where the signal is this share of half the range inside: noise at the rail makes no second one."""
+"""A touch ends where the signal is this share of half the range inside: noise at the rail makes no
+second one."""
 ALTERNATING_SHARE: Final = 0.02
-"""Peak to peak of a block, as a share of the range, above which a signal beyond the range still alternates."""
+"""Peak to peak of a block, as a share of the range, above which a signal beyond the range still
+alternates."""
 OPEN_S: Final = 0.1
 OPEN_MAX_S: Final = 0.3
-"""Time at the rail after which a cable is open: the first, or one turn where that is longer, up to the second."""
+"""Time at the rail after which a cable is open: the first, or one turn where that is longer, up to
+the second."""
 
 _TURN: Final = 65536
 _HALF: Final = _TURN // 2
 _UNIT: Final = _HALF * _HALF // 4 >> 14
 _ORDERS: Final = np.array([*range(40, 51), *range(80, 100, 2), *range(100, 900, 100)], np.int64)
-"""Whirl (twice: it may touch both ends), the rotation and its first harmonics, in 1/100 of the rotation."""
+"""Whirl (twice: it may touch both ends), the rotation and its first harmonics, in 1/100 of the
+rotation."""
 
 Counts = npt.NDArray[np.int16]
 
@@ -48,9 +54,10 @@ Counts = npt.NDArray[np.int16]
 class RailState(msgspec.Struct):
     """The present touch and chain of one channel.
 
-    ``side`` is the rail that is touched now (-1, 0, 1); ``run`` and ``flat`` count the samples there, and the latest
-    of them without an alternating part.  ``turns`` are the places of the chain's touches, in turns.
-    ``count`` is all its touches, ``idle`` the samples since the last of them ended.
+    ``side`` is the rail that is touched now (-1, 0, 1); ``run`` and ``flat`` count the samples
+    there, and the latest of them without an alternating part.  ``turns`` are the places of the
+    chain's touches, in turns. ``count`` is all its touches, ``idle`` the samples since the last of
+    them ended.
     """
 
     side: int = 0
@@ -94,7 +101,9 @@ class RailWatch:
         self._inside = (low + inside, high - inside)
         self._alternating = ALTERNATING_SHARE * (high - low)
 
-    def step(self, s: RailState, counts: Counts, touched: bool, turn: float, speed_rad_s: float) -> Rail:
+    def step(
+        self, s: RailState, counts: Counts, touched: bool, turn: float, speed_rad_s: float
+    ) -> Rail:
         """Judge a block of one channel.
 
         Parameters
@@ -117,7 +126,7 @@ class RailWatch:
             return self._end(s) if s.idle > longest else self._verdict(s, False)
         broken = self._touches(s, counts, longest, turn, speed_rad_s)
         if s.side:
-            there = counts[-min(s.run, n):]
+            there = counts[-min(s.run, n) :]
             steady = int(there.max()) - int(there.min()) <= self._alternating
             s.flat = s.flat + len(there) if steady else 0
         turn_s = 2 * pi / speed_rad_s if speed_rad_s > 0.0 else 0.0
@@ -133,7 +142,9 @@ class RailWatch:
             return min(2 * pi / (SLOWEST_ORDER * speed_rad_s), CHAIN_MAX_S) * self._rate_hz
         return CHAIN_UNKNOWN_S * self._rate_hz
 
-    def _touches(self, s: RailState, counts: Counts, longest: float, turn: float, speed_rad_s: float) -> bool:
+    def _touches(
+        self, s: RailState, counts: Counts, longest: float, turn: float, speed_rad_s: float
+    ) -> bool:
         """Take in the touches of a block; whether a chain ended in it that was no vibration."""
         per_sample = speed_rad_s / (2 * pi * self._rate_hz)
         low, high = self._inside
@@ -159,7 +170,8 @@ class RailWatch:
         return broken
 
     def _verdict(self, s: RailState, at_rail: bool) -> Rail:
-        """Of a chain that goes on: dense touches that keep no step are a bad contact once there are enough."""
+        """Of a chain that goes on: dense touches that keep no step are a bad contact once there are
+        enough."""
         short = s.count < CHAIN_LEAST
         lost = not s.coherent and len(s.turns) >= REMEMBERED
         return Rail(saturated=s.coherent, out_of_step=lost, unsure=short and at_rail)
@@ -174,8 +186,8 @@ class RailWatch:
 def coherent(turns: list[float]) -> bool:
     """Whether places in turns keep step with one order of a machine.
 
-    Integers throughout, so that the sums are the same on every machine: phases in 1/65536 turn, and a parabola for
-    the sine, which is within 6 % of it.
+    Integers throughout, so that the sums are the same on every machine: phases in 1/65536 turn, and
+    a parabola for the sine, which is within 6 % of it.
     """
     places = np.array([round((t - turns[0]) * _TURN) for t in turns], np.int64)
     phase = places[None, :] * _ORDERS[:, None] // 100 % _TURN

@@ -1,8 +1,8 @@
 """Shaft speed from the once-per-turn mark: told, standing, lost, or doubted.
 
-A node sends the 32-bit tick and the 16-bit number of the newest mark.  A mark is never later than the
-frame that tells it, so its tick is unwrapped backward from there: right for 71 minutes, and held as long
-as the mark stays the same.
+A node sends the 32-bit tick and the 16-bit number of the newest mark.  A mark is never later than
+the frame that tells it, so its tick is unwrapped backward from there: right for 71 minutes, and
+held as long as the mark stays the same.
 """
 
 from __future__ import annotations
@@ -19,22 +19,27 @@ FALL_MARGIN: Final = 2.0
 """A coasting machine may slow this much faster than its declared ramp."""
 
 RISE_MARGIN: Final = 1.25
-"""A drive that overshoots may rise this much faster than its declared ramp; a load rejection is faster."""
+"""A drive that overshoots may rise this much faster than its declared ramp; a load rejection is
+faster."""
 
 MARK_ERROR_US: Final = 5
 """Resolution of a mark's tick beside the sampling period (wire interface)."""
 
 SLACK_MAX: Final = 0.25
-"""Most that a reading may differ from a reachable speed, as a share of it: half of what one missing edge does."""
+"""Most that a reading may differ from a reachable speed, as a share of it: half of what one missing
+edge does."""
 
 RETURN_S: Final = 1.0
-"""Readings that are back on their former course within this time were interrupted by false edges."""
+"""Readings that are back on their former course within this time were interrupted by false
+edges."""
 
 AHEAD_MAX_US: Final = 20
-"""A mark may be this much later than its frame's last instant: the wander of the node's sample grid."""
+"""A mark may be this much later than its frame's last instant: the wander of the node's sample
+grid."""
 
 LATE_MAX_US: Final = 50_000
-"""A mark that was not told by the frame before it came after that frame, or the node is this slow to tell it."""
+"""A mark that was not told by the frame before it came after that frame, or the node is this slow
+to tell it."""
 
 _TICK_MASK: Final = 0xFFFFFFFF
 _TICK_HALF: Final = 0x80000000
@@ -44,10 +49,10 @@ _TURNS_MAX: Final = 0x7FFF
 class Turn(msgspec.Struct, frozen=True, gc=False):
     """What a new mark says of the time since the mark before it.
 
-    ``doubt`` is empty, or why no shaft can do that: ``ramp`` (the speed changed faster than the declared
-    ramp; ``limit_rad_s`` could be reached), ``count`` (tick and number of the mark contradict each other),
-    ``ahead`` (the mark is later than its frame); ``count`` and ``ahead`` tell no speed.  ``returned``: after
-    false edges, the speed is back on its former course.
+    ``doubt`` is empty, or why no shaft can do that: ``ramp`` (the speed changed faster than the
+    declared ramp; ``limit_rad_s`` could be reached), ``count`` (tick and number of the mark
+    contradict each other), ``ahead`` (the mark is later than its frame); ``count`` and ``ahead``
+    tell no speed.  ``returned``: after false edges, the speed is back on its former course.
     """
 
     interval_us: int
@@ -61,11 +66,11 @@ class SpeedState(msgspec.Struct):
     """Tick and number of the last mark, and the speed over the last turn(s).
 
     ``turn`` is -1 while no mark is known; ``paired`` says that the last mark was seen to come;
-    ``absent_us`` is the tick since which surely none has come; ``torn``: the marks stopped faster than any
-    shaft.  ``course_rad_s`` follows the readings no faster than the ramp (-1: unknown), ``course_us`` is its
-    tick; ``former_*`` the same before the newest doubt; ``broken``: a contradiction has interrupted it.
-    ``end_us``: last instant of the frame before.  ``most_rad_s``: what the wait for the next mark lets the shaft
-    turn at most (-1: no such bound).
+    ``absent_us`` is the tick since which surely none has come; ``torn``: the marks stopped faster
+    than any shaft.  ``course_rad_s`` follows the readings no faster than the ramp (-1: unknown),
+    ``course_us`` is its tick; ``former_*`` the same before the newest doubt; ``broken``: a
+    contradiction has interrupted it. ``end_us``: last instant of the frame before.  ``most_rad_s``:
+    what the wait for the next mark lets the shaft turn at most (-1: no such bound).
     """
 
     mark_us: int = -1
@@ -86,10 +91,13 @@ class SpeedState(msgspec.Struct):
     most_rad_s: float = -1.0
 
     def surely_below(self, speed_rad_s: float) -> bool:
-        """Whether the shaft turns slower than ``speed_rad_s`` by all that the marks say, also while they wait."""
+        """Whether the shaft turns slower than ``speed_rad_s`` by all that the marks say, also while
+        they wait."""
         if self.doubted:
             return False
-        return 0.0 <= self.most_rad_s < speed_rad_s or (not self.lost and self.speed_rad_s < speed_rad_s)
+        return 0.0 <= self.most_rad_s < speed_rad_s or (
+            not self.lost and self.speed_rad_s < speed_rad_s
+        )
 
     @property
     def known(self) -> bool:
@@ -100,12 +108,13 @@ class SpeedState(msgspec.Struct):
 class SpeedMeter:
     """Speed between marks.
 
-    Without a new mark the speed can be at most ``2 pi / (time since the last one)``.  While that bound is
-    compatible with the fastest declared ramp the shaft is slowing, at last standing; when it falls faster
-    than any ramp can slow the shaft, the mark is lost, not the speed: the last one is kept and called
-    unknown.
+    Without a new mark the speed can be at most ``2 pi / (time since the last one)``.  While that
+    bound is compatible with the fastest declared ramp the shaft is slowing, at last standing; when
+    it falls faster than any ramp can slow the shaft, the mark is lost, not the speed: the last one
+    is kept and called unknown.
 
-    A reading that no ramp reaches is told as it is and makes the speed ``doubted``, until :meth:`doubt` ends it.
+    A reading that no ramp reaches is told as it is and makes the speed ``doubted``, until
+    :meth:`doubt` ends it.
 
     Parameters
     ----------
@@ -160,7 +169,8 @@ class SpeedMeter:
         self.state.course_rad_s = self.state.former_rad_s = -1.0
 
     def doubt(self, doubted: bool) -> None:
-        """Something else contradicts the mark, or the doubt is over: the present course is the shaft's."""
+        """Something else contradicts the mark, or the doubt is over: the present course is the
+        shaft's."""
         self.state.doubted, self.state.former_rad_s = doubted, -1.0
 
     def idle(self, tick_us: int) -> None:
@@ -187,7 +197,8 @@ class SpeedMeter:
     def _begin(self, mark32_us: int, turn: int, end_us: int) -> None:
         """The first mark of which anything is known: it may have come long ago.
 
-        At the very start its age is trusted as the least that it can be; later it is not older than this frame.
+        At the very start its age is trusted as the least that it can be; later it is not older than
+        this frame.
         """
         s = self.state
         s.mark_us, s.turn = _placed(mark32_us, end_us), turn
@@ -207,9 +218,16 @@ class SpeedMeter:
         s = self.state
         middle_us = s.mark_us - interval_us // 2
         slack_rad_s = speed_rad_s * min(self._error_us / interval_us, SLACK_MAX)
-        course = speed_rad_s if s.course_rad_s < 0.0 \
+        course = (
+            speed_rad_s
+            if s.course_rad_s < 0.0
             else self._nearest(speed_rad_s, s.course_rad_s, middle_us - s.course_us)
-        turn = Turn(interval_us, speed_rad_s, returned=s.broken and middle_us - s.course_us <= RETURN_S * 1e6)
+        )
+        turn = Turn(
+            interval_us,
+            speed_rad_s,
+            returned=s.broken and middle_us - s.course_us <= RETURN_S * 1e6,
+        )
         s.broken = False
         if abs(speed_rad_s - course) > slack_rad_s:
             turn = self._off_course(speed_rad_s, interval_us, course, slack_rad_s)
@@ -217,7 +235,9 @@ class SpeedMeter:
         s.course_rad_s, s.course_us = course, middle_us
         return turn
 
-    def _off_course(self, speed_rad_s: float, interval_us: int, limit_rad_s: float, slack_rad_s: float) -> Turn:
+    def _off_course(
+        self, speed_rad_s: float, interval_us: int, limit_rad_s: float, slack_rad_s: float
+    ) -> Turn:
         """A reading that cannot be reached from the one before it."""
         s = self.state
         waited_us = s.mark_us - interval_us // 2 - s.former_us
@@ -234,7 +254,10 @@ class SpeedMeter:
     def _nearest(self, speed_rad_s: float, from_rad_s: float, after_us: int) -> float:
         """The speed nearest to ``speed_rad_s`` that a shaft can reach."""
         after_s = after_us * 1e-6
-        low, high = from_rad_s - self._fall_rad_s2 * after_s, from_rad_s + self._rise_rad_s2 * after_s
+        low, high = (
+            from_rad_s - self._fall_rad_s2 * after_s,
+            from_rad_s + self._rise_rad_s2 * after_s,
+        )
         return min(max(speed_rad_s, low), high)
 
 

@@ -1,4 +1,5 @@
-"""The acquisition stage: frames off the link to blocks, readings and the account of what was lost."""
+"""The acquisition stage: frames off the link to blocks, readings and the account of what was
+lost."""
 
 from __future__ import annotations
 
@@ -29,8 +30,18 @@ from firmware_py.records import (
     WireMessage,
 )
 
-REJECTS: Final = ("unknown_id", "length", "crc", "range", "malformed", "repeated", "conflicting", "reordered",
-                  "masquerade", "ahead")
+REJECTS: Final = (
+    "unknown_id",
+    "length",
+    "crc",
+    "range",
+    "malformed",
+    "repeated",
+    "conflicting",
+    "reordered",
+    "masquerade",
+    "ahead",
+)
 NEVER_NS: Final = 1 << 62
 """Age of a sample that never came."""
 
@@ -95,26 +106,47 @@ class Acquire:
 
     Notes
     -----
-    ``counters``: ``frames_in`` (good sample frames), ``frames_lost``, ``blocks_lost``, ``reject_<name>``
-    for each name of :data:`REJECTS`, ``messages_lost`` (other messages), ``foreign`` (frames that only a
-    device sends, from somebody else), ``node_restarts``, ``clock_jumps``, ``clock_leaps`` (the node's clock
-    ran on while the host's stood), ``stamps_ahead`` and ``stamps_behind`` (arrivals that cannot be).
+    ``counters``: ``frames_in`` (good sample frames), ``frames_lost``, ``blocks_lost``,
+    ``reject_<name>`` for each name of :data:`REJECTS`, ``messages_lost`` (other messages),
+    ``foreign`` (frames that only a device sends, from somebody else), ``node_restarts``,
+    ``clock_jumps``, ``clock_leaps`` (the node's clock ran on while the host's stood),
+    ``stamps_ahead`` and ``stamps_behind`` (arrivals that cannot be).
     """
 
     def __init__(self, config: Config, codec: Decoder) -> None:
         self._codec = codec
         self._fresh_age_ns = round(config.sampling.fresh_age_ms * 1e6)
         self._leap_max_ns = config.actuator.time_to_live_ms * 1_000_000
-        names = ["frames_in", "frames_lost", "blocks_lost", "messages_lost", "foreign", "node_restarts", "clock_jumps",
-                 "clock_leaps", "stamps_ahead", "stamps_behind"]
+        names = [
+            "frames_in",
+            "frames_lost",
+            "blocks_lost",
+            "messages_lost",
+            "foreign",
+            "node_restarts",
+            "clock_jumps",
+            "clock_leaps",
+            "stamps_ahead",
+            "stamps_behind",
+        ]
         self.counters = dict.fromkeys(names + [f"reject_{name}" for name in REJECTS], 0)
         self._clock = ClockMap()
         self._assembler = Assembler(config, self._clock, self.counters)
-        self._rest = AcquireState(self.counters, {}, self._clock.state, self._assembler.state,
-                                  self._assembler.channel_ok.state, self._assembler.speed.state)
+        self._rest = AcquireState(
+            self.counters,
+            {},
+            self._clock.state,
+            self._assembler.state,
+            self._assembler.channel_ok.state,
+            self._assembler.speed.state,
+        )
         self._handlers: dict[type, Callable[[Any, int, AcquireOutput], None]] = {
-            RigStatus: self._on_status, NodeState: self._on_node, NodeInfo: self._on_info,
-            DeviceHeartbeat: self._on_foreign, Command: self._on_foreign, Rejected: self._on_rejected,
+            RigStatus: self._on_status,
+            NodeState: self._on_node,
+            NodeInfo: self._on_info,
+            DeviceHeartbeat: self._on_foreign,
+            Command: self._on_foreign,
+            Rejected: self._on_rejected,
         }
 
     @property
@@ -129,7 +161,10 @@ class Acquire:
     def state(self, state: AcquireState) -> None:
         self._rest = state
         self._clock.state, self._assembler.state = state.clock, state.assembler
-        self._assembler.channel_ok.state, self._assembler.speed.state = state.channel_ok, state.speed
+        self._assembler.channel_ok.state, self._assembler.speed.state = (
+            state.channel_ok,
+            state.speed,
+        )
         self.counters.update(state.counters)
         state.counters = self.counters
 
@@ -220,13 +255,17 @@ class Acquire:
         return max(now_ns - s.arrival_ns, now_ns - self._clock.host_ns(s.tick_us))
 
     def node_age_ns(self, now_ns: int) -> int:
-        """Time since the node last gave an account of itself: of state and of status, the older one."""
+        """Time since the node last gave an account of itself: of state and of status, the older
+        one."""
         return now_ns - min(self._rest.node_heard_ns, self._rest.status_heard_ns)
 
     # ------------------------------------------------------------------ one kind of message each
 
-    def _new(self, message: RigStatus | NodeState | NodeInfo, arrival_ns: int) -> list[tuple[Any, int]]:
-        """What of a slow message's stream counts from now on, with its arrival: nothing, it, or one that waited."""
+    def _new(
+        self, message: RigStatus | NodeState | NodeInfo, arrival_ns: int
+    ) -> list[tuple[Any, int]]:
+        """What of a slow message's stream counts from now on, with its arrival: nothing, it, or one
+        that waited."""
         tick_us = unwrap(message.tick_us, self._assembler.state.tick_us)
         if self._clock.settled and self._clock.host_ns(tick_us) > arrival_ns + TICK_AHEAD_MAX_NS:
             self.counters["reject_ahead"] += 1
@@ -245,7 +284,9 @@ class Acquire:
             quality = 0 if self._clock.settled else Quality.CLOCK_UNSETTLED
             if heard_ns - t_acq_ns > self._fresh_age_ns:
                 quality |= Quality.STALE
-            output.readings.append(RigReading(s.reading_seq, t_acq_ns, int(quality), status, s.node))
+            output.readings.append(
+                RigReading(s.reading_seq, t_acq_ns, int(quality), status, s.node)
+            )
             s.reading_seq += 1
 
     def _on_node(self, message: NodeState, arrival_ns: int, output: AcquireOutput) -> None:
@@ -257,7 +298,9 @@ class Acquire:
         for info, _ in self._new(message, arrival_ns):
             self._rest.node_info = output.node_info = info
 
-    def _on_foreign(self, message: DeviceHeartbeat | Command, arrival_ns: int, output: AcquireOutput) -> None:
+    def _on_foreign(
+        self, message: DeviceHeartbeat | Command, arrival_ns: int, output: AcquireOutput
+    ) -> None:
         self.counters["foreign"] += 1
         output.foreign.append(message)
 

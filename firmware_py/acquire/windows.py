@@ -1,8 +1,8 @@
 """Windows: gap-free stretches of samples, long enough for order analysis (ISO 13374 DM).
 
-The same :class:`Windower` cuts the running machine's blocks and, through :func:`iter_windows`, a whole
-recording for training.  Window ends lie on a fixed grid of samples counted from the start of a gap-free
-run, so the windows do not depend on how the samples were chopped into blocks.
+The same :class:`Windower` cuts the running machine's blocks and, through :func:`iter_windows`, a
+whole recording for training.  Window ends lie on a fixed grid of samples counted from the start of
+a gap-free run, so the windows do not depend on how the samples were chopped into blocks.
 """
 
 from __future__ import annotations
@@ -23,16 +23,21 @@ from firmware_py.records import N_CHANNELS, Block, Quality, RigReading
 TURNS: Final = 32
 """Turns that a window holds when its length allows."""
 MIN_TURNS: Final = 8
-"""Whole turns below which a window is marked ``NO_MARK``: order analysis would not resolve half-orders."""
+"""Whole turns below which a window is marked ``NO_MARK``: order analysis would not resolve
+half-orders."""
 MIN_SECONDS: Final = 0.8
 MAX_SECONDS: Final = 2.0
 HOP_SECONDS: Final = 0.25
 WINDOW_LAYOUT: Final = {
-    "turns": float(TURNS), "min_seconds": MIN_SECONDS, "max_seconds": MAX_SECONDS, "hop_seconds": HOP_SECONDS,
+    "turns": float(TURNS),
+    "min_seconds": MIN_SECONDS,
+    "max_seconds": MAX_SECONDS,
+    "hop_seconds": HOP_SECONDS,
 }
 """How windows are cut; a model that saw other windows does not fit."""
 MARK_RATIO_MAX: Final = 1.5
-"""Neighbouring turns that differ by more hold a lost or a false mark (a 4000 rpm/s ramp gives 1.1)."""
+"""Neighbouring turns that differ by more hold a lost or a false mark (a 4000 rpm/s ramp gives
+1.1)."""
 
 WIRE_SCALES: Final = (1e-8, 1e-8, 1e-2, 1e-2, 1e-2, 1e-3, 1e-3, 1e-4)
 """SI value of one count of each channel in ``orbitd.dbc`` (m, m, m/s2 x 3, Pa, bar, V)."""
@@ -42,7 +47,8 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class ChannelMap:
-    """From counts to SI: ``counts * scale + offset``, and from the two probes to the machine's x, y.
+    """From counts to SI: ``counts * scale + offset``, and from the two probes to the machine's x,
+    y.
 
     Attributes
     ----------
@@ -156,7 +162,9 @@ class Windower:
 
     channels: ChannelMap
     rate_hz: int
-    counters: dict[str, int] = field(default_factory=lambda: {"windows": 0, "windows_cut_by_gap": 0})
+    counters: dict[str, int] = field(
+        default_factory=lambda: {"windows": 0, "windows_cut_by_gap": 0}
+    )
     _ring: NDArray[np.int16] = field(init=False)
     _fill: int = field(init=False, default=0)
     _run: int = field(init=False, default=0)
@@ -192,7 +200,9 @@ class Windower:
             return
         status = reading.status
         tick_us = nearest_tick(status.tick_us, self._end_tick_us)
-        self._note(tick_us, status.clearance_actual_um * 1e-6, status.shaft_power_W, status.oil_outlet_C)
+        self._note(
+            tick_us, status.clearance_actual_um * 1e-6, status.shaft_power_W, status.oil_outlet_C
+        )
 
     def _note(self, tick_us: int, clearance_m: float, power_W: float, oil_C: float) -> None:
         self._readings.append((tick_us, clearance_m, power_W, oil_C))
@@ -201,8 +211,19 @@ class Windower:
         """Take one block; return the windows that it completes, oldest first."""
         counts = np.frombuffer(block.samples, "<i2").reshape(-1, N_CHANNELS)
         marks = np.array(block.mark_ticks_us, np.int64)
-        return self._take(_Chunk(counts, block.tick_us, block.sample_period_us, marks, block.t_acq_ns,
-                                 block.period_ns, block.seq, block.quality, block.channel_ok))
+        return self._take(
+            _Chunk(
+                counts,
+                block.tick_us,
+                block.sample_period_us,
+                marks,
+                block.t_acq_ns,
+                block.period_ns,
+                block.seq,
+                block.quality,
+                block.channel_ok,
+            )
+        )
 
     def _take(self, chunk: _Chunk) -> list[Window]:
         joined = chunk.tick_us == self._end_tick_us and not chunk.quality & Quality.GAP_BEFORE
@@ -217,7 +238,8 @@ class Windower:
         return windows
 
     def _append(self, chunk: _Chunk, counts: NDArray[np.int16]) -> list[Window]:
-        """Add at most ``MAX_SECONDS`` of samples, then cut every window whose end has been reached."""
+        """Add at most ``MAX_SECONDS`` of samples, then cut every window whose end has been
+        reached."""
         n = len(counts)
         if self._fill + n > len(self._ring):
             keep = min(self._fill, self._most)
@@ -246,13 +268,26 @@ class Windower:
         marks = (marks_us[marks_us >= start_us] - start_us) / period_us
         quality, channel_ok = self._flags_over(self._next_end - n)
         counts = self._ring[self._fill - back - n : self._fill - back]
-        channel_ok &= plausible(counts, self.channels.scale, self.channels.offset, 1e6 / period_us, marks)
+        channel_ok &= plausible(
+            counts, self.channels.scale, self.channels.offset, 1e6 / period_us, marks
+        )
         if not _usable(marks):
             quality |= Quality.NO_MARK
-        after_ns = (chunk.tick_us + len(chunk.counts) * period_us - end_us) // period_us * chunk.period_ns
+        after_ns = (
+            (chunk.tick_us + len(chunk.counts) * period_us - end_us) // period_us * chunk.period_ns
+        )
         end_ns = chunk.t_acq_ns + len(chunk.counts) * chunk.period_ns - after_ns
-        return Window(self.channels.to_si(counts), 1e6 / period_us, marks, end_us, end_ns, chunk.seq,
-                      quality, channel_ok, *self._reading_means(start_us, end_us))
+        return Window(
+            self.channels.to_si(counts),
+            1e6 / period_us,
+            marks,
+            end_us,
+            end_ns,
+            chunk.seq,
+            quality,
+            channel_ok,
+            *self._reading_means(start_us, end_us),
+        )
 
     def _length(self, marks_us: NDArray[np.int64]) -> int:
         """Samples for ``TURNS`` turns at the present speed, within the two bounds."""
@@ -261,7 +296,8 @@ class Windower:
         return round(seconds * self.rate_hz)
 
     def _flags_over(self, start: int) -> tuple[int, int]:
-        """Union of the quality flags and intersection of the OK bits since sample ``start`` of the run."""
+        """Union of the quality flags and intersection of the OK bits since sample ``start`` of the
+        run."""
         while len(self._flags) > 1 and self._flags[0][0] <= self._run - self._most - self.rate_hz:
             self._flags.popleft()
         quality, channel_ok = 0, 0xFF
@@ -275,7 +311,9 @@ class Windower:
         inside = [row[1:] for row in self._readings if start_us <= row[0] < end_us]
         if not inside:
             return math.nan, math.nan, math.nan
-        clearance, power, oil = (math.fsum(column) / len(inside) for column in zip(*inside, strict=True))
+        clearance, power, oil = (
+            math.fsum(column) / len(inside) for column in zip(*inside, strict=True)
+        )
         return clearance, power, oil
 
 
@@ -285,7 +323,9 @@ def _usable(marks: Floats) -> bool:
         return False
     turns = np.diff(marks)
     ratio = turns[1:] / np.maximum(turns[:-1], 1e-9)
-    return bool(turns.min() > 0 and ratio.max() < MARK_RATIO_MAX and ratio.min() > 1 / MARK_RATIO_MAX)
+    return bool(
+        turns.min() > 0 and ratio.max() < MARK_RATIO_MAX and ratio.min() > 1 / MARK_RATIO_MAX
+    )
 
 
 def nearest_tick(tick_us: int, near_us: int) -> int:

@@ -1,9 +1,10 @@
 """Where the orbit's first order lay while the machine was healthy, learned with hindsight.
 
-A fault shows in the first order at once and in the verdict only when it has filled the averaged windows.  A window is
-therefore held back, and enters the baseline when every verdict of the following :data:`HINDSIGHT_NS` was normal too.
-Each operating point has a reference of its own: the median of the first windows there, which then follows so slowly
-that a growing fault stands out from it and the changes of weeks do not.
+A fault shows in the first order at once and in the verdict only when it has filled the averaged
+windows.  A window is therefore held back, and enters the baseline when every verdict of the
+following :data:`HINDSIGHT_NS` was normal too. Each operating point has a reference of its own: the
+median of the first windows there, which then follows so slowly that a growing fault stands out from
+it and the changes of weeks do not.
 """
 
 from __future__ import annotations
@@ -16,13 +17,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 HINDSIGHT_NS: Final = 5_000_000_000
-"""A change has reached every averaged window after this: the longest window (2 s) and ten hops (2.5 s), rounded up."""
+"""A change has reached every averaged window after this: the longest window (2 s) and ten hops (2.5
+s), rounded up."""
 FIRST_WINDOWS: Final = 40
 """Windows whose median is the reference: ten seconds."""
 FOLLOWS: Final = 1.0 / 57_600.0
 """Share of a later window in the reference: it follows within hours (57 600 windows are four)."""
 NEAR: Final = np.array([0.05, 3e-6, 0.1, 5.0])
-"""Log speed, clearance (m), eccentricity and oil (K) within which two windows have the same first order."""
+"""Log speed, clearance (m), eccentricity and oil (K) within which two windows have the same first
+order."""
 REFERENCES_MAX: Final = 64
 """Operating points remembered; the one that was not visited for longest is forgotten first."""
 
@@ -54,7 +57,8 @@ class FirstOrderBaseline:
         self._waiting: deque[tuple[int, Floats, complex]] = deque()
 
     def note(self, t_ns: int, point: Floats, first_order_m: complex, *, normal: bool) -> None:
-        """Take the window that ended at ``t_ns``; ``point`` as :data:`firmware_py.brain.normal.POINT`.
+        """Take the window that ended at ``t_ns``; ``point`` as
+        :data:`firmware_py.brain.normal.POINT`.
 
         A verdict that is not normal drops everything that still waits.
         """
@@ -77,7 +81,9 @@ class FirstOrderBaseline:
         return found.value if found else None
 
     def _nearest(self, where: Floats) -> _Reference | None:
-        away = [float(np.abs((reference.point - where) / NEAR).max()) for reference in self._references]
+        away = [
+            float(np.abs((reference.point - where) / NEAR).max()) for reference in self._references
+        ]
         best = int(np.argmin(away)) if away else -1
         return self._references[best] if away and away[best] <= 1.0 else None
 

@@ -1,7 +1,8 @@
-"""Commissioning: the brain gathers healthy decisions of this machine while a person runs it over its range.
+"""Commissioning: the brain gathers healthy decisions of this machine while a person runs it over
+its range.
 
-The person vouches that the machine is healthy; what must not be learned from all the same (bad channels, whirl, a
-standing alarm, a model in charge) is left out and counted.
+The person vouches that the machine is healthy; what must not be learned from all the same (bad
+channels, whirl, a standing alarm, a model in charge) is left out and counted.
 """
 
 from __future__ import annotations
@@ -66,7 +67,9 @@ class Commissioner:
         Forward first order of the probes' runout.
     """
 
-    def __init__(self, model: Model | None, config: Config, diagnoser: Diagnoser, slow_roll_m: complex) -> None:
+    def __init__(
+        self, model: Model | None, config: Config, diagnoser: Diagnoser, slow_roll_m: complex
+    ) -> None:
         self._device = belonging(model, config) if model else None
         self._prior = diagnoser.prior
         self._diagnoser = diagnoser
@@ -108,7 +111,10 @@ class Commissioner:
             self._phase, self._text = "gathering", ""
             return [], None
         if not self.gathering:
-            raise NormalError(f"commission {action}: nothing is being gathered; `orbitd commission start` comes first")
+            raise NormalError(
+                f"commission {action}: nothing is being gathered; `orbitd commission start` comes "
+                f"first"
+            )
         if action == "cancel":
             self._stand(self._diagnoser.normal)
             return [], None
@@ -120,13 +126,20 @@ class Commissioner:
         if self._device is None:
             raise NormalError("commission start: no classifier is in use, see `orbitd status`")
         if self._prior is None:
-            raise NormalError("commission start: this classifier carries no statistics of healthy machines (output "
-                              "`normal`); use one that this version has trained")
+            raise NormalError(
+                "commission start: this classifier carries no statistics of healthy machines "
+                "(output "
+                "`normal`); use one that this version has trained"
+            )
 
     def adopt(self, normal: Normal) -> None:
         """Use a stored state, or refuse it by name."""
         if self._device is None or self._prior is None:
-            self._use(None, "refused", "no classifier in use knows what to do with the machine's normal state")
+            self._use(
+                None,
+                "refused",
+                "no classifier in use knows what to do with the machine's normal state",
+            )
             return
         try:
             own.check_belongs(normal, self._device)
@@ -143,8 +156,14 @@ class Commissioner:
     def _stand(self, normal: Normal | None) -> None:
         self._use(normal, "commissioned" if normal else "none", "")
 
-    def gather(self, window: Window, orders: Orders | None, diagnosis: Diagnosis, answer: Answer | None,
-               guard: GuardState | None) -> None:
+    def gather(
+        self,
+        window: Window,
+        orders: Orders | None,
+        diagnosis: Diagnosis,
+        answer: Answer | None,
+        guard: GuardState | None,
+    ) -> None:
         """Learn from the decision after ``window``, when it may be learned from."""
         if not self.gathering or window.end_ns - self._last_ns < EVERY_NS:
             return
@@ -155,10 +174,18 @@ class Commissioner:
         self._last_ns = window.end_ns
         if diagnosis.verdict in CLASSES and diagnosis.verdict != "normal":
             self._named[diagnosis.verdict] += 1
-        self._kept.append(_Decision(answer.normal, answer.log_odds, own.operating_point(window, orders),
-                                    forward_first_order(orders) - self._slow_roll_m))
+        self._kept.append(
+            _Decision(
+                answer.normal,
+                answer.log_odds,
+                own.operating_point(window, orders),
+                forward_first_order(orders) - self._slow_roll_m,
+            )
+        )
 
-    def _reason_against(self, diagnosis: Diagnosis, answer: Answer | None, guard: GuardState | None) -> str:
+    def _reason_against(
+        self, diagnosis: Diagnosis, answer: Answer | None, guard: GuardState | None
+    ) -> str:
         """Why a decision must not be learned from; empty when it may."""
         if guard is None or guard.mode not in MODES:
             return f"mode {Mode(guard.mode).name.lower()}" if guard else "no word of the guard"
@@ -178,7 +205,9 @@ class Commissioner:
         rows = np.array([d.row for d in kept]).reshape(-1, len(self._prior.between))
         log_odds = np.array([d.log_odds for d in kept]).reshape(-1, len(HEADS))
         first_order_m = np.array([d.first_order_m for d in kept], np.complex128)
-        return own.fit(rows, log_odds, self._points(), first_order_m, self._prior, self._device, self._minutes)
+        return own.fit(
+            rows, log_odds, self._points(), first_order_m, self._prior, self._device, self._minutes
+        )
 
     @property
     def _minutes(self) -> float:
@@ -188,27 +217,54 @@ class Commissioner:
         return np.array([d.point for d in self._kept]).reshape(-1, len(own.POINT))
 
     def _warnings(self) -> list[str]:
-        return [f"{count} decisions were named {name}: if the machine is not healthy, repair it and commission again"
-                for name, count in self._named.items()]
+        return [
+            f"{count} decisions were named {name}: if the machine is not healthy, repair it and "
+            f"commission again"
+            for name, count in self._named.items()
+        ]
 
     def state(self, seq: int, t_ns: int) -> CommissionState:
         """How commissioning stands."""
         normal, points = self._diagnoser.normal, self._points()
         if normal is not None and not self.gathering:
-            return CommissionState(seq, t_ns, self._phase, self._text, normal.decisions, normal.minutes, normal.points,
-                                   ranges=normal.ranges, normal=self._diagnoser.normal_name)
+            return CommissionState(
+                seq,
+                t_ns,
+                self._phase,
+                self._text,
+                normal.decisions,
+                normal.minutes,
+                normal.points,
+                ranges=normal.ranges,
+                normal=self._diagnoser.normal_name,
+            )
         return CommissionState(
-            seq, t_ns, self._phase, self._text, len(points), self._minutes,
-            own.count_points(points), own.speed_steps(points[:, 0]),
-            self._speed_steps_declared, own.ranges(points) if len(points) else {}, dict(self._left_out),
-            dict(self._named), self._diagnoser.normal_name)
+            seq,
+            t_ns,
+            self._phase,
+            self._text,
+            len(points),
+            self._minutes,
+            own.count_points(points),
+            own.speed_steps(points[:, 0]),
+            self._speed_steps_declared,
+            own.ranges(points) if len(points) else {},
+            dict(self._left_out),
+            dict(self._named),
+            self._diagnoser.normal_name,
+        )
 
 
 def belonging(model: Model, config: Config) -> Belonging:
-    """What a state is learned with: classifier, features, rig, and the configuration that features depend on."""
+    """What a state is learned with: classifier, features, rig, and the configuration that features
+    depend on."""
     shaped = (config.channel, config.sampling, config.bearing, config.contact, config.oil)
-    return Belonging(model.sha256, _digest("\n".join(FEATURE_NAMES).encode()), config.device.rig,
-                     _digest(msgspec.json.encode(shaped)))
+    return Belonging(
+        model.sha256,
+        _digest("\n".join(FEATURE_NAMES).encode()),
+        config.device.rig,
+        _digest(msgspec.json.encode(shaped)),
+    )
 
 
 def _digest(data: bytes) -> str:

@@ -35,7 +35,8 @@ LIFETIME_NS: Final = 300_000_000
 STATE_EVERY: Final = 10
 """Advices between two accounts of what was counted."""
 WINDOWS_PER_STEP: Final = 2
-"""More windows than this in one step mean that the brain is behind: the oldest are dropped, counted."""
+"""More windows than this in one step mean that the brain is behind: the oldest are dropped,
+counted."""
 
 
 class BrainCore:
@@ -48,7 +49,8 @@ class BrainCore:
     models
         What the store found; absent models withhold what they are needed for.
     cpu_features
-        Written into every :class:`~firmware_py.records.WindowRecord`: diagnoses are bit-exact only there.
+        Written into every :class:`~firmware_py.records.WindowRecord`: diagnoses are bit-exact only
+        there.
     """
 
     def __init__(self, config: Config, models: Models, cpu_features: str = "") -> None:
@@ -72,8 +74,12 @@ class BrainCore:
     @property
     def counters(self) -> dict[str, int]:
         """Every count of the brain by name."""
-        return {**self._windower.counters, **self._diagnoser.counters, **self._policy.counters,
-                "windows_dropped": self._windows_dropped}
+        return {
+            **self._windower.counters,
+            **self._diagnoser.counters,
+            **self._policy.counters,
+            "windows_dropped": self._windows_dropped,
+        }
 
     def step(self, records: list[RoomRecord], now_ns: int) -> list[RoomRecord]:
         """Take what guard and gate sent; return what is due at ``now_ns``, oldest first."""
@@ -85,7 +91,9 @@ class BrainCore:
         for window in windows[-WINDOWS_PER_STEP:]:
             out += self.diagnose(window)
         if self._next_advice_ns is None or now_ns >= self._next_advice_ns:
-            behind = self._next_advice_ns is None or now_ns >= self._next_advice_ns + ADVICE_PERIOD_NS
+            behind = (
+                self._next_advice_ns is None or now_ns >= self._next_advice_ns + ADVICE_PERIOD_NS
+            )
             start_ns = now_ns if behind or self._next_advice_ns is None else self._next_advice_ns
             self._next_advice_ns = start_ns + ADVICE_PERIOD_NS
             out += self._advise(now_ns)
@@ -119,9 +127,17 @@ class BrainCore:
         self._commissioner.gather(window, orders, diagnosis, self._diagnoser.answer, self._guard)
         if orders is not None:
             self._policy.learn(window, orders)
-        return [diagnosis, WindowRecord(
-            seq=diagnosis.seq, last_t_acq_ns=window.end_ns, last_block_seq=window.last_block_seq,
-            diagnosis_seq=diagnosis.seq, cpu_features=self._cpu_features, normal=self._diagnoser.normal_name)]
+        return [
+            diagnosis,
+            WindowRecord(
+                seq=diagnosis.seq,
+                last_t_acq_ns=window.end_ns,
+                last_block_seq=window.last_block_seq,
+                diagnosis_seq=diagnosis.seq,
+                cpu_features=self._cpu_features,
+                normal=self._diagnoser.normal_name,
+            ),
+        ]
 
     def _advise(self, now_ns: int) -> list[RoomRecord]:
         proposal = self._policy.step(self._observer.present(), self._diagnosis, self._guard, now_ns)
@@ -129,14 +145,22 @@ class BrainCore:
         forecast = self._forecast(proposal)
         proposes = proposal.clearance_m is not None
         advice = Advice(
-            seq=self._advice_seq, t_ns=now_ns, t_acq_ns=self._newest_ns, lifetime_ns=LIFETIME_NS,
+            seq=self._advice_seq,
+            t_ns=now_ns,
+            t_acq_ns=self._newest_ns,
+            lifetime_ns=LIFETIME_NS,
             clearance_um=proposal.clearance_m * 1e6 if proposal.clearance_m is not None else None,
             pressure_bar=self._pressure_bar if proposes else None,
-            qualified=self._policy.qualified, reasons=proposal.reasons, forecast=forecast)
+            qualified=self._policy.qualified,
+            reasons=proposal.reasons,
+            forecast=forecast,
+        )
         said: list[RoomRecord] = [forecast, advice] if forecast else [advice]
         if self._advice_seq % STATE_EVERY == 0:
-            said += [BrainState(self._advice_seq, now_ns, self.counters),
-                     self._commissioner.state(self._advice_seq, now_ns)]
+            said += [
+                BrainState(self._advice_seq, now_ns, self.counters),
+                self._commissioner.state(self._advice_seq, now_ns),
+            ]
         return said
 
     def _forecast(self, proposal: Proposal) -> Forecast | None:
@@ -145,15 +169,24 @@ class BrainCore:
         if outlook is None or estimate is None:
             return None
         return Forecast(
-            seq=self._advice_seq, t_acq_ns=self._newest_ns, quality=0, horizon_s=HORIZON_S,
-            conditional_on=proposal.expectation, clearance_um=float(outlook.clearance_m[0]) * um,
-            peak_to_peak_um=_triple(outlook.peak_to_peak_m[0] * um), power_W=_triple(outlook.power_W[0]),
-            min_film_um=_triple(outlook.min_film_m[0] * um), whirl_margin=_triple(outlook.whirl_margin[0]),
-            load_N=estimate.load_interval_N, viscosity_Pa_s=estimate.viscosity_interval_Pa_s,
-            unbalance_kg_m=proposal.unbalance_kg_m, model=self._predictor_label,
+            seq=self._advice_seq,
+            t_acq_ns=self._newest_ns,
+            quality=0,
+            horizon_s=HORIZON_S,
+            conditional_on=proposal.expectation,
+            clearance_um=float(outlook.clearance_m[0]) * um,
+            peak_to_peak_um=_triple(outlook.peak_to_peak_m[0] * um),
+            power_W=_triple(outlook.power_W[0]),
+            min_film_um=_triple(outlook.min_film_m[0] * um),
+            whirl_margin=_triple(outlook.whirl_margin[0]),
+            load_N=estimate.load_interval_N,
+            viscosity_Pa_s=estimate.viscosity_interval_Pa_s,
+            unbalance_kg_m=proposal.unbalance_kg_m,
+            model=self._predictor_label,
             now_min_film_um=_triple(sensed.min_film_m[0] * um) if sensed else None,
             now_friction_W=_triple(sensed.friction_W[0]) if sensed else None,
-            time_to_limit_s=proposal.time_to_limit_s)
+            time_to_limit_s=proposal.time_to_limit_s,
+        )
 
 
 def _triple(values: NDArray[np.float64]) -> tuple[float, float, float]:

@@ -1,9 +1,11 @@
-"""The diagnosis: from the features of the last windows to one word that a person can act on (ISO 13374 HA).
+"""The diagnosis: from the features of the last windows to one word that a person can act on (ISO
+13374 HA).
 
-In this order: ``sensor_fault:CHANNEL`` (a bad channel is never called a machine fault), ``none`` (nothing to
-judge from), ``whirl`` (from clearance or light load, told to the policy), ``unknown`` (unlike everything that
-was taught), ``doubt`` (more windows, please), then one of the six classes.  Beside it stands *why*: what was measured,
-how the first order has moved, and which channels drove the verdict.
+In this order: ``sensor_fault:CHANNEL`` (a bad channel is never called a machine fault), ``none``
+(nothing to judge from), ``whirl`` (from clearance or light load, told to the policy), ``unknown``
+(unlike everything that was taught), ``doubt`` (more windows, please), then one of the six classes.
+Beside it stands *why*: what was measured, how the first order has moved, and which channels drove
+the verdict.
 """
 
 from __future__ import annotations
@@ -22,19 +24,28 @@ from firmware_py.acquire.orders import Orders, analyse
 from firmware_py.acquire.windows import Window
 from firmware_py.brain.baseline import FirstOrderBaseline
 from firmware_py.brain.errors import ModelAnswerError
-from firmware_py.brain.normal import Detector, baseline_at, digest, first_order_distance, operating_point, prior_of
+from firmware_py.brain.normal import (
+    Detector,
+    baseline_at,
+    digest,
+    first_order_distance,
+    operating_point,
+    prior_of,
+)
 from firmware_py.brain.store import HEADS, Model
 from firmware_py.records import CHANNELS, Diagnosis, Normal, Quality
 
 WINDOWS: Final = 10
-"""Windows whose features are averaged, as the authors voted over ten: noise falls before anything is decided."""
+"""Windows whose features are averaged, as the authors voted over ten: noise falls before anything
+is decided."""
 DOUBT_BELOW: Final = 0.7
 """Probability of the best class under which the word is ``doubt``."""
 CONFIRM_NS: Final = 3_000_000_000
 """A verdict held this long is confirmed."""
 WHIRL_SHARE: Final = 0.3
 WHIRL_CLEARANCE_SHARE: Final = 0.05
-"""Whirl: the half-order band holds this share of the orbit's energy, with this amplitude per clearance."""
+"""Whirl: the half-order band holds this share of the orbit's energy, with this amplitude per
+clearance."""
 
 _HISTORY_NS: Final = 6_000_000_000
 _DRIVERS: Final = 3
@@ -56,9 +67,10 @@ Floats = NDArray[np.float64]
 class Answer:
     """What the model says of the last windows.
 
-    ``heads`` (4,) probabilities beyond what this machine shows when healthy, ``log_odds`` (4,) as the model gives them;
-    ``score``: novelty by the model; ``own``: distances of each part and of the first order from the normal state, 1 at
-    their limits; ``drivers`` (groups, 4) in log-odds; ``departures`` (groups,); ``normal`` (k,) whitened residuals.
+    ``heads`` (4,) probabilities beyond what this machine shows when healthy, ``log_odds`` (4,) as
+    the model gives them; ``score``: novelty by the model; ``own``: distances of each part and of
+    the first order from the normal state, 1 at their limits; ``drivers`` (groups, 4) in log-odds;
+    ``departures`` (groups,); ``normal`` (k,) whitened residuals.
     """
 
     heads: Floats
@@ -104,7 +116,8 @@ class Diagnoser:
         self._detector = Detector(self.prior, self.normal) if self.prior else None
 
     def step(self, window: Window) -> tuple[Diagnosis, Orders | None]:
-        """Diagnosis after ``window``, and the window's order analysis (None without usable turns)."""
+        """Diagnosis after ``window``, and the window's order analysis (None without usable
+        turns)."""
         window = at_one_rate(window)
         orders = None if window.quality & Quality.NO_MARK else analyse(window)
         bad = [name for index, name in enumerate(CHANNELS) if not window.channel_ok >> index & 1]
@@ -118,12 +131,18 @@ class Diagnoser:
         self._seq += 1
         self.counters["diagnoses"] += 1
         record = Diagnosis(
-            seq=self._seq, t_acq_ns=window.end_ns, quality=int(window.quality), verdict=verdict,
+            seq=self._seq,
+            t_acq_ns=window.end_ns,
+            quality=int(window.quality),
+            verdict=verdict,
             probability=classes.get(verdict, max(classes.values(), default=0.0)),
-            heads=dict(zip(HEADS, answer.heads.tolist(), strict=True)) if answer else {}, classes=classes,
-            doubt=verdict == "doubt", unknown=verdict == "unknown",
+            heads=dict(zip(HEADS, answer.heads.tolist(), strict=True)) if answer else {},
+            classes=classes,
+            doubt=verdict == "doubt",
+            unknown=verdict == "unknown",
             evidence=self._evidence(window, orders, answer, verdict),
-            model=self._model.label if self._model else "")
+            model=self._model.label if self._model else "",
+        )
         return record, orders
 
     def _hear(self, window: Window, orders: Orders) -> None:
@@ -133,7 +152,8 @@ class Diagnoser:
             self._heard.append((window.end_ns, vector))
 
     def _ask(self, window: Window, orders: Orders | None) -> Answer | None:
-        """The model's answer on the mean features; None without a model, windows or a finite answer."""
+        """The model's answer on the mean features; None without a model, windows or a finite
+        answer."""
         if self._model is None or not self._heard:
             return None
         mean = np.mean([vector for _, vector in self._heard], axis=0)
@@ -146,12 +166,19 @@ class Diagnoser:
         log_odds = np.log(given / (1.0 - given))
         quiet = np.array(self.normal.quiet) if self.normal else np.zeros(len(HEADS))
         rows = said["normal"] if self._detector else None
-        away = self._detector.by_part(rows)[0].tolist() if self._detector and rows is not None else []
+        away = (
+            self._detector.by_part(rows)[0].tolist() if self._detector and rows is not None else []
+        )
         return Answer(
-            heads=1.0 / (1.0 + np.exp(quiet - log_odds)), log_odds=log_odds, score=float(said["score"][0, 0]),
+            heads=1.0 / (1.0 + np.exp(quiet - log_odds)),
+            log_odds=log_odds,
+            score=float(said["score"][0, 0]),
             drivers=said.get("drivers", np.zeros((1, 0)))[0].reshape(-1, len(HEADS)),
-            departures=said.get("departures", np.zeros((1, 0)))[0], normal=rows[0] if rows is not None else None,
-            own=(dict(zip(self.prior.parts, away, strict=True)) if self.prior else {}) | self._moved(window, orders))
+            departures=said.get("departures", np.zeros((1, 0)))[0],
+            normal=rows[0] if rows is not None else None,
+            own=(dict(zip(self.prior.parts, away, strict=True)) if self.prior else {})
+            | self._moved(window, orders),
+        )
 
     def _moved(self, window: Window, orders: Orders | None) -> dict[str, float]:
         """How far the first order of a commissioned machine has moved."""
@@ -160,8 +187,14 @@ class Diagnoser:
         first_order_m = forward_first_order(orders) - self._slow_roll_m
         return first_order_distance(self.normal, operating_point(window, orders), first_order_m)
 
-    def _verdict(self, window: Window, orders: Orders | None, bad: list[str], classes: dict[str, float],
-                 answer: Answer | None) -> str:
+    def _verdict(
+        self,
+        window: Window,
+        orders: Orders | None,
+        bad: list[str],
+        classes: dict[str, float],
+        answer: Answer | None,
+    ) -> str:
         if bad:
             return f"sensor_fault:{'+'.join(bad)}"
         if orders is None:
@@ -173,11 +206,14 @@ class Diagnoser:
         best = max(classes, key=lambda name: classes[name])
         if self._is_unknown(answer, best, classes[best]):
             return "unknown"
-        sure = classes[best] >= max(DOUBT_BELOW, self._named_above.get(best, 0.0) * classes["normal"])
+        sure = classes[best] >= max(
+            DOUBT_BELOW, self._named_above.get(best, 0.0) * classes["normal"]
+        )
         return best if sure and len(self._heard) == WINDOWS else "doubt"
 
     def _is_unknown(self, answer: Answer, best: str, probability: float) -> bool:
-        """Unlike all that was taught; on a commissioned machine, unlike its own normal and no fault that was taught."""
+        """Unlike all that was taught; on a commissioned machine, unlike its own normal and no fault
+        that was taught."""
         strange = answer.score > self._threshold
         if self.normal is None:
             return strange
@@ -191,8 +227,11 @@ class Diagnoser:
         if verdict != self._held[0]:
             self._held = (verdict, window.end_ns)
         held_ns = window.end_ns - self._held[1]
-        evidence = {"windows": float(len(self._heard)), "held_s": held_ns * 1e-9,
-                    "confirmed": float(held_ns >= CONFIRM_NS)}
+        evidence = {
+            "windows": float(len(self._heard)),
+            "held_s": held_ns * 1e-9,
+            "confirmed": float(held_ns >= CONFIRM_NS),
+        }
         if answer is not None:
             evidence |= {"novelty": answer.score, "novelty_threshold": self._threshold}
             evidence |= {f"normal_{part}": value for part, value in answer.own.items()}
@@ -203,14 +242,17 @@ class Diagnoser:
         return evidence | amplitudes(orders) | self._first_order(window, orders, verdict)
 
     def _first_order(self, window: Window, orders: Orders, verdict: str) -> dict[str, float]:
-        """The orbit's forward first order without the runout, its baseline, and its move from there.
+        """The orbit's forward first order without the runout, its baseline, and its move from
+        there.
 
-        The baseline is the commissioned one at this operating point; without it, what stayed normal near here.  Where
-        neither is known no move is told.
+        The baseline is the commissioned one at this operating point; without it, what stayed normal
+        near here.  Where neither is known no move is told.
         """
         forward_m = forward_first_order(orders) - self._slow_roll_m
-        found = {"shaft_1x_compensated_um": abs(forward_m) * 1e6,
-                 "shaft_1x_phase_deg": math.degrees(cmath.phase(forward_m))}
+        found = {
+            "shaft_1x_compensated_um": abs(forward_m) * 1e6,
+            "shaft_1x_phase_deg": math.degrees(cmath.phase(forward_m)),
+        }
         if not (math.isfinite(window.clearance_m) and window.clearance_m > 0.0):
             self._baseline.drop()
             return found
@@ -222,9 +264,11 @@ class Diagnoser:
             base_m = um * 1e-6 if um is not None else None
             found["shaft_1x_baseline_scatter_um"] = self.normal.baseline.scatter_um
         if base_m is not None:
-            found |= {"shaft_1x_baseline_um": abs(base_m) * 1e6,
-                      "shaft_1x_baseline_phase_deg": math.degrees(cmath.phase(base_m)),
-                      "shaft_1x_move_um": abs(forward_m - base_m) * 1e6}
+            found |= {
+                "shaft_1x_baseline_um": abs(base_m) * 1e6,
+                "shaft_1x_baseline_phase_deg": math.degrees(cmath.phase(base_m)),
+                "shaft_1x_move_um": abs(forward_m - base_m) * 1e6,
+            }
         return found
 
 
@@ -234,7 +278,8 @@ def forward_first_order(orders: Orders) -> complex:
 
 
 def drivers(log_odds: Floats, verdict: str) -> dict[str, float]:
-    """The groups of features that did most for ``verdict``: log-odds that its heads gained by them."""
+    """The groups of features that did most for ``verdict``: log-odds that its heads gained by
+    them."""
     if verdict not in CLASSES or not log_odds.size:
         return {}
     sign = np.array([1.0 if head in CLASSES[verdict] else -1.0 for head in range(len(HEADS))])
@@ -244,41 +289,63 @@ def drivers(log_odds: Floats, verdict: str) -> dict[str, float]:
 
 
 def departures(sizes: Floats, verdict: str) -> dict[str, float]:
-    """The groups of features that lie farthest from a healthy machine at this operating point, in its scatters."""
+    """The groups of features that lie farthest from a healthy machine at this operating point, in
+    its scatters."""
     if verdict != "unknown" or not sizes.size:
         return {}
-    return {f"departure_{GROUPS[i]}": float(sizes[i]) for i in np.argsort(-sizes, kind="stable")[:_DRIVERS]}
+    return {
+        f"departure_{GROUPS[i]}": float(sizes[i])
+        for i in np.argsort(-sizes, kind="stable")[:_DRIVERS]
+    }
 
 
 def class_probabilities(heads: Floats) -> dict[str, float]:
     """Probabilities of the six classes from four independent heads, normalised over the six."""
-    joint = {name: math.prod(p if i in on else 1 - p for i, p in enumerate(heads.tolist()))
-             for name, on in CLASSES.items()}
+    joint = {
+        name: math.prod(p if i in on else 1 - p for i, p in enumerate(heads.tolist()))
+        for name, on in CLASSES.items()
+    }
     total = sum(joint.values())
     return {name: value / total for name, value in joint.items()}
 
 
 def is_whirl(orders: Orders, clearance_m: float) -> bool:
     """Whether a forward half-order orbit of notable size stands beside the first order."""
-    return orders.subsync_share > WHIRL_SHARE and orders.half_forward > WHIRL_CLEARANCE_SHARE * clearance_m
+    return (
+        orders.subsync_share > WHIRL_SHARE
+        and orders.half_forward > WHIRL_CLEARANCE_SHARE * clearance_m
+    )
 
 
 def amplitudes(orders: Orders) -> dict[str, float]:
     """The full spectrum, orders and levels in the units of a report (um, m/s2)."""
-    shaft = {f"shaft_{way}_{k}x_um": float(value) * 1e6
-             for way, values in (("forward", orders.forward), ("backward", orders.backward))
-             for k, value in enumerate(values, 1)}
-    acceleration = {f"{CHANNELS[c]}_{what}_m_s2": float(value) for c in (2, 3, 4) for what, value in (
-        ("rms", orders.rms[c]), ("1x", abs(orders.harmonics[c, 0])), ("2x", abs(orders.harmonics[c, 1])))}
-    return shaft | acceleration | {
-        "speed_rpm": orders.speed_rad_s * 30 / math.pi,
-        "shaft_half_um": orders.half_forward * 1e6,
-        "shaft_half_backward_um": orders.half_backward * 1e6,
-        "shaft_not_1x_um": float(np.hypot(orders.not_1x[0], orders.not_1x[1])) * 1e6,
-        "subsync_share": orders.subsync_share,
-        "centre_x_um": float(orders.mean[0]) * 1e6,
-        "centre_y_um": float(orders.mean[1]) * 1e6,
+    shaft = {
+        f"shaft_{way}_{k}x_um": float(value) * 1e6
+        for way, values in (("forward", orders.forward), ("backward", orders.backward))
+        for k, value in enumerate(values, 1)
     }
+    acceleration = {
+        f"{CHANNELS[c]}_{what}_m_s2": float(value)
+        for c in (2, 3, 4)
+        for what, value in (
+            ("rms", orders.rms[c]),
+            ("1x", abs(orders.harmonics[c, 0])),
+            ("2x", abs(orders.harmonics[c, 1])),
+        )
+    }
+    return (
+        shaft
+        | acceleration
+        | {
+            "speed_rpm": orders.speed_rad_s * 30 / math.pi,
+            "shaft_half_um": orders.half_forward * 1e6,
+            "shaft_half_backward_um": orders.half_backward * 1e6,
+            "shaft_not_1x_um": float(np.hypot(orders.not_1x[0], orders.not_1x[1])) * 1e6,
+            "subsync_share": orders.subsync_share,
+            "centre_x_um": float(orders.mean[0]) * 1e6,
+            "centre_y_um": float(orders.mean[1]) * 1e6,
+        }
+    )
 
 
 def _setting(model: Model | None, name: str, default: float) -> float:
@@ -288,6 +355,7 @@ def _setting(model: Model | None, name: str, default: float) -> float:
 
 
 def _odds_by_fault(model: Model | None) -> dict[str, float]:
-    """Odds against normal from which each fault is named, chosen in training for the rate of false alarms."""
+    """Odds against normal from which each fault is named, chosen in training for the rate of false
+    alarms."""
     given = model.card.settings.get("named_above") if model else None
     return {str(k): float(v) for k, v in given.items()} if isinstance(given, dict) else {}

@@ -14,7 +14,8 @@ class ModelMissingError(ModelError):
 
 
 class ModelTrustError(ModelError):
-    """The bytes are not those that the manifest or a trusted key vouches for (truncated, tampered, unsigned)."""
+    """The bytes are not those that the manifest or a trusted key vouches for (truncated, tampered,
+    unsigned)."""
 
 
 class ModelUnfitError(ModelError):

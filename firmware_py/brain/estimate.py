@@ -1,9 +1,9 @@
 """Synchronising the film model with the running machine: an extended Kalman filter over readings.
 
-State: the ten parameters of :mod:`firmware_py.brain.measurement` and the rates of viscosity and clearance, so
-that starvation and wear are followed and foreseen.  Load moves freely; the errors of the instruments stay what
-they are and come to light as the operating point moves.  The model's error is no white noise: a reading counts
-for less the sooner it follows the one before.
+State: the ten parameters of :mod:`firmware_py.brain.measurement` and the rates of viscosity and
+clearance, so that starvation and wear are followed and foreseen.  Load moves freely; the errors of
+the instruments stay what they are and come to light as the operating point moves.  The model's
+error is no white noise: a reading counts for less the sooner it follows the one before.
 
 Source: iterated extended Kalman filter, Bell and Cathey 1993.
 """
@@ -54,7 +54,8 @@ RATE_DRIFT: Final = (0.03, 0.05)
 """Random walk of the two rates: 1/s, um/s, per root second."""
 RATE_MEMORY_S: Final = 30.0
 BORE_SINKS: Final = 2.0
-"""Wear that widens the clearance by 1 lowers the bore's middle by this (first order over mean of a small flat)."""
+"""Wear that widens the clearance by 1 lowers the bore's middle by this (first order over mean of a
+small flat)."""
 LAG_ERROR_S: Final = 0.02
 """How far the readings are from one moment after they were taken back to it."""
 MODEL_MEMORY_S: Final = 1.0
@@ -63,7 +64,8 @@ REFUSED_SIGMAS: Final = 4.0
 """A reading further off than this counts for less."""
 
 _HEARD_TO_START: Final = 2
-"""Whether the shaft had come to rest shows only by the second reading, which therefore begins anew."""
+"""Whether the shaft had come to rest shows only by the second reading, which therefore begins
+anew."""
 _FIRST_ITERATIONS: Final = 8
 _ITERATIONS: Final = 1
 _STEP_MAX: Final = 0.7
@@ -107,11 +109,13 @@ class Estimate:
         return np.asarray(np.abs(self.mean[PARAMETERS:]) > GROWING_SIGMAS * deviation)
 
     def ahead(self, seconds: float) -> tuple[Floats, Floats, float]:
-        """Mean (3,) and covariance (3, 3) of ``ln`` load, viscosity factor, clearance error (um), ``seconds`` on.
+        """Mean (3,) and covariance (3, 3) of ``ln`` load, viscosity factor, clearance error (um),
+        ``seconds`` on.
 
         The third is the expected ``ln`` of the film's filled share.
 
-        A rate that is not clear is taken for none: after a change of speed the model's own error looks like one.
+        A rate that is not clear is taken for none: after a change of speed the model's own error
+        looks like one.
         """
         f = _transition(seconds)
         mean = self.mean.copy()
@@ -189,7 +193,9 @@ class Synchroniser:
     def step(self, measured: Measured) -> Estimate:
         """Take what was measured; the same time again changes nothing."""
         first = self._heard < _HEARD_TO_START
-        elapsed_s = MODEL_MEMORY_S if self._last is None else (measured.t_ns - self._last.t_ns) * 1e-9
+        elapsed_s = (
+            MODEL_MEMORY_S if self._last is None else (measured.t_ns - self._last.t_ns) * 1e-9
+        )
         if elapsed_s > 0.0:
             if first:
                 self._mean, self._covariance = self._prior
@@ -200,29 +206,39 @@ class Synchroniser:
             weight = 1.0 if first else max(1.0, MODEL_MEMORY_S / elapsed_s)
             self._then = measured if self._last is None else measured.at_means(self._last)
             late = self._late(measured)
-            self._heard += self._update(self._then, late, weight, _FIRST_ITERATIONS if first else _ITERATIONS)
+            self._heard += self._update(
+                self._then, late, weight, _FIRST_ITERATIONS if first else _ITERATIONS
+            )
             self._last = measured
         return self._estimate(measured)
 
     def static_film(self) -> tuple[float, float]:
-        """Film (m) at the mean shaft position and its deviation: the root of the Cramer-Rao bound of these readings.
+        """Film (m) at the mean shaft position and its deviation: the root of the Cramer-Rao bound
+        of these readings.
 
-        The position is the probes', less their zeros and gains as found so far: the mean of a whirling shaft, or of a
-        large orbit, is no equilibrium of the model.  The bound is the posterior one (Tichavsky et al. 1998) at the
-        estimate: of the filter's own noise model.  Only after a :meth:`step`.
+        The position is the probes', less their zeros and gains as found so far: the mean of a
+        whirling shaft, or of a large orbit, is no equilibrium of the model.  The bound is the
+        posterior one (Tichavsky et al. 1998) at the estimate: of the filter's own noise model.
+        Only after a :meth:`step`.
         """
         assert self._then is not None
         film_m, slopes = self._instruments.static_film(self._mean[:PARAMETERS], self._then)
-        variance = slopes @ self._covariance[:PARAMETERS, :PARAMETERS] @ slopes + (CLEARANCE_NOISE_UM * UM) ** 2
+        variance = (
+            slopes @ self._covariance[:PARAMETERS, :PARAMETERS] @ slopes
+            + (CLEARANCE_NOISE_UM * UM) ** 2
+        )
         return film_m, float(np.sqrt(variance))
 
     def _update(self, measured: Measured, late: Floats, weight: float, iterations: int) -> bool:
-        """Iterated update: each pass linearises at the newest mean; a shaft that whirls (or starts) teaches nothing."""
+        """Iterated update: each pass linearises at the newest mean; a shaft that whirls (or starts)
+        teaches nothing."""
         observed = measured.observed
         used = np.isfinite(observed) & np.array([True, True, True, self._instruments.has_contact])
         prior, mean = self._mean, self._mean
         for _ in range(iterations):
-            shown = self._instruments.predict(mean[:PARAMETERS], measured, self.unbalance_kg_m, self._start_m)
+            shown = self._instruments.predict(
+                mean[:PARAMETERS], measured, self.unbalance_kg_m, self._start_m
+            )
             values, slopes, self._start_m = shown.values, shown.slopes, shown.position_m
             if shown.whirls(measured):
                 return False
@@ -244,7 +260,8 @@ class Synchroniser:
         return True
 
     def _late(self, measured: Measured) -> Floats:
-        """Deviation (4,) of readings that are not quite of one moment: as far as they change meanwhile."""
+        """Deviation (4,) of readings that are not quite of one moment: as far as they change
+        meanwhile."""
         if self._last is None:
             return np.zeros(len(ROWS))
         elapsed_s = (measured.t_ns - self._last.t_ns) * 1e-9
@@ -253,6 +270,10 @@ class Synchroniser:
     def _estimate(self, measured: Measured) -> Estimate:
         law = self._oil.viscosity_Pa_s(measured.oil_outlet_C)
         return Estimate(
-            float(np.exp(self._mean[LOAD])), law * float(np.exp(self._mean[VISCOSITY])),
+            float(np.exp(self._mean[LOAD])),
+            law * float(np.exp(self._mean[VISCOSITY])),
             measured.clearance_m + float(self._mean[CLEARANCE]) * UM,
-            self._covariance[:2, :2].copy(), self._mean.copy(), self._covariance.copy())
+            self._covariance[:2, :2].copy(),
+            self._mean.copy(),
+            self._covariance.copy(),
+        )

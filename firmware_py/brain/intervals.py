@@ -1,7 +1,8 @@
 """By how much the predictor's intervals are stretched so that they cover what they say, per regime.
 
-The factors are found on training episodes (``orbitd train predictor``) by split conformal prediction: the
-quantile of errors over predicted deviations (Lei et al. 2018, locally weighted), one side at a time.
+The factors are found on training episodes (``orbitd train predictor``) by split conformal
+prediction: the quantile of errors over predicted deviations (Lei et al. 2018, locally weighted),
+one side at a time.
 """
 
 from __future__ import annotations
@@ -23,7 +24,8 @@ NEAR_WHIRL: Final = 0.15
 GROWING_SIGMAS: Final = 0.7
 """A rate of unbalance, viscosity or clearance this clear counts as a fault that grows.
 
-The filters allow for fast faults, so their deviations are wide: 97 % of healthy forecasts stay below 0.6.
+The filters allow for fast faults, so their deviations are wide: 97 % of healthy forecasts stay
+below 0.6.
 """
 SIGMA_90: Final = 1.645
 """Half-width of a 90 % interval in standard deviations."""

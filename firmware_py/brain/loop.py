@@ -45,7 +45,13 @@ def main(argv: list[str]) -> int:
     return 0
 
 
-def run(core: BrainCore, runtime: Path, clock: Clock, notifier: notify.Notifier, stopped: Callable[[], bool]) -> None:
+def run(
+    core: BrainCore,
+    runtime: Path,
+    clock: Clock,
+    notifier: notify.Notifier,
+    stopped: Callable[[], bool],
+) -> None:
     """Read, step, write, sleep, until ``stopped()``.
 
     Advice goes to the guard and the gate, everything else to the gate; the advice is the heartbeat.
@@ -70,7 +76,8 @@ def run(core: BrainCore, runtime: Path, clock: Clock, notifier: notify.Notifier,
 
 
 def prewarm(models: Models) -> None:
-    """Let every session allocate before the first real question; its answer to zeros is of no interest."""
+    """Let every session allocate before the first real question; its answer to zeros is of no
+    interest."""
     for model in (models.classifier, models.actor, models.surrogate):
         if model is not None:
             with suppress(ModelAnswerError):
@@ -78,9 +85,12 @@ def prewarm(models: Models) -> None:
 
 
 def cpu_features(cpuinfo: Path = Path("/proc/cpuinfo")) -> str:
-    """The vector extensions on which the last bits of a diagnosis depend; ``unknown`` where they are not told."""
+    """The vector extensions on which the last bits of a diagnosis depend; ``unknown`` where they
+    are not told."""
     try:
-        words = set(cpuinfo.read_text(encoding="ascii", errors="replace").partition("\n\n")[0].split())
+        words = set(
+            cpuinfo.read_text(encoding="ascii", errors="replace").partition("\n\n")[0].split()
+        )
     except OSError:
         return "unknown"
     return " ".join(flag for flag in _CPU_FLAGS if flag in words) or "unknown"

@@ -1,18 +1,20 @@
-"""What the instruments say of the film, and what each of them tells about load, viscosity and clearance.
+"""What the instruments say of the film, and what each of them tells about load, viscosity and
+clearance.
 
-Parameters of one machine, in this order: ``ln`` load; ``ln`` viscosity over the oil's law; error of the reported
-clearance (um); zero of the shaft position x, y (um); gains of the two probes; offset of the shaft power (W);
-``ln`` of the contact channel's film resistance over its declared one; ``ln`` of the film's filled share.
+Parameters of one machine, in this order: ``ln`` load; ``ln`` viscosity over the oil's law; error of
+the reported clearance (um); zero of the shaft position x, y (um); gains of the two probes; offset
+of the shaft power (W); ``ln`` of the contact channel's film resistance over its declared one;
+``ln`` of the film's filled share.
 
-A starved film carries less than it shears: of the viscosity it carries with (the second parameter), the share
-``s`` is filled, friction falls with ``s`` and load capacity with ``s^2.5``.
+A starved film carries less than it shears: of the viscosity it carries with (the second parameter),
+the share ``s`` is filled, friction falls with ``s`` and load capacity with ``s^2.5``.
 
-What cannot be told apart: in an isothermal plain film the position follows from one number, the Sommerfeld
-number ``viscosity speed / load (R / c)^2``, so its Fisher information about load and viscosity is singular.
-Shaft power measures viscosity where friction is large against the channel's error, the oil temperature bounds
-it everywhere, and the contact resistance measures the smallest film, which tells position from clearance.  A
-starved film and a thinner oil differ in friction alone; wear of the bore and a drifting probe differ in the contact
-resistance alone.
+What cannot be told apart: in an isothermal plain film the position follows from one number, the
+Sommerfeld number ``viscosity speed / load (R / c)^2``, so its Fisher information about load and
+viscosity is singular. Shaft power measures viscosity where friction is large against the channel's
+error, the oil temperature bounds it everywhere, and the contact resistance measures the smallest
+film, which tells position from clearance.  A starved film and a thinner oil differ in friction
+alone; wear of the bore and a drifting probe differ in the contact resistance alone.
 """
 
 from __future__ import annotations
@@ -46,7 +48,8 @@ CLEARANCE_NOISE_UM: Final = 0.2
 POSITION_MODEL_UM: Final = 0.1
 """Mean of an orbit against the static position, and the surrogate's own error."""
 ORBIT_CURVATURE: Final = 0.3
-"""Error of the modelled shift by an orbit, as a share of its amplitude squared over the clearance."""
+"""Error of the modelled shift by an orbit, as a share of its amplitude squared over the
+clearance."""
 RUNOUT_MOST_M: Final = 1e-5
 WHIRL_SHARE: Final = 0.15
 """Of the clearance: amplitude beyond the modelled one that is called whirl."""
@@ -57,7 +60,8 @@ POWER_MODEL: Final = (0.2, 0.007)
 CONTACT_NOISE_V: Final = 0.0015
 
 CARRIES: Final = 2.5
-"""A film whose share ``s`` is filled carries ``s`` to this power: exponent of the load in the film's length."""
+"""A film whose share ``s`` is filled carries ``s`` to this power: exponent of the load in the
+film's length."""
 
 _LOG_STEP: Final = 0.01
 _FLAT: Final = math.sqrt(3.0)
@@ -68,8 +72,8 @@ _FLAT: Final = math.sqrt(3.0)
 class Measured:
     """What the newest whole turns and readings say about the bearing, SI.
 
-    ``peak_to_peak_m`` is the probes'; ``contact_V`` is NaN without the channel; ``half_m`` is the amplitude of the
-    orbit's half-order band.
+    ``peak_to_peak_m`` is the probes'; ``contact_V`` is NaN without the channel; ``half_m`` is the
+    amplitude of the orbit's half-order band.
     """
 
     speed_rad_s: float
@@ -86,20 +90,28 @@ class Measured:
     @property
     def observed(self) -> Floats:
         """What the filter takes, shape (4,): um, W, V in the order of :data:`ROWS`."""
-        return np.array([self.mean_x_m / UM, self.mean_y_m / UM, self.shaft_power_W, self.contact_V])
+        return np.array(
+            [self.mean_x_m / UM, self.mean_y_m / UM, self.shaft_power_W, self.contact_V]
+        )
 
     def at_means(self, last: Measured) -> Measured:
         """The readings taken back to the middle of the means, along their change since ``last``."""
         elapsed_s = (self.t_ns - last.t_ns) * 1e-9
-        share, slow = (min(1.0, lag_s / elapsed_s) for lag_s in (MEANS_LAG_S, MEANS_LAG_S - READING_AGE_S))
-        return replace(self, speed_rad_s=self.speed_rad_s - share * (self.speed_rad_s - last.speed_rad_s),
-                       clearance_m=self.clearance_m - slow * (self.clearance_m - last.clearance_m),
-                       shaft_power_W=self.shaft_power_W - slow * (self.shaft_power_W - last.shaft_power_W))
+        share, slow = (
+            min(1.0, lag_s / elapsed_s) for lag_s in (MEANS_LAG_S, MEANS_LAG_S - READING_AGE_S)
+        )
+        return replace(
+            self,
+            speed_rad_s=self.speed_rad_s - share * (self.speed_rad_s - last.speed_rad_s),
+            clearance_m=self.clearance_m - slow * (self.clearance_m - last.clearance_m),
+            shaft_power_W=self.shaft_power_W - slow * (self.shaft_power_W - last.shaft_power_W),
+        )
 
 
 @dataclass(frozen=True, slots=True)
 class Errors:
-    """Declared errors of sensors and build as standard deviations (even distributions: half-width over root 3)."""
+    """Declared errors of sensors and build as standard deviations (even distributions: half-width
+    over root 3)."""
 
     zero_um: float = 2.0 / _FLAT
     gain: float = 0.03 / _FLAT
@@ -110,13 +122,20 @@ class Errors:
 
     @classmethod
     def of(cls, config: Config) -> Errors:
-        """Those of the configuration: what commissioning measured is known better than the drawing."""
+        """Those of the configuration: what commissioning measured is known better than the
+        drawing."""
         zero_um, gain = (0.5, 0.01) if state_of(config) == "zeroed" else (2.0, 0.03)
-        return cls(zero_um / _FLAT, gain / _FLAT, config.bearing.radial_clearance_error_um / _FLAT,
-                   config.rotor.shaft_power_error_W / _FLAT, viscosity=config.oil.viscosity_error_share / _FLAT)
+        return cls(
+            zero_um / _FLAT,
+            gain / _FLAT,
+            config.bearing.radial_clearance_error_um / _FLAT,
+            config.rotor.shaft_power_error_W / _FLAT,
+            viscosity=config.oil.viscosity_error_share / _FLAT,
+        )
 
     def log_viscosity(self, slope_per_K: float) -> float:
-        """Deviation of ``ln`` viscosity over the law at the measured temperature: batch of oil and thermometer."""
+        """Deviation of ``ln`` viscosity over the law at the measured temperature: batch of oil and
+        thermometer."""
         return math.hypot(self.viscosity, slope_per_K * self.oil_C)
 
 
@@ -140,7 +159,8 @@ class Shown:
     reach_m: float
 
     def whirls(self, measured: Measured) -> bool:
-        """Whether the shaft moves far more than the modelled orbit and any runout: means then tell nothing at rest."""
+        """Whether the shaft moves far more than the modelled orbit and any runout: means then tell
+        nothing at rest."""
         beyond_m = 0.5 * measured.peak_to_peak_m - RUNOUT_MOST_M - self.reach_m
         return beyond_m > WHIRL_SHARE * measured.clearance_m
 
@@ -158,13 +178,22 @@ class Instruments:
 
     def __init__(self, film: Film, config: Config) -> None:
         self._film = film
-        self._oil, self._windage, self._contact = config.oil, config.rotor.windage_W_s3, config.contact
+        self._oil, self._windage, self._contact = (
+            config.oil,
+            config.rotor.windage_W_s3,
+            config.contact,
+        )
         to_xy = ChannelMap.from_config(config).to_xy
         probes = np.linalg.inv(to_xy)
         self._gains = np.stack([np.outer(to_xy[:, i], probes[i]) for i in range(2)])
 
-    def predict(self, theta: Floats, measured: Measured, unbalance_kg_m: float = 0.0,
-                start_m: Floats | None = None) -> Shown:
+    def predict(
+        self,
+        theta: Floats,
+        measured: Measured,
+        unbalance_kg_m: float = 0.0,
+        start_m: Floats | None = None,
+    ) -> Shown:
         """What the sensors show at ``theta`` (10,), from the positions ``start_m`` (4, 2) on."""
         points = self._around(theta, measured)
         clearance = points.clearance_m
@@ -186,17 +215,23 @@ class Instruments:
         slopes[:2, ZERO_X : ZERO_Y + 1] = np.eye(2)
         slopes[:2, GAIN_1 : GAIN_2 + 1] = (self._gains @ mean[0]).T / UM
         slopes[2, POWER] = 1.0
-        slopes[2, FILLED] = starved[0] * (starved_share(theta[FILLED] + _LOG_STEP)
-                                          - starved_share(theta[FILLED])) / _LOG_STEP
+        slopes[2, FILLED] = (
+            starved[0]
+            * (starved_share(theta[FILLED] + _LOG_STEP) - starved_share(theta[FILLED]))
+            / _LOG_STEP
+        )
         more = self._volt(film_m[0] * math.exp(theta[CONTACT] + _LOG_STEP)).mean()
         slopes[3, CONTACT] = (more - volt[0]) / _LOG_STEP
         way_m = on_the_way[0] - mean[0]
         return Shown(columns[0], slopes, position, float(np.hypot(*way_m.T).max()))
 
     def static_film(self, theta: Floats, measured: Measured) -> tuple[float, Floats]:
-        """Film (m) at the mean position that the probes report, and its slopes (10,) by the parameters ``theta``."""
+        """Film (m) at the mean position that the probes report, and its slopes (10,) by the
+        parameters ``theta``."""
         gain = self._gain(theta)
-        mean_m = np.linalg.solve(gain, [measured.mean_x_m, measured.mean_y_m] - theta[ZERO_X : ZERO_Y + 1] * UM)
+        mean_m = np.linalg.solve(
+            gain, [measured.mean_x_m, measured.mean_y_m] - theta[ZERO_X : ZERO_Y + 1] * UM
+        )
         eccentricity_m = float(np.hypot(*mean_m))
         outward = np.linalg.solve(gain.T, mean_m / max(eccentricity_m, 1e-9))
         slopes = np.zeros(PARAMETERS)
@@ -209,29 +244,51 @@ class Instruments:
         """What the probes make of a position, shape (2, 2)."""
         return np.asarray(np.eye(2) + np.tensordot(theta[GAIN_1 : GAIN_2 + 1], self._gains, 1))
 
-    def _orbit(self, points: Points, position: Floats, found: NDArray[np.bool_], torque: Floats,
-               unbalance_kg_m: float) -> Orbit:
+    def _orbit(
+        self,
+        points: Points,
+        position: Floats,
+        found: NDArray[np.bool_],
+        torque: Floats,
+        unbalance_kg_m: float,
+    ) -> Orbit:
         """The orbit (1,) at the first of ``points``."""
         here = points[:1]
         steady = self._film.about(here, position[:1], found[:1], torque[:1])
         return balanced(self._film, here, steady, np.array([unbalance_kg_m]))
 
     def noise(self, values: Floats, slopes: Floats, measured: Measured) -> Floats:
-        """Covariance (4, 4) of what varies from reading to reading: model, noise, orbit, reported clearance."""
+        """Covariance (4, 4) of what varies from reading to reading: model, noise, orbit, reported
+        clearance."""
         amplitude_m = max(0.0, 0.5 * measured.peak_to_peak_m - RUNOUT_M)
         curved_um = ORBIT_CURVATURE * amplitude_m**2 / measured.clearance_m / UM
         position = math.hypot(POSITION_MODEL_UM, curved_um)
-        volt = math.hypot(CONTACT_NOISE_V, 0.0 if self._contact is None else roughness_volt(self._contact, values[3]))
-        own = np.array([position, position, math.hypot(POWER_MODEL[0], POWER_MODEL[1] * values[2]),
-                        math.hypot(volt, curved_um * slopes[3, CLEARANCE])])
+        volt = math.hypot(
+            CONTACT_NOISE_V,
+            0.0 if self._contact is None else roughness_volt(self._contact, values[3]),
+        )
+        own = np.array(
+            [
+                position,
+                position,
+                math.hypot(POWER_MODEL[0], POWER_MODEL[1] * values[2]),
+                math.hypot(volt, curved_um * slopes[3, CLEARANCE]),
+            ]
+        )
         reported = CLEARANCE_NOISE_UM * slopes[:, CLEARANCE]
         return np.asarray(np.diag(own**2) + np.outer(reported, reported))
 
     def _around(self, theta: Floats, measured: Measured) -> Points:
-        """The operating point at ``theta``, and one step of ``ln`` load, ``ln`` viscosity, ``ln`` clearance each."""
+        """The operating point at ``theta``, and one step of ``ln`` load, ``ln`` viscosity, ``ln``
+        clearance each."""
         steps = _LOG_STEP * np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
-        base = np.array([theta[LOAD], theta[VISCOSITY] + math.log(self._oil.viscosity_Pa_s(measured.oil_outlet_C)),
-                         math.log(measured.clearance_m + theta[CLEARANCE] * UM)])
+        base = np.array(
+            [
+                theta[LOAD],
+                theta[VISCOSITY] + math.log(self._oil.viscosity_Pa_s(measured.oil_outlet_C)),
+                math.log(measured.clearance_m + theta[CLEARANCE] * UM),
+            ]
+        )
         load, viscosity, clearance = np.exp(base + steps).T
         return Points(np.full(4, measured.speed_rad_s), clearance, viscosity, load)
 
@@ -241,28 +298,38 @@ class Instruments:
         return self._contact is not None
 
     def _volt(self, film_m: Floats) -> Floats:
-        return np.zeros_like(film_m) if self._contact is None else contact_volt(self._contact, film_m)
+        return (
+            np.zeros_like(film_m) if self._contact is None else contact_volt(self._contact, film_m)
+        )
 
 
 def starved_share(log_filled: float) -> float:
-    """Friction beyond the film's own, over the shear torque at the viscosity with which it carries."""
+    """Friction beyond the film's own, over the shear torque at the viscosity with which it
+    carries."""
     return math.exp((1.0 - CARRIES) * log_filled) - 1.0
 
 
 def information(
-    instruments: Instruments, errors: Errors, slope_per_K: float, contact_share: float, load_N: float,
+    instruments: Instruments,
+    errors: Errors,
+    slope_per_K: float,
+    contact_share: float,
+    load_N: float,
     measured: Measured,
 ) -> dict[str, Floats]:
-    """Fisher information (3, 3) about ``ln`` load, ``ln`` viscosity, clearance error (um), by what gives it.
+    """Fisher information (3, 3) about ``ln`` load, ``ln`` viscosity, clearance error (um), by what
+    gives it.
 
-    One reading, the instruments' constant errors counted in its variance: what position, shaft power, contact
-    resistance, oil temperature and the clearance sensor tell, each alone.
+    One reading, the instruments' constant errors counted in its variance: what position, shaft
+    power, contact resistance, oil temperature and the clearance sensor tell, each alone.
     """
     theta = np.zeros(PARAMETERS)
     theta[LOAD] = math.log(load_N)
     shown = instruments.predict(theta, measured)
     values, slopes = shown.values, shown.slopes
-    constant = np.array([errors.zero_um, errors.zero_um, errors.gain, errors.gain, errors.power_W, contact_share])
+    constant = np.array(
+        [errors.zero_um, errors.zero_um, errors.gain, errors.gain, errors.power_W, contact_share]
+    )
     bias = slopes[:, ZERO_X:FILLED] * constant
     variance = instruments.noise(values, slopes, measured) + bias @ bias.T
     found = {}

@@ -40,9 +40,16 @@ class Present:
 
     def measured(self) -> Measured:
         """What the predictor synchronises with."""
-        return Measured(self.speed_rad_s, self.clearance_m, *self.mean_m,
-                        self.probe_peak_to_peak_m, self.shaft_power_W, self.oil_outlet_C,
-                        self.contact_V, t_ns=self.t_acq_ns)
+        return Measured(
+            self.speed_rad_s,
+            self.clearance_m,
+            *self.mean_m,
+            self.probe_peak_to_peak_m,
+            self.shaft_power_W,
+            self.oil_outlet_C,
+            self.contact_V,
+            t_ns=self.t_acq_ns,
+        )
 
 
 class Observer:
@@ -76,7 +83,8 @@ class Observer:
             self._span_ns -= _length_ns(self._blocks.popleft())
 
     def present(self) -> Present | None:
-        """The present state; None before ``SPAN_S`` of gap-free samples, a reading and a turning shaft."""
+        """The present state; None before ``SPAN_S`` of gap-free samples, a reading and a turning
+        shaft."""
         if self._reading is None or self._span_ns < 0.99e9 * SPAN_S:
             return None
         last, status = self._blocks[-1], self._reading.status
@@ -84,7 +92,9 @@ class Observer:
         turns = int(SPAN_S / turn_s)
         if turns < 1:
             return None
-        counts = np.frombuffer(b"".join(block.samples for block in self._blocks), "<i2").reshape(-1, N_CHANNELS)
+        counts = np.frombuffer(b"".join(block.samples for block in self._blocks), "<i2").reshape(
+            -1, N_CHANNELS
+        )
         counts = counts[-round(turns * turn_s * 1e6 / last.sample_period_us) :]
         si = self._channels.to_si(counts)
         probes = np.ptp(counts[:, :2].astype(np.int32), axis=0) * np.abs(self._channels.scale[:2])
@@ -93,24 +103,40 @@ class Observer:
         for block in self._blocks:
             ok &= block.channel_ok
         return Present(
-            t_acq_ns=last.t_acq_ns + _length_ns(last), reading_ns=self._reading.t_acq_ns,
-            speed_rad_s=last.speed_rad_s, mean_m=(float(mean[0]), float(mean[1])),
-            peak_to_peak_m=(float(spread[0]), float(spread[1])), probe_peak_to_peak_m=float(probes.max()),
+            t_acq_ns=last.t_acq_ns + _length_ns(last),
+            reading_ns=self._reading.t_acq_ns,
+            speed_rad_s=last.speed_rad_s,
+            mean_m=(float(mean[0]), float(mean[1])),
+            peak_to_peak_m=(float(spread[0]), float(spread[1])),
+            probe_peak_to_peak_m=float(probes.max()),
             supply_pressure_bar=float(mean[6]),
-            clearance_m=status.clearance_actual_um * 1e-6, shaft_power_W=status.shaft_power_W,
-            oil_outlet_C=status.oil_outlet_C, channel_ok=ok,
-            contact_V=float(mean[7]) if ok >> 7 & 1 else math.nan)
+            clearance_m=status.clearance_actual_um * 1e-6,
+            shaft_power_W=status.shaft_power_W,
+            oil_outlet_C=status.oil_outlet_C,
+            channel_ok=ok,
+            contact_V=float(mean[7]) if ok >> 7 & 1 else math.nan,
+        )
 
 
 def window_measured(window: Window, orders: Orders) -> tuple[Measured, complex] | None:
-    """Means over a window, and the orbit's forward first order from the mark; None without readings or probes."""
+    """Means over a window, and the orbit's forward first order from the mark; None without readings
+    or probes."""
     readings = (window.clearance_m, window.shaft_power_W, window.oil_outlet_C)
     if not np.isfinite(readings).all() or window.channel_ok & 3 != 3:
         return None
     x, y = orders.harmonics[:2, 0].tolist()
     half_m = math.hypot(orders.half_forward, orders.half_backward)
-    return Measured(orders.speed_rad_s, window.clearance_m, float(orders.mean[0]), float(orders.mean[1]), 0.0,
-                    window.shaft_power_W, window.oil_outlet_C, half_m=half_m, t_ns=window.end_ns), 0.5 * (x + 1j * y)
+    return Measured(
+        orders.speed_rad_s,
+        window.clearance_m,
+        float(orders.mean[0]),
+        float(orders.mean[1]),
+        0.0,
+        window.shaft_power_W,
+        window.oil_outlet_C,
+        half_m=half_m,
+        t_ns=window.end_ns,
+    ), 0.5 * (x + 1j * y)
 
 
 def _instants(block: Block) -> int:

@@ -1,11 +1,13 @@
-"""The policy: the actor proposes a clearance, the predictor checks it, and the reasons are written down (AG).
+"""The policy: the actor proposes a clearance, the predictor checks it, and the reasons are written
+down (AG).
 
-A clearance is good when the guard admits it, the expected minimum film and damping ratio keep their limits
-with a reserve, and the peak-to-peak stays below its share of the smaller of present and new clearance.  If
-the actor's proposal is not good, the good candidate with the least expected power is advised instead, or the
-safe clearance when there is none; the forecast says so.  Pessimism about load and oil is the guard's part.
-Without models, fresh samples or a clear diagnosis there is no proposal, and every reason is given; an advice
-with reasons against itself is one that nobody may act on.
+A clearance is good when the guard admits it, the expected minimum film and damping ratio keep their
+limits with a reserve, and the peak-to-peak stays below its share of the smaller of present and new
+clearance.  If the actor's proposal is not good, the good candidate with the least expected power is
+advised instead, or the safe clearance when there is none; the forecast says so.  Pessimism about
+load and oil is the guard's part. Without models, fresh samples or a clear diagnosis there is no
+proposal, and every reason is given; an advice with reasons against itself is one that nobody may
+act on.
 """
 
 from __future__ import annotations
@@ -47,8 +49,8 @@ Floats = NDArray[np.float64]
 class Proposal:
     """A clearance (m) or None, with every reason.
 
-    ``forecast`` holds one clearance: where it will be after the horizon; ``expectation`` says why there.
-    ``sensed`` are the virtual sensors of this moment.
+    ``forecast`` holds one clearance: where it will be after the horizon; ``expectation`` says why
+    there. ``sensed`` are the virtual sensors of this moment.
     """
 
     clearance_m: float | None
@@ -75,9 +77,15 @@ class Policy:
     def __init__(self, models: Models, config: Config) -> None:
         self._config = config
         self._models = models
-        self._predictor = Predictor(models.surrogate, config, models.factors) if models.surrogate else None
-        self.counters = {"proposals": 0, "proposals_overruled": 0, "proposals_withheld": 0,
-                         "forecasts_refused": 0}
+        self._predictor = (
+            Predictor(models.surrogate, config, models.factors) if models.surrogate else None
+        )
+        self.counters = {
+            "proposals": 0,
+            "proposals_overruled": 0,
+            "proposals_withheld": 0,
+            "forecasts_refused": 0,
+        }
 
     @property
     def qualified(self) -> bool:
@@ -86,7 +94,8 @@ class Policy:
         return all(model is not None and model.qualified for model in used)
 
     def learn(self, window: Window, orders: Orders) -> None:
-        """Let a window with whole turns and readings improve the predictor's unbalance and runout."""
+        """Let a window with whole turns and readings improve the predictor's unbalance and
+        runout."""
         seen = window_measured(window, orders)
         if self._predictor is None or seen is None:
             return
@@ -95,8 +104,13 @@ class Policy:
         except (ModelAnswerError, np.linalg.LinAlgError):
             self.counters["forecasts_refused"] += 1
 
-    def step(self, present: Present | None, diagnosis: Diagnosis | None, guard: GuardState | None,
-             now_ns: int) -> Proposal:
+    def step(
+        self,
+        present: Present | None,
+        diagnosis: Diagnosis | None,
+        guard: GuardState | None,
+        now_ns: int,
+    ) -> Proposal:
         """The proposal for ``now_ns``."""
         reasons = self._missing_models() + self._doubts(present, diagnosis, now_ns)
         if present is None or self._predictor is None:
@@ -107,35 +121,70 @@ class Policy:
             self.counters["forecasts_refused"] += 1
             return self._withheld([*reasons, f"no forecast: {error}"])
 
-    def _propose(self, present: Present, diagnosis: Diagnosis | None, guard: GuardState | None,
-                 reasons: list[str], predictor: Predictor) -> Proposal:
+    def _propose(
+        self,
+        present: Present,
+        diagnosis: Diagnosis | None,
+        guard: GuardState | None,
+        reasons: list[str],
+        predictor: Predictor,
+    ) -> Proposal:
         measured = present.measured()
         estimate = predictor.estimate(measured)
         actor = self._models.actor
-        wish_m = self._wish(actor, present, diagnosis, guard, estimate, reasons) if actor and not reasons else None
+        wish_m = (
+            self._wish(actor, present, diagnosis, guard, estimate, reasons)
+            if actor and not reasons
+            else None
+        )
         chosen_m, overruled = None, ""
         if wish_m is not None:
-            outlook = predictor.forecast(measured, estimate, np.append(self._candidates(guard), wish_m))
-            chosen_m, overruled = self._check(wish_m, present.clearance_m, outlook, _interval(guard))
+            outlook = predictor.forecast(
+                measured, estimate, np.append(self._candidates(guard), wish_m)
+            )
+            chosen_m, overruled = self._check(
+                wish_m, present.clearance_m, outlook, _interval(guard)
+            )
         self.counters["proposals" if chosen_m is not None else "proposals_withheld"] += 1
         expected_m, expectation = self._future(present, guard, chosen_m)
         forecast = predictor.forecast(measured, estimate, np.array([expected_m]))
-        return Proposal(chosen_m, reasons, forecast, "; ".join(filter(None, (expectation, overruled))), estimate,
-                        predictor.unbalance_interval_kg_m, predictor.sense(measured, estimate),
-                        self._to_limit(measured, estimate, predictor))
+        return Proposal(
+            chosen_m,
+            reasons,
+            forecast,
+            "; ".join(filter(None, (expectation, overruled))),
+            estimate,
+            predictor.unbalance_interval_kg_m,
+            predictor.sense(measured, estimate),
+            self._to_limit(measured, estimate, predictor),
+        )
 
-    def _to_limit(self, measured: Measured, estimate: Estimate,
-                  predictor: Predictor) -> tuple[float, float, float] | None:
-        """Time until a growing fault passes the limit of film or peak-to-peak; None while nothing grows."""
+    def _to_limit(
+        self, measured: Measured, estimate: Estimate, predictor: Predictor
+    ) -> tuple[float, float, float] | None:
+        """Time until a growing fault passes the limit of film or peak-to-peak; None while nothing
+        grows."""
         if not predictor.growing(estimate):
             return None
         limits = self._config.limits
-        swing_um = min(limits.displacement_danger_um, limits.clearance_share * measured.clearance_m * 1e6)
-        return predictor.time_to_limit(measured, estimate, limits.min_film_um * 1e-6, swing_um * 1e-6)
+        swing_um = min(
+            limits.displacement_danger_um, limits.clearance_share * measured.clearance_m * 1e6
+        )
+        return predictor.time_to_limit(
+            measured, estimate, limits.min_film_um * 1e-6, swing_um * 1e-6
+        )
 
-    def _wish(self, actor: Model, present: Present, diagnosis: Diagnosis | None, guard: GuardState | None,
-              estimate: Estimate, reasons: list[str]) -> float | None:
-        """What the actor wants, within what the guard admits; None (with reason) outside its domain."""
+    def _wish(
+        self,
+        actor: Model,
+        present: Present,
+        diagnosis: Diagnosis | None,
+        guard: GuardState | None,
+        estimate: Estimate,
+        reasons: list[str],
+    ) -> float | None:
+        """What the actor wants, within what the guard admits; None (with reason) outside its
+        domain."""
         share = diagnosis.evidence.get("subsync_share", 0.0) if diagnosis else 0.0
         values = observation(present, estimate.load_N, share)
         outside = actor.outside(values)
@@ -154,32 +203,44 @@ class Policy:
         return bearing.radial_clearance_min_um * 1e-6, bearing.radial_clearance_max_um * 1e-6
 
     def _candidates(self, guard: GuardState | None) -> Floats:
-        """Clearances (m) from which a better one than the actor's is chosen: they span what is admitted."""
+        """Clearances (m) from which a better one than the actor's is chosen: they span what is
+        admitted."""
         return np.linspace(*self._admitted(guard), CANDIDATES)
 
-    def _check(self, wish_m: float, present_m: float, outlook: Outlook,
-               interval_m: tuple[float, float]) -> tuple[float, str]:
-        """The wish if its forecast is good, else the best good candidate, else the safe value; and why."""
+    def _check(
+        self, wish_m: float, present_m: float, outlook: Outlook, interval_m: tuple[float, float]
+    ) -> tuple[float, str]:
+        """The wish if its forecast is good, else the best good candidate, else the safe value; and
+        why."""
         good = self.good(outlook, present_m)
         if good[-1]:
             return wish_m, ""
         self.counters["proposals_overruled"] += 1
-        overruled = f"actor's {wish_m * 1e6:.0f} um overruled: {self._fault(outlook, -1, present_m)}"
+        overruled = (
+            f"actor's {wish_m * 1e6:.0f} um overruled: {self._fault(outlook, -1, present_m)}"
+        )
         low_m, high_m = interval_m
         inside = (outlook.clearance_m >= low_m) & (outlook.clearance_m <= high_m)
         candidates = np.flatnonzero((good & inside)[:-1])
         if not len(candidates):
-            return self._config.actuator.safe_radial_clearance_um * 1e-6, f"{overruled}; no candidate is good"
+            return (
+                self._config.actuator.safe_radial_clearance_um * 1e-6,
+                f"{overruled}; no candidate is good",
+            )
         best = candidates[np.argmin(outlook.power_W[candidates, 1])]
         return float(outlook.clearance_m[best]), overruled
 
     def _rooms(self, outlook: Outlook, present_m: float) -> tuple[Floats, Floats, Floats]:
-        """By how much film (m), damping ratio and peak-to-peak (m) of each clearance keep their limits."""
+        """By how much film (m), damping ratio and peak-to-peak (m) of each clearance keep their
+        limits."""
         limits = self._config.limits
         film = outlook.min_film_m[:, 1] - limits.min_film_um * 1e-6 - FILM_RESERVE_M
         swing = limits.clearance_share * np.minimum(outlook.clearance_m, present_m)
-        return (film, outlook.whirl_margin[:, 1] - WHIRL_RESERVE,
-                swing - outlook.peak_to_peak_m[:, 1] - outlook.residual_m)
+        return (
+            film,
+            outlook.whirl_margin[:, 1] - WHIRL_RESERVE,
+            swing - outlook.peak_to_peak_m[:, 1] - outlook.residual_m,
+        )
 
     def good(self, outlook: Outlook, present_m: float) -> NDArray[np.bool_]:
         """Which clearances of ``outlook`` are good, shape (n,)."""
@@ -189,16 +250,24 @@ class Policy:
     def _fault(self, outlook: Outlook, index: int, present_m: float) -> str:
         """What is not good about one clearance."""
         film, whirl, swing = (float(room[index]) for room in self._rooms(outlook, present_m))
-        film_um, swing_um = outlook.min_film_m[index, 1] * 1e6, outlook.peak_to_peak_m[index, 1] * 1e6
+        film_um, swing_um = (
+            outlook.min_film_m[index, 1] * 1e6,
+            outlook.peak_to_peak_m[index, 1] * 1e6,
+        )
         checks = [
             (bool(outlook.possible[index]), "the film may not carry the load"),
             (film >= 0, f"minimum film {film_um:.1f} um is {-film * 1e6:.1f} short"),
-            (whirl >= 0, f"damping ratio {outlook.whirl_margin[index, 1]:.2f} is {-whirl:.2f} short"),
+            (
+                whirl >= 0,
+                f"damping ratio {outlook.whirl_margin[index, 1]:.2f} is {-whirl:.2f} short",
+            ),
             (swing >= 0, f"peak-to-peak {swing_um:.1f} um is {-swing * 1e6:.1f} too much"),
         ]
         return ", ".join(text for holds, text in checks if not holds)
 
-    def _future(self, present: Present, guard: GuardState | None, wish_m: float | None) -> tuple[float, str]:
+    def _future(
+        self, present: Present, guard: GuardState | None, wish_m: float | None
+    ) -> tuple[float, str]:
         """Where the clearance will be after the horizon, and on what that rests."""
         actuator = self._config.actuator
         target_m, why = present.clearance_m, "clearance held"
@@ -213,7 +282,9 @@ class Policy:
     def _missing_models(self) -> list[str]:
         return [f"no {kind}: {text}" for kind, text in self._models.refusals.items()]
 
-    def _doubts(self, present: Present | None, diagnosis: Diagnosis | None, now_ns: int) -> list[str]:
+    def _doubts(
+        self, present: Present | None, diagnosis: Diagnosis | None, now_ns: int
+    ) -> list[str]:
         """Every reason in the data not to propose anything."""
         return [*self._data_doubts(present, now_ns), *_diagnosis_doubts(diagnosis, now_ns)]
 
@@ -223,10 +294,17 @@ class Policy:
         reasons = []
         sample_age, reading_age = now_ns - present.t_acq_ns, now_ns - present.reading_ns
         if sample_age > SAMPLE_AGE_MAX_NS:
-            reasons.append(f"samples are {sample_age / 1e6:.0f} ms old (limit {SAMPLE_AGE_MAX_NS / 1e6:.0f})")
+            reasons.append(
+                f"samples are {sample_age / 1e6:.0f} ms old (limit {SAMPLE_AGE_MAX_NS / 1e6:.0f})"
+            )
         if reading_age > READING_AGE_MAX_NS:
-            reasons.append(f"rig status is {reading_age / 1e6:.0f} ms old (limit {READING_AGE_MAX_NS / 1e6:.0f})")
-        bad = [name for name in _NEEDED_CHANNELS if not present.channel_ok >> CHANNELS.index(name) & 1]
+            reasons.append(
+                f"rig status is {reading_age / 1e6:.0f} ms old (limit "
+                f"{READING_AGE_MAX_NS / 1e6:.0f})"
+            )
+        bad = [
+            name for name in _NEEDED_CHANNELS if not present.channel_ok >> CHANNELS.index(name) & 1
+        ]
         if bad:
             reasons.append(f"channel not OK: {', '.join(bad)}")
         return reasons
@@ -238,14 +316,25 @@ class Policy:
 
 def observation(present: Present, load_N: float, subsync_share: float) -> dict[str, float]:
     """The actor's observation by name (:data:`~firmware_py.brain.store.OBSERVATION`), SI."""
-    values = (present.speed_rad_s, *present.mean_m, *present.peak_to_peak_m, present.clearance_m,
-              present.supply_pressure_bar, present.shaft_power_W, present.oil_outlet_C, load_N, subsync_share)
+    values = (
+        present.speed_rad_s,
+        *present.mean_m,
+        *present.peak_to_peak_m,
+        present.clearance_m,
+        present.supply_pressure_bar,
+        present.shaft_power_W,
+        present.oil_outlet_C,
+        load_N,
+        subsync_share,
+    )
     return dict(zip(OBSERVATION, values, strict=True))
 
 
 def _interval(guard: GuardState | None) -> tuple[float, float]:
     """Clearances (m) that the guard admits; everything before it has spoken."""
-    return (guard.clearance_low_um * 1e-6, guard.clearance_high_um * 1e-6) if guard else (0.0, np.inf)
+    return (
+        (guard.clearance_low_um * 1e-6, guard.clearance_high_um * 1e-6) if guard else (0.0, np.inf)
+    )
 
 
 def _acts(guard: GuardState) -> bool:
@@ -255,17 +344,23 @@ def _acts(guard: GuardState) -> bool:
 def _diagnosis_doubts(diagnosis: Diagnosis | None, now_ns: int) -> list[str]:
     """Verdicts that forbid a proposal.
 
-    Doubt is none of them: it asks for more windows to tell which class it is, and no class by itself makes
-    a clearance unsafe (the forecast and the guard judge that).  What was never taught is another matter.
+    Doubt is none of them: it asks for more windows to tell which class it is, and no class by
+    itself makes a clearance unsafe (the forecast and the guard judge that).  What was never taught
+    is another matter.
     """
     if diagnosis is None:
         return ["no diagnosis yet"]
     age_ns = now_ns - diagnosis.t_acq_ns
     if age_ns > DIAGNOSIS_AGE_MAX_NS:
-        return [f"the diagnosis is {age_ns / 1e9:.1f} s old (limit {DIAGNOSIS_AGE_MAX_NS / 1e9:.1f})"]
+        return [
+            f"the diagnosis is {age_ns / 1e9:.1f} s old (limit {DIAGNOSIS_AGE_MAX_NS / 1e9:.1f})"
+        ]
     held_s = diagnosis.evidence.get("held_s", 0.0)
     if diagnosis.verdict == "whirl":
-        return [f"whirl: {100 * diagnosis.evidence['subsync_share']:.0f} % of the orbit's energy at half order"]
+        return [
+            f"whirl: {100 * diagnosis.evidence['subsync_share']:.0f} % of the orbit's energy at "
+            f"half order"
+        ]
     if diagnosis.verdict == "unknown" and held_s >= UNKNOWN_MAX_S:
         return [f"diagnosis unknown for {held_s:.1f} s"]
     if diagnosis.verdict == "none":

@@ -1,4 +1,5 @@
-"""One ONNX model as a function from arrays to arrays: one thread, no spinning, no telemetry, finite answers."""
+"""One ONNX model as a function from arrays to arrays: one thread, no spinning, no telemetry, finite
+answers."""
 
 from __future__ import annotations
 
@@ -24,11 +25,18 @@ def _runtime() -> Any:
 
 @cache
 def _load_errors() -> tuple[type[Exception], ...]:
-    """What onnxruntime raises on bytes that it cannot run; its errors share no base of their own."""
+    """What onnxruntime raises on bytes that it cannot run; its errors share no base of their
+    own."""
     from onnxruntime.capi import onnxruntime_pybind11_state as state
 
-    return (state.Fail, state.InvalidArgument, state.InvalidGraph, state.InvalidProtobuf, state.NotImplemented,
-            state.RuntimeException)
+    return (
+        state.Fail,
+        state.InvalidArgument,
+        state.InvalidGraph,
+        state.InvalidProtobuf,
+        state.NotImplemented,
+        state.RuntimeException,
+    )
 
 
 class Session:
@@ -44,8 +52,8 @@ class Session:
     Raises
     ------
     ModelUnfitError
-        ``data`` is no model that onnxruntime can run, or it has not exactly one floating-point input
-        of shape (batch, columns).
+        ``data`` is no model that onnxruntime can run, or it has not exactly one floating-point
+        input of shape (batch, columns).
     """
 
     def __init__(self, name: str, data: bytes) -> None:
@@ -56,14 +64,20 @@ class Session:
         options.use_deterministic_compute = True
         options.log_severity_level = 4
         try:
-            self._session = runtime.InferenceSession(data, options, providers=["CPUExecutionProvider"])
+            self._session = runtime.InferenceSession(
+                data, options, providers=["CPUExecutionProvider"]
+            )
         except Exception as error:
             first = str(error).splitlines()[0][:200]
-            raise ModelUnfitError(f"{name}: not a model that onnxruntime runs ({first}); export it again") from error
+            raise ModelUnfitError(
+                f"{name}: not a model that onnxruntime runs ({first}); export it again"
+            ) from error
         inputs = self._session.get_inputs()
         if len(inputs) != 1 or inputs[0].type not in _DTYPES or len(inputs[0].shape) != 2:
             found = [(i.name, i.type, i.shape) for i in inputs]
-            raise ModelUnfitError(f"{name}: inputs {found}, expected one float or double of shape [batch, columns]")
+            raise ModelUnfitError(
+                f"{name}: inputs {found}, expected one float or double of shape [batch, columns]"
+            )
         self.name = name
         self.columns = inputs[0].shape[1]
         self.outputs: tuple[str, ...] = tuple(output.name for output in self._session.get_outputs())
@@ -87,6 +101,8 @@ class Session:
         named: dict[str, NDArray[np.float64]] = {}
         for name, answer in zip(self.outputs, answers, strict=True):
             if not np.isfinite(answer).all():
-                raise ModelAnswerError(f"{self.name}: output {name!r} is not finite; the model is not used for this")
+                raise ModelAnswerError(
+                    f"{self.name}: output {name!r} is not finite; the model is not used for this"
+                )
             named[name] = answer.astype(np.float64)
         return named

@@ -1,14 +1,16 @@
-"""The model store: reads each ONNX file once, checks whose it is and whether it fits, and only then runs it.
+"""The model store: reads each ONNX file once, checks whose it is and whether it fits, and only then
+runs it.
 
-The models that ship with the package are vouched for by their manifest (SHA-256).  In a directory of the
-user's, each ``NAME.onnx`` needs ``NAME.onnx.sig``, an Ed25519 signature of the file by one of
-``models.public_keys``::
+The models that ship with the package are vouched for by their manifest (SHA-256).  In a directory
+of the user's, each ``NAME.onnx`` needs ``NAME.onnx.sig``, an Ed25519 signature of the file by one
+of ``models.public_keys``::
 
     openssl genpkey -algorithm ed25519 -out key.pem
     openssl pkey -in key.pem -pubout                       # the middle line goes into models.public_keys
     openssl pkeyutl -sign -rawin -inkey key.pem -in actor.onnx -out actor.onnx.sig
 
-Hash, signature, metadata and session all see the same bytes, read once: nothing can be swapped in between.
+Hash, signature, metadata and session all see the same bytes, read once: nothing can be swapped in
+between.
 """
 
 from __future__ import annotations
@@ -41,10 +43,29 @@ MAX_BYTES: Final = 64 * 2**20
 
 HEADS: Final = ("pedestal bolt A", "pedestal bolt B", "motor bolt", "unbalance")
 OBSERVATION: Final = (
-    "speed_rad_s", "eccentricity_x_m", "eccentricity_y_m", "peak_to_peak_x_m", "peak_to_peak_y_m", "clearance_m",
-    "supply_pressure_bar", "shaft_power_W", "oil_outlet_C", "load_estimate_N", "subsync_share",
+    "speed_rad_s",
+    "eccentricity_x_m",
+    "eccentricity_y_m",
+    "peak_to_peak_x_m",
+    "peak_to_peak_y_m",
+    "clearance_m",
+    "supply_pressure_bar",
+    "shaft_power_W",
+    "oil_outlet_C",
+    "load_estimate_N",
+    "subsync_share",
 )
-FILM_STATE: Final = ("x_m", "y_m", "vx_m_s", "vy_m_s", "omega_rad_s", "c_m", "mu_Pa_s", "R_m", "L_m")
+FILM_STATE: Final = (
+    "x_m",
+    "y_m",
+    "vx_m_s",
+    "vy_m_s",
+    "omega_rad_s",
+    "c_m",
+    "mu_Pa_s",
+    "R_m",
+    "L_m",
+)
 
 _INTERFACES: Final[dict[str, tuple[tuple[str, ...], tuple[str, ...]]]] = {
     "classifier": (FEATURE_NAMES, ("heads", "score")),
@@ -94,12 +115,16 @@ class Model:
         return self.card.status == "qualified"
 
     def outside(self, values: dict[str, float]) -> list[str]:
-        """The quantities in ``values`` that lie outside the model's declared domain, as sentences."""
+        """The quantities in ``values`` that lie outside the model's declared domain, as
+        sentences."""
         found = []
         for name, value in values.items():
             low, high = self.card.domain.get(name, (value, value))
             if not low <= value <= high:
-                found.append(f"{name} {value:.4g} outside the {self.card.kind}'s domain {low:.4g} .. {high:.4g}")
+                found.append(
+                    f"{name} {value:.4g} outside the {self.card.kind}'s domain {low:.4g} .. "
+                    f"{high:.4g}"
+                )
         return found
 
 
@@ -128,11 +153,14 @@ def load_models(config: Config) -> Models:
         factors = load_factors(config)
     except ModelError as error:
         refusals["predictor"] = str(error)
-    return Models(found.get("classifier"), found.get("actor"), found.get("surrogate"), factors, refusals)
+    return Models(
+        found.get("classifier"), found.get("actor"), found.get("surrogate"), factors, refusals
+    )
 
 
 def load_factors(config: Config) -> IntervalFactors:
-    """``predictor.json`` of the configured directory, vouched for like a model; without one the Gaussian factors.
+    """``predictor.json`` of the configured directory, vouched for like a model; without one the
+    Gaussian factors.
 
     Raises
     ------
@@ -146,7 +174,9 @@ def load_factors(config: Config) -> IntervalFactors:
     try:
         return msgspec.json.decode(data, type=IntervalFactors)
     except msgspec.DecodeError as error:
-        raise ModelUnfitError(f"{path.name}: {error}; fit it again with `orbitd train predictor`") from error
+        raise ModelUnfitError(
+            f"{path.name}: {error}; fit it again with `orbitd train predictor`"
+        ) from error
 
 
 def load_model(kind: str, config: Config) -> Model:
@@ -185,10 +215,13 @@ def _read(path: Path) -> bytes:
             data = file.read(MAX_BYTES + 1)
     except OSError as error:
         raise ModelMissingError(
-            f"{path}: cannot be read ({error.strerror}); train and export it, or set models.directory"
+            f"{path}: cannot be read ({error.strerror}); train and export it, or set "
+            f"models.directory"
         ) from error
     if len(data) > MAX_BYTES:
-        raise ModelUnfitError(f"{path.name}: larger than {MAX_BYTES} bytes; this device loads small models only")
+        raise ModelUnfitError(
+            f"{path.name}: larger than {MAX_BYTES} bytes; this device loads small models only"
+        )
     return data
 
 
@@ -198,13 +231,19 @@ def _check_manifest(path: Path, data: bytes, digest: str) -> None:
         entry = json.loads(_read(manifest))["files"][path.name]
         size, expected = int(entry["bytes"]), str(entry["sha256"])
     except (KeyError, TypeError, ValueError) as error:
-        raise ModelTrustError(f"{path.name}: not in {manifest.name}; reinstall the package") from error
+        raise ModelTrustError(
+            f"{path.name}: not in {manifest.name}; reinstall the package"
+        ) from error
     if len(data) != size:
-        raise ModelTrustError(f"{path.name}: {len(data)} bytes, the manifest says {size}; reinstall the package")
+        raise ModelTrustError(
+            f"{path.name}: {len(data)} bytes, the manifest says {size}; reinstall the package"
+        )
     if digest != expected:
         raise ModelTrustError(
-            f"{path.name}: SHA-256 {digest[:12]}.., the manifest says {expected[:12]}..: changed after "
-            "packaging; reinstall the package, or sign it and set models.directory and models.public_keys"
+            f"{path.name}: SHA-256 {digest[:12]}.., the manifest says {expected[:12]}..: changed "
+            f"after "
+            "packaging; reinstall the package, or sign it and set models.directory and "
+            "models.public_keys"
         )
 
 
@@ -219,17 +258,23 @@ def _check_signature(path: Path, data: bytes, public_keys: list[str]) -> None:
         try:
             key = load_der_public_key(base64.b64decode(text, validate=True))
         except (binascii.Error, ValueError, UnsupportedAlgorithm) as error:
-            raise ModelTrustError(f"models.public_keys[{number}]: not the base64 of a public key; "
-                                  "take the middle line of `openssl pkey -pubout`") from error
+            raise ModelTrustError(
+                f"models.public_keys[{number}]: not the base64 of a public key; "
+                "take the middle line of `openssl pkey -pubout`"
+            ) from error
         if not isinstance(key, Ed25519PublicKey):
-            raise ModelTrustError(f"models.public_keys[{number}]: not an Ed25519 key; make one with openssl genpkey")
+            raise ModelTrustError(
+                f"models.public_keys[{number}]: not an Ed25519 key; make one with openssl genpkey"
+            )
         try:
             key.verify(signature, data)
         except InvalidSignature:
             continue
         return
-    raise ModelTrustError(f"{path.name}: signed by none of the {len(public_keys)} models.public_keys; "
-                          "sign the file again, or add its maker's key")
+    raise ModelTrustError(
+        f"{path.name}: signed by none of the {len(public_keys)} models.public_keys; "
+        "sign the file again, or add its maker's key"
+    )
 
 
 def read_card(name: str, metadata: dict[str, str]) -> Card:
@@ -246,7 +291,9 @@ def read_card(name: str, metadata: dict[str, str]) -> Card:
         values = {key: value for key, value in values.items() if value is not None}
         return msgspec.convert(values, Card)
     except (ValueError, msgspec.ValidationError) as error:
-        raise ModelUnfitError(f"{name}: metadata: {error}; export it again with its metadata") from error
+        raise ModelUnfitError(
+            f"{name}: metadata: {error}; export it again with its metadata"
+        ) from error
 
 
 def _check_fit(kind: str, name: str, card: Card, session: Session, config: Config) -> None:
@@ -259,22 +306,47 @@ def _check_fit(kind: str, name: str, card: Card, session: Session, config: Confi
     checks: list[tuple[bool, str]] = [
         (card.kind == kind, f"kind {card.kind!r}, expected {kind!r}"),
         (tuple(card.inputs) == inputs, f"inputs {_difference(card.inputs, inputs)}"),
-        (session.columns == len(inputs), f"graph takes {session.columns} columns, expected {len(inputs)}"),
-        (set(outputs) <= set(session.outputs), f"graph gives {session.outputs}, expected {outputs}"),
-        (not sampled or tuple(card.channels) == CHANNELS, f"channels {_difference(card.channels, CHANNELS)}"),
-        (not sampled or rate % round(RATE_HZ) == 0,
-         f"features are defined at multiples of {RATE_HZ:g} Hz, the configuration samples at {rate}"),
-        (not sampled or rate in card.rate_hz, f"rate_hz {card.rate_hz}, the configuration samples at {rate}"),
-        (not sampled or card.window == WINDOW_LAYOUT, f"window {card.window}, this brain cuts {WINDOW_LAYOUT}"),
+        (
+            session.columns == len(inputs),
+            f"graph takes {session.columns} columns, expected {len(inputs)}",
+        ),
+        (
+            set(outputs) <= set(session.outputs),
+            f"graph gives {session.outputs}, expected {outputs}",
+        ),
+        (
+            not sampled or tuple(card.channels) == CHANNELS,
+            f"channels {_difference(card.channels, CHANNELS)}",
+        ),
+        (
+            not sampled or rate % round(RATE_HZ) == 0,
+            f"features are defined at multiples of {RATE_HZ:g} Hz, the configuration samples at "
+            f"{rate}",
+        ),
+        (
+            not sampled or rate in card.rate_hz,
+            f"rate_hz {card.rate_hz}, the configuration samples at {rate}",
+        ),
+        (
+            not sampled or card.window == WINDOW_LAYOUT,
+            f"window {card.window}, this brain cuts {WINDOW_LAYOUT}",
+        ),
         (not sampled or "novelty_threshold" in card.settings, "settings lack novelty_threshold"),
         (rig in card.rigs, f"rigs {card.rigs}, this is {rig!r}"),
-        (low - 1e-6 <= ratio <= high + 1e-6, f"length_over_diameter {low:g} .. {high:g}, this bearing has {ratio:g}"),
-        (card.physics_version in PHYSICS_VERSIONS,
-         f"physics_version {card.physics_version!r}, this brain knows {PHYSICS_VERSIONS}"),
+        (
+            low - 1e-6 <= ratio <= high + 1e-6,
+            f"length_over_diameter {low:g} .. {high:g}, this bearing has {ratio:g}",
+        ),
+        (
+            card.physics_version in PHYSICS_VERSIONS,
+            f"physics_version {card.physics_version!r}, this brain knows {PHYSICS_VERSIONS}",
+        ),
     ]
     wrong = [text for holds, text in checks if not holds]
     if wrong:
-        raise ModelUnfitError(f"{name}: {'; '.join(wrong)}: use a model made for this configuration")
+        raise ModelUnfitError(
+            f"{name}: {'; '.join(wrong)}: use a model made for this configuration"
+        )
 
 
 def _difference(found: list[str], expected: tuple[str, ...]) -> str:

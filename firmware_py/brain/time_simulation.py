@@ -1,11 +1,13 @@
-"""The predictor's time simulation, on demand: the rotor's mass on the surrogate film, candidate by candidate at once.
+"""The predictor's time simulation, on demand: the rotor's mass on the surrogate film, candidate by
+candidate at once.
 
-For what the linear answer cannot say: how large whirl grows, how an orbit bends near the wall.  It takes a fraction
-of a second, so the brain's cycle never runs it.
+For what the linear answer cannot say: how large whirl grows, how an orbit bends near the wall.  It
+takes a fraction of a second, so the brain's cycle never runs it.
 
-The film is far stiffer than any affordable explicit step (whose answer is silently wrong, not divergent): the step
-is linearly implicit in position and velocity, ``(M - theta h C - theta^2 h^2 K) dv = h (F + theta h K v)`` with the
-film's slopes ``K = dF/dx``, ``C = dF/dv`` (Rosenbrock's method; Hairer and Wanner, Solving ODEs II, IV.7).
+The film is far stiffer than any affordable explicit step (whose answer is silently wrong, not
+divergent): the step is linearly implicit in position and velocity, ``(M - theta h C - theta^2 h^2
+K) dv = h (F + theta h K v)`` with the film's slopes ``K = dF/dx``, ``C = dF/dv`` (Rosenbrock's
+method; Hairer and Wanner, Solving ODEs II, IV.7).
 """
 
 from __future__ import annotations
@@ -44,8 +46,14 @@ class Motion:
         return np.asarray(self.clearance_m - np.hypot(last[..., 0], last[..., 1]).max(axis=0))
 
 
-def simulate(film: Film, points: Points, unbalance_kg_m: Floats, turns: int, *,
-             steps_a_turn: int = STEPS_A_TURN) -> Motion:
+def simulate(
+    film: Film,
+    points: Points,
+    unbalance_kg_m: Floats,
+    turns: int,
+    *,
+    steps_a_turn: int = STEPS_A_TURN,
+) -> Motion:
     """Follow ``n`` operating points for ``turns`` from their equilibria.
 
     Parameters

@@ -1,11 +1,12 @@
 """Telling unbalance from runout, and a growing unbalance from a steady one, while the machine runs.
 
-The forward first order that the probes report is ``z = r + g U``: runout ``r`` is the same at every speed and
-clearance, the response ``g`` to a unit of unbalance ``U`` is known from the film model and changes with both.
-A Kalman filter over three complex numbers (phases from the mark), runout, unbalance and its rate, separates
-them as the operating point moves; until it has moved, the priors share the signal between them and the
-covariance says so.  After the slow-roll procedure the runout is known but for a residual.  A change at a fixed
-operating point goes to ``U``: runout does not change.
+The forward first order that the probes report is ``z = r + g U``: runout ``r`` is the same at every
+speed and clearance, the response ``g`` to a unit of unbalance ``U`` is known from the film model
+and changes with both. A Kalman filter over three complex numbers (phases from the mark), runout,
+unbalance and its rate, separates them as the operating point moves; until it has moved, the priors
+share the signal between them and the covariance says so.  After the slow-roll procedure the runout
+is known but for a residual.  A change at a fixed operating point goes to ``U``: runout does not
+change.
 """
 
 from __future__ import annotations
@@ -29,7 +30,8 @@ RUNOUT_DRIFT_M_S: Final = 2e-8
 """Random walk per root second."""
 UNBALANCE_DRIFT: Final = 0.02
 RATE_DRIFT: Final = 0.2
-"""Random walks per root second of the unbalance and of its rate, in normal unbalances: faults grow."""
+"""Random walks per root second of the unbalance and of its rate, in normal unbalances: faults
+grow."""
 NOISE_M: Final = 2e-7
 GAIN_ERROR: Final = 0.03
 """Error of the model's response and of the probes' gain."""
@@ -41,8 +43,9 @@ Complexes = NDArray[np.complex128]
 class Imbalance:
     """Runout (m) and unbalance (kg m), complex, phases from the mark.
 
-    ``size_kg_m`` is the typical magnitude of the unbalance, between the mode and the mean of its Rice distribution,
-    ``size_sd_kg_m`` its deviation; ``rate_kg_m_s`` and ``rate_sd_kg_m_s`` are of the magnitude.
+    ``size_kg_m`` is the typical magnitude of the unbalance, between the mode and the mean of its
+    Rice distribution, ``size_sd_kg_m`` its deviation; ``rate_kg_m_s`` and ``rate_sd_kg_m_s`` are of
+    the magnitude.
     """
 
     runout_m: complex
@@ -72,7 +75,9 @@ class ImbalanceFilter:
     def __init__(self, normal_kg_m: float, runout_m: float = RUNOUT_PRIOR_M) -> None:
         self._normal_kg_m = max(normal_kg_m, 1e-7)
         self._mean: Complexes = np.zeros(3, np.complex128)
-        self._covariance: Complexes = np.diag([runout_m**2, UNBALANCE_PRIOR**2, 0.0]).astype(np.complex128)
+        self._covariance: Complexes = np.diag([runout_m**2, UNBALANCE_PRIOR**2, 0.0]).astype(
+            np.complex128
+        )
         self._t_ns: int | None = None
 
     @property
@@ -82,23 +87,39 @@ class ImbalanceFilter:
 
     def at(self, t_ns: int, seconds: float = 0.0) -> Imbalance:
         """The estimate ``seconds`` after ``t_ns``, if the rate holds."""
-        return self.ahead(seconds + (0.0 if self._t_ns is None else max(0.0, (t_ns - self._t_ns) * 1e-9)))
+        return self.ahead(
+            seconds + (0.0 if self._t_ns is None else max(0.0, (t_ns - self._t_ns) * 1e-9))
+        )
 
     def ahead(self, seconds: float) -> Imbalance:
-        """The estimate ``seconds`` on, if a clear rate holds; one that is not clear is taken for none."""
+        """The estimate ``seconds`` on, if a clear rate holds; one that is not clear is taken for
+        none."""
         runout, unbalance, rate = self._mean.tolist()
         now_sd, rate_sd = np.sqrt(np.diag(self._covariance).real[1:]).tolist()
-        outward, outward_sd = (rate * unbalance.conjugate()).real / max(abs(unbalance), 1e-9), rate_sd / math.sqrt(2.0)
+        outward, outward_sd = (
+            (rate * unbalance.conjugate()).real / max(abs(unbalance), 1e-9),
+            rate_sd / math.sqrt(2.0),
+        )
         sd = now_sd
         if abs(outward) > GROWING_SIGMAS * outward_sd:
             f = _transition(seconds)
-            unbalance, sd = unbalance + seconds * rate, math.sqrt((f @ self._covariance @ f.T)[1, 1].real)
+            unbalance, sd = (
+                unbalance + seconds * rate,
+                math.sqrt((f @ self._covariance @ f.T)[1, 1].real),
+            )
         size, scale = math.hypot(abs(unbalance), 0.5 * now_sd), self._normal_kg_m
-        return Imbalance(runout, unbalance * scale, size * scale, sd / math.sqrt(2.0) * scale, outward * scale,
-                         outward_sd * scale)
+        return Imbalance(
+            runout,
+            unbalance * scale,
+            size * scale,
+            sd / math.sqrt(2.0) * scale,
+            outward * scale,
+            outward_sd * scale,
+        )
 
     def step(self, t_ns: int, forward_m: complex, response_m_per_kg_m: complex) -> Imbalance:
-        """Take the forward first order ``forward_m`` of a window and the model's response at its operating point."""
+        """Take the forward first order ``forward_m`` of a window and the model's response at its
+        operating point."""
         elapsed_s = 0.0 if self._t_ns is None else max(0.0, (t_ns - self._t_ns) * 1e-9)
         self._t_ns = t_ns
         f = _transition(elapsed_s)
@@ -106,7 +127,11 @@ class ImbalanceFilter:
         mean, prior = f @ self._mean, f @ self._covariance @ f.T + drift
         row = np.array([1.0, response_m_per_kg_m * self._normal_kg_m, 0.0])
         innovation = forward_m - complex(row @ mean)
-        variance = float((row @ prior @ row.conj()).real) + NOISE_M**2 + (GAIN_ERROR * abs(row[1] * mean[1])) ** 2
+        variance = (
+            float((row @ prior @ row.conj()).real)
+            + NOISE_M**2
+            + (GAIN_ERROR * abs(row[1] * mean[1])) ** 2
+        )
         gain = prior @ row.conj() / variance
         self._mean = mean + gain * innovation
         covariance = prior - np.outer(gain, row @ prior)

@@ -1,4 +1,5 @@
-"""``orbitd mode|arm|disarm|reset|set|announce``: a person's commands, each answered by the guard."""
+"""``orbitd mode|arm|disarm|reset|set|announce``: a person's commands, each answered by the
+guard."""
 
 from __future__ import annotations
 
@@ -15,7 +16,9 @@ from firmware_py.records import CommandReply, Mode, PlannedRamp
 
 def mode(argv: list[str]) -> int:
     """``orbitd mode monitor|manual|auto``."""
-    parser = _parser("mode", "who chooses the targets: nobody (monitor), a person (manual), the model (auto)")
+    parser = _parser(
+        "mode", "who chooses the targets: nobody (monitor), a person (manual), the model (auto)"
+    )
     parser.add_argument("mode", choices=[each.name.lower() for each in Mode])
     options = parser.parse_args(argv)
     return _ask(options, "mode", options.mode)
@@ -34,28 +37,51 @@ def disarm(argv: list[str]) -> int:
 
 def reset(argv: list[str]) -> int:
     """``orbitd reset``."""
-    return _ask(_parser("reset", "clear latched alarms and trips whose cause is gone").parse_args(argv), "reset")
+    return _ask(
+        _parser("reset", "clear latched alarms and trips whose cause is gone").parse_args(argv),
+        "reset",
+    )
 
 
 def set_target(argv: list[str]) -> int:
     """``orbitd set clearance UM`` and ``orbitd set pressure BAR``."""
     parser = _parser("set", "set a target by hand; needs mode manual")
     parser.add_argument("what", choices=["clearance", "pressure"])
-    parser.add_argument("value", type=finite, help="radial clearance in um, or supply pressure in bar")
+    parser.add_argument(
+        "value", type=finite, help="radial clearance in um, or supply pressure in bar"
+    )
     options = parser.parse_args(argv)
     return _ask(options, f"set_{options.what}", options.value)
 
 
 def announce(argv: list[str]) -> int:
     """``orbitd announce --in S --for S --speed RPM --load N``."""
-    parser = _parser("announce", "tell a ramp that is faster than the declared unannounced ones; refused, it must wait")
-    parser.add_argument("--in", dest="start_s", type=finite, required=True, metavar="S", help="it starts in S seconds")
-    parser.add_argument("--for", dest="lasts_s", type=finite, required=True, metavar="S", help="and takes S seconds")
-    parser.add_argument("--speed", type=finite, required=True, metavar="RPM", help="speed at its end")
-    parser.add_argument("--load", type=finite, required=True, metavar="N", help="static load at its end")
+    parser = _parser(
+        "announce",
+        "tell a ramp that is faster than the declared unannounced ones; refused, it must wait",
+    )
+    parser.add_argument(
+        "--in",
+        dest="start_s",
+        type=finite,
+        required=True,
+        metavar="S",
+        help="it starts in S seconds",
+    )
+    parser.add_argument(
+        "--for", dest="lasts_s", type=finite, required=True, metavar="S", help="and takes S seconds"
+    )
+    parser.add_argument(
+        "--speed", type=finite, required=True, metavar="RPM", help="speed at its end"
+    )
+    parser.add_argument(
+        "--load", type=finite, required=True, metavar="N", help="static load at its end"
+    )
     options = parser.parse_args(argv)
     end_s = options.start_s + options.lasts_s
-    return _ask(options, "announce", PlannedRamp(options.start_s, end_s, options.speed, options.load))
+    return _ask(
+        options, "announce", PlannedRamp(options.start_s, end_s, options.speed, options.load)
+    )
 
 
 def _parser(name: str, text: str) -> argparse.ArgumentParser:
@@ -77,7 +103,9 @@ def connect(options: argparse.Namespace) -> Client:
     return Client(found.runtime, keys.prefix(found.device.site, found.device.rig))
 
 
-def _ask(options: argparse.Namespace, verb: str, value: float | str | PlannedRamp | None = None) -> int:
+def _ask(
+    options: argparse.Namespace, verb: str, value: float | str | PlannedRamp | None = None
+) -> int:
     with connect(options) as client:
         reply = client.ask(verb, value)
     print(msgspec.json.encode(reply).decode() if options.json else _words(verb, reply))

@@ -1,7 +1,8 @@
 """Builds what the processes build from a configuration, and looks at what they need around them.
 
-A configuration without faults that does not get through here is a mistake of this program; what is found around it (a
-folder that cannot be written, a port that is taken) is a fault of the machine on which it shall run.
+A configuration without faults that does not get through here is a mistake of this program; what is
+found around it (a folder that cannot be written, a port that is taken) is a fault of the machine on
+which it shall run.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ from firmware_py.wire.link import codec_for
 
 Found = tuple[str, object, str]
 
+
 @dataclass(frozen=True)
 class Built:
     """What came of it: the clearances admissible everywhere (um), and the models."""
@@ -39,7 +41,8 @@ class Built:
 
 
 def build(config: Config, models: Models | None = None) -> Built:
-    """Guard and brain as the processes make them, with the models of the files where none are given."""
+    """Guard and brain as the processes make them, with the models of the files where none are
+    given."""
     GuardCore(config, codec_for(config), 1)
     if models is None:
         models = load_models(config)
@@ -51,7 +54,8 @@ def build(config: Config, models: Models | None = None) -> Built:
 
 
 def surroundings(config: Config, runtime: Path, environment: Mapping[str, str]) -> list[Found]:
-    """What the machine lacks; ``runtime`` is the folder of the sockets of this device, which may be running."""
+    """What the machine lacks; ``runtime`` is the folder of the sockets of this device, which may be
+    running."""
     return list(_around(config, runtime, environment)) or list(_session(config))
 
 
@@ -61,8 +65,16 @@ def _around(config: Config, runtime: Path, environment: Mapping[str, str]) -> It
     if config.recorder.enabled and (cause := _unwritable(recordings_dir(config, environment))):
         yield "recorder.directory", config.recorder.directory or '""', cause
     if config.models.directory and not Path(config.models.directory).is_dir():
-        yield "models.directory", config.models.directory, "no such folder; make it or correct the name"
-    if config.metrics.port and not running and (cause := _unbindable(Address("tcp", "127.0.0.1", config.metrics.port))):
+        yield (
+            "models.directory",
+            config.models.directory,
+            "no such folder; make it or correct the name",
+        )
+    if (
+        config.metrics.port
+        and not running
+        and (cause := _unbindable(Address("tcp", "127.0.0.1", config.metrics.port)))
+    ):
         yield "metrics.port", config.metrics.port, f"{cause}; choose another port, or 0 for none"
     for i, text in enumerate(config.zenoh.listen):
         parsed = parse_endpoint(text)
@@ -81,19 +93,34 @@ def _certificates(config: Config) -> Iterator[Found]:
         return
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     try:
-        context.load_cert_chain(zenoh.tls_certificate, zenoh.tls_private_key, password=str)  # asks nobody for one
+        context.load_cert_chain(
+            zenoh.tls_certificate, zenoh.tls_private_key, password=str
+        )  # asks nobody for one
     except (OSError, ValueError) as error:
-        yield "zenoh.tls_certificate", zenoh.tls_certificate, (
-            f"cannot be used with tls_private_key ({error}); name a certificate and its key as PEM")
+        yield (
+            "zenoh.tls_certificate",
+            zenoh.tls_certificate,
+            (
+                f"cannot be used with tls_private_key ({error}); name a certificate and its key "
+                f"as PEM"
+            ),
+        )
     try:
         context.load_verify_locations(zenoh.tls_root_ca)
     except (OSError, ValueError) as error:
-        yield "zenoh.tls_root_ca", zenoh.tls_root_ca, f"cannot be used ({error}); name a certificate as PEM"
+        yield (
+            "zenoh.tls_root_ca",
+            zenoh.tls_root_ca,
+            f"cannot be used ({error}); name a certificate as PEM",
+        )
 
 
 def _session(config: Config) -> Iterator[Found]:
-    """What Zenoh itself has against the settings: its session is opened as the gate opens it, at free ports."""
-    network = [e for e in map(parse_endpoint, config.zenoh.listen) if not isinstance(e, str) and e.port]
+    """What Zenoh itself has against the settings: its session is opened as the gate opens it, at
+    free ports."""
+    network = [
+        e for e in map(parse_endpoint, config.zenoh.listen) if not isinstance(e, str) and e.port
+    ]
     if not network:
         return
     free = [f"{e.protocol}/{f'[{e.host}]' if ':' in e.host else e.host}:0" for e in network]
@@ -141,7 +168,8 @@ def _no_socket(path: Path) -> str:
 
 
 def _unwritable(folder: Path) -> str:
-    """Why no file can be made in ``folder``, which a process makes when it is not there; empty when one can."""
+    """Why no file can be made in ``folder``, which a process makes when it is not there; empty when
+    one can."""
     there = folder
     while not there.exists() and there != there.parent:
         there = there.parent

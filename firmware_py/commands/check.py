@@ -1,7 +1,7 @@
 """``orbitd check CONFIG``: everything the device would refuse at start, found before it starts.
 
-All faults at once, each with file, line, key, value, limit and next step.  Exit code 0: good; 1: good, but a model is
-not used; 2: refused.
+All faults at once, each with file, line, key, value, limit and next step.  Exit code 0: good; 1:
+good, but a model is not used; 2: refused.
 """
 
 from __future__ import annotations
@@ -20,10 +20,13 @@ from firmware_py.config.source import shown
 
 
 def main(argv: list[str]) -> int:
-    """Verify the configuration as the processes do, build what they build, and look at what they need around them."""
+    """Verify the configuration as the processes do, build what they build, and look at what they
+    need around them."""
     parser = argparse.ArgumentParser(prog="orbitd check", description=__doc__)
     parser.add_argument("config", type=Path, help="TOML configuration")
-    parser.add_argument("--json", action="store_true", help="the effective configuration, or the faults, as JSON")
+    parser.add_argument(
+        "--json", action="store_true", help="the effective configuration, or the faults, as JSON"
+    )
     options = parser.parse_args(argv)
     try:
         return _check(options.config, options.json)
@@ -36,19 +39,29 @@ def main(argv: list[str]) -> int:
 
 def _check(path: Path, as_json: bool) -> int:
     config, source = launch.verified(path)
-    missing = [source.fault(*found) for found in surroundings(config, launch.folder_of(config), os.environ)]
+    missing = [
+        source.fault(*found) for found in surroundings(config, launch.folder_of(config), os.environ)
+    ]
     if missing:
         raise ConfigError(missing)
     built = build(config)
     low_um, high_um = built.admissible_um
     if as_json:
-        found = {"good": True, "config": config, "admissible_everywhere_um": [low_um, high_um],
-                 "models": _labels(built.models), "refused_models": built.models.refusals}
+        found = {
+            "good": True,
+            "config": config,
+            "admissible_everywhere_um": [low_um, high_um],
+            "models": _labels(built.models),
+            "refused_models": built.models.refusals,
+        }
         print(msgspec.json.encode(found).decode())
     else:
         print(f"{shown(path.name)}: good")
-        print(f"  safe radial clearance {config.actuator.safe_radial_clearance_um:g} um; {low_um:.1f} .. {high_um:.1f}"
-              " um is admissible over the whole declared range")
+        print(
+            f"  safe radial clearance {config.actuator.safe_radial_clearance_um:g} um; "
+            f"{low_um:.1f} .. {high_um:.1f}"
+            " um is admissible over the whole declared range"
+        )
         print("\n".join(f"  model {label}" for label in _labels(built.models)))
         for kind, reason in built.models.refusals.items():
             print(f"  REFUSED {kind}: {reason}")

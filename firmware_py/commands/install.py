@@ -35,7 +35,11 @@ HIDDEN = ("/home/", "/root/", "/run/user/", "/tmp/", "/var/tmp/")
 """What ``ProtectHome=`` and ``PrivateTmp=`` hide from the services."""
 
 RELOAD = ("systemctl", "daemon-reload")
-HOST_STEPS = (("systemd-sysusers", "orbitd.conf"), ("systemd-tmpfiles", "--create", "orbitd.conf"), RELOAD)
+HOST_STEPS = (
+    ("systemd-sysusers", "orbitd.conf"),
+    ("systemd-tmpfiles", "--create", "orbitd.conf"),
+    RELOAD,
+)
 
 
 class InstallError(OrbitdError):
@@ -58,20 +62,40 @@ class Target:
 def main(argv: list[str]) -> int:
     """Install, or remove with ``--remove``."""
     parser = argparse.ArgumentParser(prog="orbitd install", description=__doc__)
-    parser.add_argument("--config", type=Path, default=config.SHIPPED / "bench.toml", metavar="FILE",
-                        help="configuration to install, unless one is there (default: the shipped bench.toml)")
-    parser.add_argument("--prefix", type=Path, default=Path("/"), metavar="DIR",
-                        help="root of the system to install into (default: /)")
-    parser.add_argument("--python", type=Path, default=Path(sys.executable), metavar="FILE",
-                        help="interpreter that runs orbitd there (default: this one)")
-    parser.add_argument("--remove", action="store_true", help="stop and remove the service; configuration, "
-                        "recordings and users stay")
+    parser.add_argument(
+        "--config",
+        type=Path,
+        default=config.SHIPPED / "bench.toml",
+        metavar="FILE",
+        help="configuration to install, unless one is there (default: the shipped bench.toml)",
+    )
+    parser.add_argument(
+        "--prefix",
+        type=Path,
+        default=Path("/"),
+        metavar="DIR",
+        help="root of the system to install into (default: /)",
+    )
+    parser.add_argument(
+        "--python",
+        type=Path,
+        default=Path(sys.executable),
+        metavar="FILE",
+        help="interpreter that runs orbitd there (default: this one)",
+    )
+    parser.add_argument(
+        "--remove",
+        action="store_true",
+        help="stop and remove the service; configuration, recordings and users stay",
+    )
     options = parser.parse_args(argv)
     target = Target(options.prefix, options.python)
     try:
         return _remove(target) if options.remove else _install(target, options.config)
     except OSError as error:
-        raise InstallError(f"cannot write {error.filename}: {error.strerror}; run as root or give --prefix") from error
+        raise InstallError(
+            f"cannot write {error.filename}: {error.strerror}; run as root or give --prefix"
+        ) from error
 
 
 def source_folder() -> Path:
@@ -103,7 +127,10 @@ def _install(target: Target, wanted: Path) -> int:
         place.parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(wanted, place)
     _host_steps(target)
-    print(f"installed under {target.prefix}; configuration {place}{' (kept as it was)' if kept else ''}")
+    print(
+        f"installed under {target.prefix}; configuration "
+        f"{place}{' (kept as it was)' if kept else ''}"
+    )
     print(f"next: orbitd check /{CONFIG} && systemctl enable --now orbitd.target")
     return 0
 
@@ -112,15 +139,18 @@ def _check_python(python: Path) -> None:
     """Refuse an interpreter that the services could not see."""
     for path in (python.absolute(), python.resolve()):
         if str(path).startswith(HIDDEN):
-            raise InstallError(f"python = {path}: the services do not see {', '.join(HIDDEN)}; make the environment "
-                               "elsewhere (python3 -m venv /opt/orbitd) and install from there")
+            raise InstallError(
+                f"python = {path}: the services do not see {', '.join(HIDDEN)}; make the "
+                f"environment "
+                "elsewhere (python3 -m venv /opt/orbitd) and install from there"
+            )
 
 
 def _words(target: Target, source: Path, bus: Bus) -> dict[str, str]:
     """What stands for what in the templates.
 
-    The guard has the last processor for itself where there are two; which ones the machine has is known
-    only on the host itself.
+    The guard has the last processor for itself where there are two; which ones the machine has is
+    known only on the host itself.
     """
     cpus = [str(cpu) for cpu in sorted(os.sched_getaffinity(0))] if target.is_host else []
     apart = len(cpus) > 1
@@ -157,9 +187,13 @@ def _host(*step: str) -> None:
     try:
         done = subprocess.run(step, capture_output=True, text=True, check=False)
     except FileNotFoundError as error:
-        raise InstallError(f"{step[0]} is missing: this host runs no systemd; use `orbitd run`") from error
+        raise InstallError(
+            f"{step[0]} is missing: this host runs no systemd; use `orbitd run`"
+        ) from error
     if done.returncode:
-        raise InstallError(f"{' '.join(step)} failed: {done.stderr.strip()}; the files stay in place")
+        raise InstallError(
+            f"{' '.join(step)} failed: {done.stderr.strip()}; the files stay in place"
+        )
 
 
 def _remove(target: Target) -> int:

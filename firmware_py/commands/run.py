@@ -1,4 +1,5 @@
-"""``orbitd run``: guard, brain and gate together, each in its own process, restarted when it dies."""
+"""``orbitd run``: guard, brain and gate together, each in its own process, restarted when it
+dies."""
 
 from __future__ import annotations
 
@@ -17,7 +18,9 @@ ROOMS = ("guard", "brain", "gate")
 def programs(options: list[str], log_folder: Path) -> list[Program]:
     """The three rooms as programs; ``options`` are passed to each."""
     return [
-        Program(room, (sys.executable, "-m", "firmware_py", room, *options), log_folder / f"{room}.log")
+        Program(
+            room, (sys.executable, "-m", "firmware_py", room, *options), log_folder / f"{room}.log"
+        )
         for room in ROOMS
     ]
 
@@ -29,8 +32,18 @@ def main(argv: list[str]) -> int:
     options = parser.parse_args(argv)
     started = launch.from_options(options)
     device, folder = started.config.device, started.runtime
-    passed = ["--config", str(started.source.path), "--instance", device.instance, "--runtime-dir", str(folder)]
-    print(f"orbitd run: {device.site}/{device.rig}, logs in {folder / 'log'}; Ctrl-C stops", flush=True)
+    passed = [
+        "--config",
+        str(started.source.path),
+        "--instance",
+        device.instance,
+        "--runtime-dir",
+        str(folder),
+    ]
+    print(
+        f"orbitd run: {device.site}/{device.rig}, logs in {folder / 'log'}; Ctrl-C stops",
+        flush=True,
+    )
     return _keep_alive(programs(passed, folder / "log"), folder / "log")
 
 
@@ -52,7 +65,13 @@ def _keep_alive(rooms: list[Program], log_folder: Path) -> int:
 
 def _words(died: Exit, log_folder: Path) -> list[str]:
     """What a person reads of a death: who, how, its last words, and what happens next."""
-    then = "all stop: correct what it says, then start again" if died.restart_in_s is None \
+    then = (
+        "all stop: correct what it says, then start again"
+        if died.restart_in_s is None
         else f"starting it again in {died.restart_in_s:g} s"
-    return [f"orbitd run: {died.name} ended {died.cause} (start {died.starts}); {then}; log: "
-            f"{log_folder / died.name}.log", *(f"    {line}" for line in died.last_words)]
+    )
+    return [
+        f"orbitd run: {died.name} ended {died.cause} (start {died.starts}); {then}; log: "
+        f"{log_folder / died.name}.log",
+        *(f"    {line}" for line in died.last_words),
+    ]

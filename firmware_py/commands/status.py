@@ -28,16 +28,23 @@ def main(argv: list[str]) -> int:
 
 
 def _lines(state: DeviceState) -> list[str]:
-    rooms = ", ".join(f"{room} {'alive' if alive else 'SILENT'}" for room, alive in state.rooms.items())
+    rooms = ", ".join(
+        f"{room} {'alive' if alive else 'SILENT'}" for room, alive in state.rooms.items()
+    )
     lines = [f"{state.site}/{state.rig} ({state.instance}), orbitd {state.version}: {rooms}"]
     if state.guard:
         lines += _guard_lines(state.guard)
     if state.diagnosis:
         doubt = ", in doubt" if state.diagnosis.doubt else ""
-        lines.append(f"diagnosis   {state.diagnosis.verdict} ({100 * state.diagnosis.probability:.0f} %{doubt})")
+        lines.append(
+            f"diagnosis   {state.diagnosis.verdict} ({100 * state.diagnosis.probability:.0f} "
+            f"%{doubt})"
+        )
     if state.forecast:
         power, film = state.forecast.power_W[1], state.forecast.min_film_um[1]
-        lines.append(f"forecast    {power:.0f} W, film {film:.1f} um in {state.forecast.horizon_s:g} s")
+        lines.append(
+            f"forecast    {power:.0f} W, film {film:.1f} um in {state.forecast.horizon_s:g} s"
+        )
     lines += commission.lines(state.commission if state.rooms.get("brain") else None, state.normal)
     alarms = [_alarm(alarm, state.now_ns) for alarm in state.alarms] or ["none"]
     lines += [f"{'alarms' if number == 0 else '':<12}{text}" for number, text in enumerate(alarms)]
@@ -48,21 +55,37 @@ def _lines(state: DeviceState) -> list[str]:
 
 def _alarm(alarm: Alarm, now_ns: int) -> str:
     """One standing alarm: severity, name, since when, and its text or its value."""
-    since = f"for {max(0.0, (now_ns - alarm.since_ns) * 1e-9):.0f} s" if alarm.since_ns else "since before the start"
-    said = f": {alarm.text}" if alarm.text else f": {alarm.value:.3g} (limit {alarm.limit:.3g})" if alarm.limit else ""
+    since = (
+        f"for {max(0.0, (now_ns - alarm.since_ns) * 1e-9):.0f} s"
+        if alarm.since_ns
+        else "since before the start"
+    )
+    said = (
+        f": {alarm.text}"
+        if alarm.text
+        else f": {alarm.value:.3g} (limit {alarm.limit:.3g})"
+        if alarm.limit
+        else ""
+    )
     latched = ", latched" if alarm.latched else ""
     return f"{Severity(alarm.severity).name.lower()} {alarm.name} {since}{latched}{said}"
 
 
 def _guard_lines(guard: GuardState) -> list[str]:
     standing = f"{ArmState(guard.arm_state).name.lower()}, mode {Mode(guard.mode).name.lower()}"
-    authority = "model acts" if guard.authority else f"model does not act: {'; '.join(guard.authority_reasons)}"
+    authority = (
+        "model acts"
+        if guard.authority
+        else f"model does not act: {'; '.join(guard.authority_reasons)}"
+    )
     permit = "granted" if guard.run_permit else f"withheld: {'; '.join(guard.permit_reasons)}"
     x_um, y_um = guard.peak_to_peak_um
     return [
         f"guard       {standing}; {authority}",
         f"run permit  {permit}",
-        f"rotor       {guard.speed_rad_s * RAD_S_TO_RPM:.0f} rpm, orbit {x_um:.1f} x {y_um:.1f} um peak to peak",
-        f"clearance   {guard.clearance_actual_um:.1f} um, target {guard.target_clearance_um:.1f} um, "
+        f"rotor       {guard.speed_rad_s * RAD_S_TO_RPM:.0f} rpm, orbit {x_um:.1f} x {y_um:.1f} um "
+        f"peak to peak",
+        f"clearance   {guard.clearance_actual_um:.1f} um, target {guard.target_clearance_um:.1f} "
+        f"um, "
         f"admissible {guard.clearance_low_um:.1f} .. {guard.clearance_high_um:.1f} um (radial)",
     ]

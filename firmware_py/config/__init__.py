@@ -1,7 +1,8 @@
-"""The device's configuration: one TOML file, typed, with a unit in every name and one place per limit.
+"""The device's configuration: one TOML file, typed, with a unit in every name and one place per
+limit.
 
-:func:`load` reads and verifies it (:mod:`~firmware_py.config.verify`).  Every fault is told at once, each with file,
-line, key, value, limit and next step: :class:`ConfigError`.
+:func:`load` reads and verifies it (:mod:`~firmware_py.config.verify`).  Every fault is told at
+once, each with file, line, key, value, limit and next step: :class:`ConfigError`.
 """
 
 from __future__ import annotations

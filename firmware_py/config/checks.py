@@ -1,7 +1,9 @@
-"""Values that contradict each other: each check yields key, value, and the cause with its limit and the next step.
+"""Values that contradict each other: each check yields key, value, and the cause with its limit and
+the next step.
 
-A check reads what it needs from the configuration; where that has a fault of its own it is left out.  A new one is a
-generator and its name in :data:`RELATED`: all run, and all that they find is told at once.
+A check reads what it needs from the configuration; where that has a fault of its own it is left
+out.  A new one is a generator and its name in :data:`RELATED`: all run, and all that they find is
+told at once.
 """
 
 from __future__ import annotations
@@ -54,10 +56,12 @@ FILM_SHARE_MAX: Final = 0.8
 """Of the narrowest bearing: a film limit above leaves the shaft no place to be."""
 
 RETREAT_MAX_S: Final = 10.0
-"""Time to the safe clearance from anywhere.  The guard looks this far ahead in steps of 0.05 to 0.1 s."""
+"""Time to the safe clearance from anywhere.  The guard looks this far ahead in steps of 0.05 to 0.1
+s."""
 
 FOLLOWING_SHARE_MAX: Final = 0.5
-"""Of the range of the clearance: a following error above is not reached by every actuator that stands still."""
+"""Of the range of the clearance: a following error above is not reached by every actuator that
+stands still."""
 
 UNBALANCE_SHARE_MAX: Final = 10.0
 """Of the largest load: an unbalance force above is no normal unbalance."""
@@ -83,32 +87,55 @@ def _ordered(low_key: str, high_key: str, differ: bool) -> Callable[[Config], It
 def _shape(config: Config) -> Iterator[Found]:
     """Clearances beside the size of the journal."""
     bearing = config.bearing
-    low_um, high_um = (share * bearing.journal_radius_m * 1e6 for share in (CLEARANCE_RATIO_MIN, CLEARANCE_RATIO_MAX))
+    low_um, high_um = (
+        share * bearing.journal_radius_m * 1e6
+        for share in (CLEARANCE_RATIO_MIN, CLEARANCE_RATIO_MAX)
+    )
     if bearing.radial_clearance_min_um < low_um:
-        yield "bearing.radial_clearance_min_um", bearing.radial_clearance_min_um, (
-            f"below {low_um:g} um, {CLEARANCE_RATIO_MIN:g} of bearing.journal_radius_m; widen it")
+        yield (
+            "bearing.radial_clearance_min_um",
+            bearing.radial_clearance_min_um,
+            (f"below {low_um:g} um, {CLEARANCE_RATIO_MIN:g} of bearing.journal_radius_m; widen it"),
+        )
     if bearing.radial_clearance_max_um > high_um:
-        yield "bearing.radial_clearance_max_um", bearing.radial_clearance_max_um, (
-            f"above {high_um:g} um, {CLEARANCE_RATIO_MAX:g} of bearing.journal_radius_m; narrow it")
+        yield (
+            "bearing.radial_clearance_max_um",
+            bearing.radial_clearance_max_um,
+            (
+                f"above {high_um:g} um, {CLEARANCE_RATIO_MAX:g} of bearing.journal_radius_m; "
+                f"narrow it"
+            ),
+        )
 
 
 def _built(config: Config) -> Iterator[Found]:
     """What a lift check may find leaves a bearing."""
     b = config.bearing
-    narrowest_um = b.radial_clearance_min_um + b.radial_clearance_offset_um - b.radial_clearance_error_um
+    narrowest_um = (
+        b.radial_clearance_min_um + b.radial_clearance_offset_um - b.radial_clearance_error_um
+    )
     film_um = config.limits.min_film_um
     if film_um > FILM_SHARE_MAX * narrowest_um:
-        yield "limits.min_film_um", film_um, (
-            f"above {FILM_SHARE_MAX:g} of the narrowest bearing, {narrowest_um:g} um (bearing.radial_clearance_min_um "
-            "+ offset - error); lower it or widen the bearing")
+        yield (
+            "limits.min_film_um",
+            film_um,
+            (
+                f"above {FILM_SHARE_MAX:g} of the narrowest bearing, {narrowest_um:g} um "
+                f"(bearing.radial_clearance_min_um "
+                "+ offset - error); lower it or widen the bearing"
+            ),
+        )
 
 
 def _groove(config: Config) -> Iterator[Found]:
     bearing, area_mm2 = config.bearing, config.feed.groove_area_max_mm2
     projected_mm2 = 2.0 * bearing.journal_radius_m * bearing.length_m * 1e6
     if area_mm2 > projected_mm2:
-        yield "feed.groove_area_max_mm2", area_mm2, (
-            f"above the whole projected bearing, {projected_mm2:g} mm2; lower it")
+        yield (
+            "feed.groove_area_max_mm2",
+            area_mm2,
+            (f"above the whole projected bearing, {projected_mm2:g} mm2; lower it"),
+        )
 
 
 def _oil_node(config: Config) -> Iterator[Found]:
@@ -116,9 +143,15 @@ def _oil_node(config: Config) -> Iterator[Found]:
     capacity, cooling = config.oil.thermal_capacity_J_K, config.oil.cooling_W_K
     low_s, high_s = OIL_NODE_S
     if capacity > 0.0 and not low_s * cooling <= capacity <= high_s * cooling:
-        yield "oil.thermal_capacity_J_K", capacity, (
-            f"its time constant over oil.cooling_W_K = {cooling:g} is outside {low_s:g} .. {high_s:g} s; correct "
-            "one of them, or set 0 for no forecast of the oil")
+        yield (
+            "oil.thermal_capacity_J_K",
+            capacity,
+            (
+                f"its time constant over oil.cooling_W_K = {cooling:g} is outside {low_s:g} .. "
+                f"{high_s:g} s; correct "
+                "one of them, or set 0 for no forecast of the oil"
+            ),
+        )
 
 
 def _displacement(config: Config) -> Iterator[Found]:
@@ -126,9 +159,15 @@ def _displacement(config: Config) -> Iterator[Found]:
     limit_um = config.limits.displacement_danger_um
     diametral_um = 2.0 * config.bearing.radial_clearance_nominal_um
     if limit_um > DIAMETRAL_SHARE_MAX * diametral_um:
-        yield "limits.displacement_danger_um", limit_um, (
-            f"above {DIAMETRAL_SHARE_MAX:g} x diametral clearance ({diametral_um:g} um); lower it or set "
-            "bearing.radial_clearance_nominal_um")
+        yield (
+            "limits.displacement_danger_um",
+            limit_um,
+            (
+                f"above {DIAMETRAL_SHARE_MAX:g} x diametral clearance ({diametral_um:g} um); lower "
+                f"it or set "
+                "bearing.radial_clearance_nominal_um"
+            ),
+        )
 
 
 def _speed_high(config: Config) -> Iterator[Found]:
@@ -136,9 +175,15 @@ def _speed_high(config: Config) -> Iterator[Found]:
     limit_rpm = config.limits.speed_high_rpm
     low_rpm, high_rpm = (share * config.operating.speed_max_rpm for share in SPEED_HIGH_SHARES)
     if limit_rpm and not low_rpm <= limit_rpm <= high_rpm:
-        yield "limits.speed_high_rpm", limit_rpm, (
-            f"outside {low_rpm:g} .. {high_rpm:g} rpm, {SPEED_HIGH_SHARES[0]:g} to {SPEED_HIGH_SHARES[1]:g} of "
-            "operating.speed_max_rpm; choose one inside, or 0 for 1.1")
+        yield (
+            "limits.speed_high_rpm",
+            limit_rpm,
+            (
+                f"outside {low_rpm:g} .. {high_rpm:g} rpm, {SPEED_HIGH_SHARES[0]:g} to "
+                f"{SPEED_HIGH_SHARES[1]:g} of "
+                "operating.speed_max_rpm; choose one inside, or 0 for 1.1"
+            ),
+        )
 
 
 def _retreat(config: Config) -> Iterator[Found]:
@@ -147,9 +192,15 @@ def _retreat(config: Config) -> Iterator[Found]:
     safe_um = a.safe_radial_clearance_um
     way_um = max(b.radial_clearance_max_um - safe_um, safe_um - b.radial_clearance_min_um)
     if way_um > RETREAT_MAX_S * a.rate_um_s:
-        yield "actuator.rate_um_s", a.rate_um_s, (
-            f"{way_um:g} um to the safe clearance take {way_um / a.rate_um_s:.3g} s, at most {RETREAT_MAX_S:g}; narrow "
-            "bearing.radial_clearance_min_um .. max_um or take a faster actuator")
+        yield (
+            "actuator.rate_um_s",
+            a.rate_um_s,
+            (
+                f"{way_um:g} um to the safe clearance take {way_um / a.rate_um_s:.3g} s, at most "
+                f"{RETREAT_MAX_S:g}; narrow "
+                "bearing.radial_clearance_min_um .. max_um or take a faster actuator"
+            ),
+        )
 
 
 def _following(config: Config) -> Iterator[Found]:
@@ -157,17 +208,35 @@ def _following(config: Config) -> Iterator[Found]:
     a, b, feed = config.actuator, config.bearing, config.feed
     most_um = FOLLOWING_SHARE_MAX * (b.radial_clearance_max_um - b.radial_clearance_min_um)
     if a.following_error_um > most_um:
-        yield "actuator.following_error_um", a.following_error_um, (
-            f"above {most_um:g} um, {FOLLOWING_SHARE_MAX:g} of the bearing's range, an actuator that stands still is "
-            "hardly further off; lower it")
+        yield (
+            "actuator.following_error_um",
+            a.following_error_um,
+            (
+                f"above {most_um:g} um, {FOLLOWING_SHARE_MAX:g} of the bearing's range, an "
+                f"actuator that stands still is "
+                "hardly further off; lower it"
+            ),
+        )
     if a.following_error_bar > feed.pressure_min_bar:
-        yield "actuator.following_error_bar", a.following_error_bar, (
-            f"above feed.pressure_min_bar ({feed.pressure_min_bar:g}), a supply that has failed is off by no more; "
-            "lower it")
+        yield (
+            "actuator.following_error_bar",
+            a.following_error_bar,
+            (
+                f"above feed.pressure_min_bar ({feed.pressure_min_bar:g}), a supply that has "
+                f"failed is off by no more; "
+                "lower it"
+            ),
+        )
     most = 30_000 // a.command_period_ms
     if a.reversals_per_minute_max > most:
-        yield "actuator.reversals_per_minute_max", a.reversals_per_minute_max, (
-            f"above {most}, half of the commands of a minute (actuator.command_period_ms); lower it")
+        yield (
+            "actuator.reversals_per_minute_max",
+            a.reversals_per_minute_max,
+            (
+                f"above {most}, half of the commands of a minute (actuator.command_period_ms); "
+                f"lower it"
+            ),
+        )
 
 
 def _unbalance(config: Config) -> Iterator[Found]:
@@ -175,9 +244,15 @@ def _unbalance(config: Config) -> Iterator[Found]:
     w = o.speed_max_rpm * pi / 30.0
     force_N, most_N = rotor.unbalance_normal_kg_m * w * w, UNBALANCE_SHARE_MAX * o.load_max_N
     if force_N > most_N:
-        yield "rotor.unbalance_normal_kg_m", rotor.unbalance_normal_kg_m, (
-            f"turns with {force_N:.3g} N at operating.speed_max_rpm, more than {UNBALANCE_SHARE_MAX:g} times "
-            f"load_max_N ({most_N:.3g} N); balance the rotor or lower the speed")
+        yield (
+            "rotor.unbalance_normal_kg_m",
+            rotor.unbalance_normal_kg_m,
+            (
+                f"turns with {force_N:.3g} N at operating.speed_max_rpm, more than "
+                f"{UNBALANCE_SHARE_MAX:g} times "
+                f"load_max_N ({most_N:.3g} N); balance the rotor or lower the speed"
+            ),
+        )
 
 
 def _windage(config: Config) -> Iterator[Found]:
@@ -185,8 +260,14 @@ def _windage(config: Config) -> Iterator[Found]:
     w = config.operating.speed_max_rpm * pi / 30.0
     power_W = config.rotor.windage_W_s3 * w * w * w
     if power_W > WINDAGE_MAX_W:
-        yield "rotor.windage_W_s3", config.rotor.windage_W_s3, (
-            f"{power_W:.3g} W at operating.speed_max_rpm, at most {WINDAGE_MAX_W:g}; correct its unit")
+        yield (
+            "rotor.windage_W_s3",
+            config.rotor.windage_W_s3,
+            (
+                f"{power_W:.3g} W at operating.speed_max_rpm, at most {WINDAGE_MAX_W:g}; correct "
+                f"its unit"
+            ),
+        )
 
 
 RELATED: Final[tuple[Callable[[Any], Iterator[Found]], ...]] = (

@@ -1,4 +1,5 @@
-"""Times that do not fit together, and sampling that the link or a turn of the shaft has no room for."""
+"""Times that do not fit together, and sampling that the link or a turn of the shaft has no room
+for."""
 
 from __future__ import annotations
 
@@ -22,7 +23,8 @@ SAMPLES_PER_TURN_MIN: Final = 10
 """With ten samples a turn a peak-to-peak reads 5 % low at worst."""
 
 BLOCK_S: Final = (0.002, 0.05)
-"""Protection judges once a block: often enough beside its window of 0.1 s, and no more than every other cycle."""
+"""Protection judges once a block: often enough beside its window of 0.1 s, and no more than every
+other cycle."""
 
 WINDOW_BLOCKS_MAX: Final = 250
 """Blocks of the longest window of protection, all of which it goes through at each block."""
@@ -40,9 +42,15 @@ INTERFACE_NAME_MAX: Final = 15
 def _commands(config: Config) -> Iterator[Found]:
     actuator = config.actuator
     if actuator.command_period_ms * FRAMES_LOST > actuator.time_to_live_ms:
-        yield "actuator.command_period_ms", actuator.command_period_ms, (
-            f"more than a third of time_to_live_ms ({actuator.time_to_live_ms}): two lost frames would expire the "
-            "command; shorten it")
+        yield (
+            "actuator.command_period_ms",
+            actuator.command_period_ms,
+            (
+                f"more than a third of time_to_live_ms ({actuator.time_to_live_ms}): two lost "
+                f"frames would expire the "
+                "command; shorten it"
+            ),
+        )
 
 
 def _freshness(config: Config) -> Iterator[Found]:
@@ -50,32 +58,54 @@ def _freshness(config: Config) -> Iterator[Found]:
     fresh_ms, actuator = config.sampling.fresh_age_ms, config.actuator
     most_ms = actuator.time_to_live_ms - actuator.command_period_ms
     if fresh_ms > most_ms:
-        yield "sampling.fresh_age_ms", fresh_ms, (
-            f"above {most_ms} ms, actuator.time_to_live_ms less command_period_ms: the node would refuse commands that "
-            "rest on such samples; shorten it")
+        yield (
+            "sampling.fresh_age_ms",
+            fresh_ms,
+            (
+                f"above {most_ms} ms, actuator.time_to_live_ms less command_period_ms: the node "
+                f"would refuse commands that "
+                "rest on such samples; shorten it"
+            ),
+        )
 
 
 def _frames(config: Config) -> Iterator[Found]:
     fresh_ms = config.sampling.fresh_age_ms
     least_ms = FRESH_FRAMES_MIN * INSTANTS_PER_FRAME * 1e3 / config.sampling.rate_hz
     if fresh_ms < least_ms:
-        yield "sampling.fresh_age_ms", fresh_ms, (
-            f"below {least_ms:g} ms, {FRESH_FRAMES_MIN} frames at sampling.rate_hz = {config.sampling.rate_hz}: "
-            "samples would never be fresh for long; lengthen it or raise the rate")
+        yield (
+            "sampling.fresh_age_ms",
+            fresh_ms,
+            (
+                f"below {least_ms:g} ms, {FRESH_FRAMES_MIN} frames at sampling.rate_hz = "
+                f"{config.sampling.rate_hz}: "
+                "samples would never be fresh for long; lengthen it or raise the rate"
+            ),
+        )
 
 
 def _period(config: Config) -> Iterator[Found]:
     if 1_000_000 % config.sampling.rate_hz:
-        yield "sampling.rate_hz", config.sampling.rate_hz, "its period is no whole number of us; use 5000 or 10000"
+        yield (
+            "sampling.rate_hz",
+            config.sampling.rate_hz,
+            "its period is no whole number of us; use 5000 or 10000",
+        )
 
 
 def _turns(config: Config) -> Iterator[Found]:
     rate_hz, fastest_rpm = config.sampling.rate_hz, config.operating.speed_max_rpm
     least_hz = SAMPLES_PER_TURN_MIN * fastest_rpm / 60.0
     if rate_hz < least_hz:
-        yield "sampling.rate_hz", rate_hz, (
-            f"below {least_hz:g}, {SAMPLES_PER_TURN_MIN} samples a turn at operating.speed_max_rpm = {fastest_rpm:g}; "
-            "raise it or lower the speed")
+        yield (
+            "sampling.rate_hz",
+            rate_hz,
+            (
+                f"below {least_hz:g}, {SAMPLES_PER_TURN_MIN} samples a turn at "
+                f"operating.speed_max_rpm = {fastest_rpm:g}; "
+                "raise it or lower the speed"
+            ),
+        )
 
 
 def _blocks(config: Config) -> Iterator[Found]:
@@ -84,19 +114,35 @@ def _blocks(config: Config) -> Iterator[Found]:
     low_s, high_s = BLOCK_S
     if not low_s <= block_s <= high_s:
         step = "raise it" if block_s < low_s else "lower it"
-        yield "sampling.frames_per_block", sampling.frames_per_block, (
-            f"a block of {block_s * 1e3:g} ms, allowed {low_s * 1e3:g} .. {high_s * 1e3:g} ms; {step}")
+        yield (
+            "sampling.frames_per_block",
+            sampling.frames_per_block,
+            (
+                f"a block of {block_s * 1e3:g} ms, allowed {low_s * 1e3:g} .. {high_s * 1e3:g} ms; "
+                f"{step}"
+            ),
+        )
     blocks = 60.0 / config.limits.min_speed_rpm / block_s
     if blocks > WINDOW_BLOCKS_MAX:
-        yield "limits.min_speed_rpm", config.limits.min_speed_rpm, (
-            f"a turn of {blocks:.0f} blocks, at most {WINDOW_BLOCKS_MAX}; raise it or sampling.frames_per_block")
+        yield (
+            "limits.min_speed_rpm",
+            config.limits.min_speed_rpm,
+            (
+                f"a turn of {blocks:.0f} blocks, at most {WINDOW_BLOCKS_MAX}; raise it or "
+                f"sampling.frames_per_block"
+            ),
+        )
 
 
 def _link(config: Config) -> Iterator[Found]:
     """Names of the port and the interface."""
     bus = config.bus
     if bus.link == "serial" and not bus.serial_port:
-        yield "bus.serial_port", '""', 'empty with link = "serial"; name the port, e.g. "/dev/ttyUSB0"'
+        yield (
+            "bus.serial_port",
+            '""',
+            'empty with link = "serial"; name the port, e.g. "/dev/ttyUSB0"',
+        )
     if bus.link == "can" and bus.interface == "socketcan" and len(bus.channel) > INTERFACE_NAME_MAX:
         cause = f"longer than {INTERFACE_NAME_MAX} characters; name a CAN interface, e.g. can0"
         yield "bus.channel", bus.channel, cause
@@ -110,24 +156,37 @@ def _capacity(config: Config) -> Iterator[Found]:
         needed = frames_s * SERIAL_BYTES_PER_SAMPLE_FRAME + SERIAL_OVERHEAD_BYTES_S
         room = bus.serial_baud / 10 * 0.95
         if needed > room:
-            yield "sampling.rate_hz", rate_hz, (
-                f"needs {frames_s:.0f} packets/s x {SERIAL_BYTES_PER_SAMPLE_FRAME} bytes + "
-                f"{SERIAL_OVERHEAD_BYTES_S} = {needed:.0f} bytes/s, but {bus.serial_baud} baud carries {room:.0f} "
-                "(10 bits a byte, 95 %); lower the rate or raise bus.serial_baud")
+            yield (
+                "sampling.rate_hz",
+                rate_hz,
+                (
+                    f"needs {frames_s:.0f} packets/s x {SERIAL_BYTES_PER_SAMPLE_FRAME} bytes + "
+                    f"{SERIAL_OVERHEAD_BYTES_S} = {needed:.0f} bytes/s, but {bus.serial_baud} baud "
+                    f"carries {room:.0f} "
+                    "(10 bits a byte, 95 %); lower the rate or raise bus.serial_baud"
+                ),
+            )
         return
     load = frames_s * can_frame_seconds(bus.nominal_bitrate, bus.data_bitrate)
     if load > BUS_LOAD_LIMIT:
-        yield "sampling.rate_hz", rate_hz, (
-            f"{frames_s:.0f} CAN FD frames/s of 64 bytes take {100 * load:.0f} % of a bus at "
-            f"{bus.nominal_bitrate}/{bus.data_bitrate} bit/s (limit {100 * BUS_LOAD_LIMIT:.0f} %); lower the rate or "
-            "raise bus.data_bitrate")
+        yield (
+            "sampling.rate_hz",
+            rate_hz,
+            (
+                f"{frames_s:.0f} CAN FD frames/s of 64 bytes take {100 * load:.0f} % of a bus at "
+                f"{bus.nominal_bitrate}/{bus.data_bitrate} bit/s (limit {100 * BUS_LOAD_LIMIT:.0f} "
+                f"%); lower the rate or "
+                "raise bus.data_bitrate"
+            ),
+        )
 
 
 def can_frame_seconds(nominal_bitrate: int, data_bitrate: int) -> float:
     """Longest time of one 64-byte CAN FD frame with an 11-bit identifier, stuff bits included.
 
-    ISO 11898-1: 30 bits at the nominal rate (start, identifier, flags, acknowledge, end, interframe) and
-    5 + 512 + 28 at the data rate (flags, length, data, counted CRC); one stuff bit in five at worst.
+    ISO 11898-1: 30 bits at the nominal rate (start, identifier, flags, acknowledge, end,
+    interframe) and 5 + 512 + 28 at the data rate (flags, length, data, counted CRC); one stuff bit
+    in five at worst.
     """
     nominal_bits, data_bits, stuffing = 30, 5 + 64 * 8 + 28, 1.2
     return stuffing * (nominal_bits / nominal_bitrate + data_bits / data_bitrate)

@@ -1,4 +1,5 @@
-"""Channels that are not the eight of the wire, cannot be read, or cannot show what protection watches."""
+"""Channels that are not the eight of the wire, cannot be read, or cannot show what protection
+watches."""
 
 from __future__ import annotations
 
@@ -17,16 +18,19 @@ WIRE_SCALES: Final = (1e-8, 1e-8, 1e-2, 1e-2, 1e-2, 1e-3, 1e-3, 1e-4)
 """Unit per count of each channel in ``orbitd.dbc``."""
 
 SCALE_FACTOR_MAX: Final = 10.0
-"""A calibrated scale differs from the wire's by some per cent; by more than this it is in another unit."""
+"""A calibrated scale differs from the wire's by some per cent; by more than this it is in another
+unit."""
 
 RAIL_COUNTS: Final = 32_500
-"""The counts of a channel end at 32767: an OK range beyond this never tells a sensor at its rail."""
+"""The counts of a channel end at 32767: an OK range beyond this never tells a sensor at its
+rail."""
 
 OK_COUNTS_MIN: Final = 1000
 """An OK range of fewer counts resolves nothing."""
 
 PROBES_APART_DEG: Final = 30.0
-"""Nearer probes double the error of one direction in the other; at one angle there is no second direction."""
+"""Nearer probes double the error of one direction in the other; at one angle there is no second
+direction."""
 
 READABLE_SHARE: Final = 0.8
 """Of what a channel can show: a danger limit above is reached only where the signal clips."""
@@ -40,26 +44,44 @@ DISPLACEMENTS, ACCELERATIONS, SUPPLY_PRESSURE, CONTACT = (0, 1), (2, 3, 4), 6, 7
 def _names(config: Config) -> Iterator[Found]:
     names = [channel.name for channel in config.channel]
     if names != list(CHANNELS):
-        yield "channel", ", ".join(names), f"must be exactly {', '.join(CHANNELS)}, in this order; correct the names"
+        yield (
+            "channel",
+            ", ".join(names),
+            f"must be exactly {', '.join(CHANNELS)}, in this order; correct the names",
+        )
 
 
 def _units(config: Config) -> Iterator[Found]:
     for i, (channel, unit) in enumerate(zip(config.channel, UNITS, strict=False)):
         if channel.unit != unit:
-            yield f"channel[{i}].unit", channel.unit, f"the wire carries {unit}; write {unit}, and scale in {unit}"
+            yield (
+                f"channel[{i}].unit",
+                channel.unit,
+                f"the wire carries {unit}; write {unit}, and scale in {unit}",
+            )
 
 
 def _scales(config: Config) -> Iterator[Found]:
     for i, (channel, scale) in enumerate(zip(config.channel, WIRE_SCALES, strict=False)):
         low, high = scale / SCALE_FACTOR_MAX, scale * SCALE_FACTOR_MAX
         if not low <= abs(channel.scale) <= high:
-            yield f"channel[{i}].scale", channel.scale, (
-                f"outside {low:g} .. {high:g} {UNITS[i]} a count, the wire has {scale:g}; correct its unit")
+            yield (
+                f"channel[{i}].scale",
+                channel.scale,
+                (
+                    f"outside {low:g} .. {high:g} {UNITS[i]} a count, the wire has {scale:g}; "
+                    f"correct its unit"
+                ),
+            )
 
 
 def _ok_range(i: int, channel: Channel) -> Iterator[Found]:
     if channel.ok_low >= channel.ok_high:
-        yield f"channel[{i}].ok_low", channel.ok_low, f"not below ok_high ({channel.ok_high:g}); lower it"
+        yield (
+            f"channel[{i}].ok_low",
+            channel.ok_low,
+            f"not below ok_high ({channel.ok_high:g}); lower it",
+        )
         return
     if not channel.scale:
         return
@@ -67,12 +89,24 @@ def _ok_range(i: int, channel: Channel) -> Iterator[Found]:
         counts = (value - channel.offset) / channel.scale
         if abs(counts) > RAIL_COUNTS:
             end = RAIL_COUNTS * abs(channel.scale)
-            yield f"channel[{i}].{key}", value, (
-                f"{counts:.6g} counts, the channel reads up to {RAIL_COUNTS} ({channel.offset - end:g} .. "
-                f"{channel.offset + end:g}); narrow the range")
+            yield (
+                f"channel[{i}].{key}",
+                value,
+                (
+                    f"{counts:.6g} counts, the channel reads up to {RAIL_COUNTS} "
+                    f"({channel.offset - end:g} .. "
+                    f"{channel.offset + end:g}); narrow the range"
+                ),
+            )
     if channel.ok_high - channel.ok_low < OK_COUNTS_MIN * abs(channel.scale):
-        yield f"channel[{i}].ok_high", channel.ok_high, (
-            f"less than {OK_COUNTS_MIN} counts above ok_low ({channel.ok_low:g}); widen the range")
+        yield (
+            f"channel[{i}].ok_high",
+            channel.ok_high,
+            (
+                f"less than {OK_COUNTS_MIN} counts above ok_low ({channel.ok_low:g}); widen the "
+                f"range"
+            ),
+        )
 
 
 def _ok_ranges(config: Config) -> Iterator[Found]:
@@ -85,9 +119,15 @@ def _probes(config: Config) -> Iterator[Found]:
         return
     first, second = (config.channel[i].angle_deg for i in DISPLACEMENTS)
     if abs(sin(radians(second - first))) < sin(radians(PROBES_APART_DEG)) - 1e-9:
-        yield "channel[1].angle_deg", second, (
-            f"less than {PROBES_APART_DEG:g} degrees from the axis of channel[0].angle_deg = {first:g}; mount the "
-            "probes 90 degrees apart")
+        yield (
+            "channel[1].angle_deg",
+            second,
+            (
+                f"less than {PROBES_APART_DEG:g} degrees from the axis of channel[0].angle_deg = "
+                f"{first:g}; mount the "
+                "probes 90 degrees apart"
+            ),
+        )
 
 
 def _displacement_seen(config: Config) -> Iterator[Found]:
@@ -97,14 +137,27 @@ def _displacement_seen(config: Config) -> Iterator[Found]:
     for i, channel in enumerate(config.channel[: DISPLACEMENTS[1] + 1]):
         reach_m = min(channel.ok_high, -channel.ok_low)
         if reach_m < widest_m:
-            yield f"channel[{i}].ok_high", channel.ok_high, (
-                f"the shaft may stand {widest_m * 1e6:g} um off (bearing.radial_clearance_max_um), OK are "
-                f"{channel.ok_low * 1e6:g} .. {channel.ok_high * 1e6:g} um; widen ok_low .. ok_high")
+            yield (
+                f"channel[{i}].ok_high",
+                channel.ok_high,
+                (
+                    f"the shaft may stand {widest_m * 1e6:g} um off "
+                    f"(bearing.radial_clearance_max_um), OK are "
+                    f"{channel.ok_low * 1e6:g} .. {channel.ok_high * 1e6:g} um; widen ok_low .. "
+                    f"ok_high"
+                ),
+            )
         span_um = READABLE_SHARE * (channel.ok_high - channel.ok_low) * 1e6
         if danger_um > span_um:
-            yield "limits.displacement_danger_um", danger_um, (
-                f"above {span_um:g} um peak-to-peak, {READABLE_SHARE:g} of what {channel.name} can read; lower it or "
-                f"widen channel[{i}].ok_low .. ok_high")
+            yield (
+                "limits.displacement_danger_um",
+                danger_um,
+                (
+                    f"above {span_um:g} um peak-to-peak, {READABLE_SHARE:g} of what {channel.name} "
+                    f"can read; lower it or "
+                    f"widen channel[{i}].ok_low .. ok_high"
+                ),
+            )
 
 
 def _acceleration_seen(config: Config) -> Iterator[Found]:
@@ -113,9 +166,15 @@ def _acceleration_seen(config: Config) -> Iterator[Found]:
         for channel in config.channel[i : i + 1]:
             most = min(channel.ok_high, -channel.ok_low) / CREST_FACTOR
             if danger > most:
-                yield "limits.acceleration_danger_m_s2", danger, (
-                    f"above {most:g} m/s2 rms: its peaks (crest factor {CREST_FACTOR:g}) go beyond what {channel.name} "
-                    f"can read; lower it or widen channel[{i}].ok_low .. ok_high")
+                yield (
+                    "limits.acceleration_danger_m_s2",
+                    danger,
+                    (
+                        f"above {most:g} m/s2 rms: its peaks (crest factor {CREST_FACTOR:g}) go "
+                        f"beyond what {channel.name} "
+                        f"can read; lower it or widen channel[{i}].ok_low .. ok_high"
+                    ),
+                )
 
 
 def _slow_channels_seen(config: Config) -> Iterator[Found]:
@@ -127,9 +186,15 @@ def _slow_channels_seen(config: Config) -> Iterator[Found]:
     for i, low, high, words in wanted:
         for channel in config.channel[i : i + 1]:
             if not channel.ok_low <= low <= high <= channel.ok_high:
-                yield f"channel[{i}].ok_high", channel.ok_high, (
-                    f"OK are {channel.ok_low:g} .. {channel.ok_high:g} {channel.unit}, not all of {words}, {low:g} .. "
-                    f"{high:g}; widen the range")
+                yield (
+                    f"channel[{i}].ok_high",
+                    channel.ok_high,
+                    (
+                        f"OK are {channel.ok_low:g} .. {channel.ok_high:g} {channel.unit}, not all "
+                        f"of {words}, {low:g} .. "
+                        f"{high:g}; widen the range"
+                    ),
+                )
 
 
 CHANNEL_CHECKS: Final = (

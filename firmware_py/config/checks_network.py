@@ -53,7 +53,9 @@ class Address(NamedTuple):
         """Whether one process cannot listen at both."""
         if self.port != other.port or (self.protocol in DATAGRAM) != (other.protocol in DATAGRAM):
             return False
-        return self.ip == other.ip or any(each.ip is not None and each.ip.is_unspecified for each in (self, other))
+        return self.ip == other.ip or any(
+            each.ip is not None and each.ip.is_unspecified for each in (self, other)
+        )
 
 
 def parse_endpoint(text: str) -> Address | str:
@@ -65,7 +67,11 @@ def parse_endpoint(text: str) -> Address | str:
         return "carries options (? or #) that the device sets itself; remove them"
     if protocol == LOCAL:
         good = rest.startswith("/") and len(rest) <= SOCKET_PATH_MAX
-        return Address(protocol, rest, 0) if good else f"no absolute path of at most {SOCKET_PATH_MAX}; correct it"
+        return (
+            Address(protocol, rest, 0)
+            if good
+            else f"no absolute path of at most {SOCKET_PATH_MAX}; correct it"
+        )
     host, colon, port = rest.rpartition(":")
     if not colon or not re.match(r"^[0-9]{1,5}\Z", port) or not 0 < int(port) <= 65535:
         return "no port of 1 .. 65535; write HOST:PORT"
@@ -93,11 +99,21 @@ def _endpoints(config: Config) -> Iterator[Found]:
             if isinstance(parsed, str):
                 yield key, text, parsed
             elif parsed.protocol in PLAIN and not parsed.loopback and not zenoh.insecure_network:
-                yield key, text, (
-                    "without TLS beyond this machine, whoever is on the network reads along; use tls/, or set "
-                    "zenoh.insecure_network = true")
+                yield (
+                    key,
+                    text,
+                    (
+                        "without TLS beyond this machine, whoever is on the network reads along; "
+                        "use tls/, or set "
+                        "zenoh.insecure_network = true"
+                    ),
+                )
             elif name == "listen" and parsed.protocol != LOCAL and parsed.ip is None:
-                yield key, text, "a name; write the address of this machine at which to listen, 0.0.0.0 for all"
+                yield (
+                    key,
+                    text,
+                    "a name; write the address of this machine at which to listen, 0.0.0.0 for all",
+                )
 
 
 def _ports(config: Config) -> Iterator[Found]:
@@ -115,35 +131,58 @@ def _ports(config: Config) -> Iterator[Found]:
 
 def _certificates(config: Config) -> Iterator[Found]:
     zenoh = config.zenoh
-    files = {"tls_root_ca": zenoh.tls_root_ca, "tls_certificate": zenoh.tls_certificate,
-             "tls_private_key": zenoh.tls_private_key}
+    files = {
+        "tls_root_ca": zenoh.tls_root_ca,
+        "tls_certificate": zenoh.tls_certificate,
+        "tls_private_key": zenoh.tls_private_key,
+    }
     secure = [e for e in (*zenoh.listen, *zenoh.connect) if e.partition("/")[0] in SECURE]
     if not secure and not any(files.values()):
         return
     for name, path in files.items():
         if not path:
-            yield f"zenoh.{name}", '""', "TLS needs tls_root_ca, tls_certificate and tls_private_key; name the file"
+            yield (
+                f"zenoh.{name}",
+                '""',
+                "TLS needs tls_root_ca, tls_certificate and tls_private_key; name the file",
+            )
 
 
 def _keys(config: Config) -> Iterator[Found]:
     models = config.models
     if models.directory and not models.public_keys:
-        yield "models.public_keys", "[]", (
-            "models of models.directory must be signed by one of these; add the key, `openssl pkey -pubout`")
+        yield (
+            "models.public_keys",
+            "[]",
+            (
+                "models of models.directory must be signed by one of these; add the key, `openssl "
+                "pkey -pubout`"
+            ),
+        )
     for i, text in enumerate(models.public_keys):
         try:
             data = base64.b64decode(text, validate=True)
         except binascii.Error:
             data = b""
         if not data.startswith(ED25519_PREFIX) or len(data) != len(ED25519_PREFIX) + 32:
-            yield f"models.public_keys[{i}]", text, (
-                "not the base64 of an Ed25519 public key; take the middle line of `openssl pkey -pubout`")
+            yield (
+                f"models.public_keys[{i}]",
+                text,
+                (
+                    "not the base64 of an Ed25519 public key; take the middle line of `openssl "
+                    "pkey -pubout`"
+                ),
+            )
 
 
 def _port(config: Config) -> Iterator[Found]:
     port = config.metrics.port
     if 0 < port < FREE_PORT_MIN:
-        yield "metrics.port", port, f"below {FREE_PORT_MIN}, where only root may serve; raise it, or 0 for none"
+        yield (
+            "metrics.port",
+            port,
+            f"below {FREE_PORT_MIN}, where only root may serve; raise it, or 0 for none",
+        )
 
 
 NETWORK_CHECKS: Final = (_endpoints, _ports, _certificates, _keys, _port)

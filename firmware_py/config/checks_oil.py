@@ -1,4 +1,5 @@
-"""Limits of the oil and ranges of the slow readings: within what is declared, and within what can be read."""
+"""Limits of the oil and ranges of the slow readings: within what is declared, and within what can
+be read."""
 
 from __future__ import annotations
 
@@ -16,44 +17,86 @@ def _pressure(config: Config) -> Iterator[Found]:
     """Limits of low supply pressure, as set or as they follow from the feed."""
     alert_bar, danger_bar = config.oil_pressure_limits_bar
     if danger_bar >= alert_bar > 0.0:
-        yield "limits.oil_pressure_low_danger_bar", danger_bar, (
-            f"not below oil_pressure_low_alert_bar ({alert_bar:g}); lower it")
+        yield (
+            "limits.oil_pressure_low_danger_bar",
+            danger_bar,
+            (f"not below oil_pressure_low_alert_bar ({alert_bar:g}); lower it"),
+        )
     if danger_bar < PRESSURE_SEEN_BAR:
-        yield "limits.oil_pressure_low_danger_bar", danger_bar, (
-            f"below {PRESSURE_SEEN_BAR:g} bar, a supply that has failed does not show less; raise it, and "
-            "feed.pressure_min_bar above it")
+        yield (
+            "limits.oil_pressure_low_danger_bar",
+            danger_bar,
+            (
+                f"below {PRESSURE_SEEN_BAR:g} bar, a supply that has failed does not show less; "
+                f"raise it, and "
+                "feed.pressure_min_bar above it"
+            ),
+        )
     if alert_bar > config.feed.pressure_min_bar:
-        yield "limits.oil_pressure_low_alert_bar", alert_bar, (
-            f"above feed.pressure_min_bar ({config.feed.pressure_min_bar:g}), which may be commanded; lower it")
+        yield (
+            "limits.oil_pressure_low_alert_bar",
+            alert_bar,
+            (
+                f"above feed.pressure_min_bar ({config.feed.pressure_min_bar:g}), which may be "
+                f"commanded; lower it"
+            ),
+        )
 
 
 def _outlet(config: Config) -> Iterator[Found]:
     """Limits of a hot outlet, as set or as they follow from the film."""
     oil, (alert_C, danger_C) = config.oil, config.oil_outlet_limits_C
     if alert_C >= danger_C:
-        yield "limits.oil_outlet_high_alert_C", alert_C, (
-            f"not below oil_outlet_high_danger_C ({danger_C:g}); lower it")
+        yield (
+            "limits.oil_outlet_high_alert_C",
+            alert_C,
+            (f"not below oil_outlet_high_danger_C ({danger_C:g}); lower it"),
+        )
     if alert_C < oil.inlet_max_C:
-        yield "limits.oil_outlet_high_alert_C", alert_C, (
-            f"below oil.inlet_max_C ({oil.inlet_max_C:g}): oil as declared would alarm; raise it")
+        yield (
+            "limits.oil_outlet_high_alert_C",
+            alert_C,
+            (f"below oil.inlet_max_C ({oil.inlet_max_C:g}): oil as declared would alarm; raise it"),
+        )
     if alert_C > oil.film_max_C:
-        yield "limits.oil_outlet_high_alert_C", alert_C, (
-            f"above oil.film_max_C ({oil.film_max_C:g}), up to which the film is proven; lower it")
+        yield (
+            "limits.oil_outlet_high_alert_C",
+            alert_C,
+            (
+                f"above oil.film_max_C ({oil.film_max_C:g}), up to which the film is proven; "
+                f"lower it"
+            ),
+        )
     if danger_C >= config.readings.oil_outlet_max_C:
-        yield "readings.oil_outlet_max_C", config.readings.oil_outlet_max_C, (
-            f"not above limits.oil_outlet_high_danger_C ({danger_C:g}), which could not be read; raise it")
+        yield (
+            "readings.oil_outlet_max_C",
+            config.readings.oil_outlet_max_C,
+            (
+                f"not above limits.oil_outlet_high_danger_C ({danger_C:g}), which could not be "
+                f"read; raise it"
+            ),
+        )
 
 
 def _readings(config: Config) -> Iterator[Found]:
     """Ranges that would refuse what is declared."""
     readings, oil, feed = config.readings, config.oil, config.feed
     if readings.oil_outlet_min_C >= oil.inlet_min_C:
-        yield "readings.oil_outlet_min_C", readings.oil_outlet_min_C, (
-            f"not below oil.inlet_min_C ({oil.inlet_min_C:g}); lower it")
+        yield (
+            "readings.oil_outlet_min_C",
+            readings.oil_outlet_min_C,
+            (f"not below oil.inlet_min_C ({oil.inlet_min_C:g}); lower it"),
+        )
     most_bar = readings.pressure_max_bar
     if 0.0 < most_bar <= feed.pressure_max_bar:
-        yield "readings.pressure_max_bar", most_bar, (
-            f"not above feed.pressure_max_bar ({feed.pressure_max_bar:g}), which may be commanded; raise it")
+        yield (
+            "readings.pressure_max_bar",
+            most_bar,
+            (
+                f"not above feed.pressure_max_bar ({feed.pressure_max_bar:g}), which may be "
+                f"commanded; raise it"
+            ),
+        )
 
 
 OIL_CHECKS: Final[tuple[Callable[[Config], Iterator[Found]], ...]] = (_pressure, _outlet, _readings)

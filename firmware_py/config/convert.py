@@ -1,4 +1,5 @@
-"""From the tables of a file to typed sections, with every fault on the way, and a view of what is left of them."""
+"""From the tables of a file to typed sections, with every fault on the way, and a view of what is
+left of them."""
 
 from __future__ import annotations
 
@@ -29,11 +30,13 @@ class FaultedError(Exception):
 
 
 def convert(table: dict[str, Any]) -> tuple[dict[str, Any], list[Found]]:
-    """Every key of ``table`` as :class:`~firmware_py.config.schema.Config` wants it, and every fault of one alone.
+    """Every key of ``table`` as :class:`~firmware_py.config.schema.Config` wants it, and every
+    fault of one alone.
 
     Returns
     -------
-    Values by section and key, without those that are missing or wrong, and what is wrong with these.
+    Values by section and key, without those that are missing or wrong, and what is wrong with
+    these.
     """
     faults: list[Found] = []
     return _section(Config, table, "", faults), faults
@@ -78,7 +81,9 @@ def _not_none(kind: inspect.Type) -> inspect.Type:
     return kind
 
 
-def _section(cls: type[Section], table: dict[str, Any], prefix: str, faults: list[Found]) -> dict[str, Any]:
+def _section(
+    cls: type[Section], table: dict[str, Any], prefix: str, faults: list[Found]
+) -> dict[str, Any]:
     """The values of one table that are good."""
     known = _keys(cls)
     unknown = [name for name in table if name not in known]
@@ -109,9 +114,15 @@ def _value(kind: inspect.Type, value: Any, key: str, faults: list[Found]) -> Any
         cause = f"{_said(value)}, not a table; write [{key}] and its keys below"
     elif isinstance(kind, inspect.ListType):
         if isinstance(value, list) and len(value) <= (most := kind.max_length or ROWS_MAX):
-            rows = [_value(kind.item_type, each, f"{key}[{i}]", faults) for i, each in enumerate(value)]
+            rows = [
+                _value(kind.item_type, each, f"{key}[{i}]", faults) for i, each in enumerate(value)
+            ]
             return _HOLE if _HOLE in rows else rows
-        cause = f"{len(value)} entries, at most {most}" if isinstance(value, list) else f"{_said(value)}, not a list"
+        cause = (
+            f"{len(value)} entries, at most {most}"
+            if isinstance(value, list)
+            else f"{_said(value)}, not a list"
+        )
         cause += "; shorten it" if isinstance(value, list) else "; write it in brackets"
     elif isinstance(kind, inspect.IntType | inspect.FloatType):
         cause = _wrong_number(kind, value)
@@ -126,7 +137,9 @@ def _value(kind: inspect.Type, value: Any, key: str, faults: list[Found]) -> Any
 def _wrong_number(kind: inspect.IntType | inspect.FloatType, value: object) -> str:
     least, greatest = _ends(kind)
     allowed = f"{least:g} .. {greatest:g}"
-    if isinstance(kind, inspect.IntType) and (isinstance(value, bool) or not isinstance(value, int)):
+    if isinstance(kind, inspect.IntType) and (
+        isinstance(value, bool) or not isinstance(value, int)
+    ):
         return f"{_said(value)}, not a whole number; write one of {allowed}"
     if isinstance(value, bool) or not isinstance(value, int | float):
         return f"{_said(value)}, not a number; write one of {allowed}"
@@ -141,9 +154,17 @@ def _wrong_number(kind: inspect.IntType | inspect.FloatType, value: object) -> s
 
 def _wrong_other(kind: inspect.Type, value: object) -> str:
     if isinstance(kind, inspect.LiteralType):
-        return "" if value in kind.values else f"unknown; write one of {', '.join(map(str, kind.values))}"
+        return (
+            ""
+            if value in kind.values
+            else f"unknown; write one of {', '.join(map(str, kind.values))}"
+        )
     if isinstance(kind, inspect.BoolType):
-        return "" if isinstance(value, bool) else f"{_said(value)}, not true or false; write one, without quotes"
+        return (
+            ""
+            if isinstance(value, bool)
+            else f"{_said(value)}, not true or false; write one, without quotes"
+        )
     if not isinstance(value, str):
         return f"{_said(value)}, not text; write it in quotes"
     pattern = cast(inspect.StrType, kind).pattern or ""
@@ -151,7 +172,8 @@ def _wrong_other(kind: inspect.Type, value: object) -> str:
 
 
 def _ends(kind: inspect.IntType | inspect.FloatType) -> tuple[float, float]:
-    """Least and greatest value; a test holds that every number of the schema has both, and no ``gt`` or ``lt``."""
+    """Least and greatest value; a test holds that every number of the schema has both, and no
+    ``gt`` or ``lt``."""
     return cast(tuple[float, float], (kind.ge, kind.le))
 
 
@@ -176,7 +198,11 @@ def ends_of(key: str) -> tuple[float | None, float | None]:
         if isinstance(kind, inspect.ListType):
             kind = kind.item_type
         if part and isinstance(kind, inspect.StructType):
-            kind = _keys(cast(type[Section], kind.cls))[part].kind if part in _keys(kind.cls) else inspect.AnyType()
+            kind = (
+                _keys(cast(type[Section], kind.cls))[part].kind
+                if part in _keys(kind.cls)
+                else inspect.AnyType()
+            )
     return _ends(kind) if isinstance(kind, inspect.IntType | inspect.FloatType) else (None, None)
 
 
@@ -186,7 +212,9 @@ def ends_of(key: str) -> tuple[float | None, float | None]:
 class _View:
     """A section of which some values are missing or wrong; reads like the real one."""
 
-    def __init__(self, cls: type[Section], values: Mapping[str, Any], prefix: str, holes: frozenset[str]) -> None:
+    def __init__(
+        self, cls: type[Section], values: Mapping[str, Any], prefix: str, holes: frozenset[str]
+    ) -> None:
         self.__dict__["_parts"] = (cls, values, prefix, holes)
 
     def __getattr__(self, name: str) -> Any:
@@ -194,9 +222,15 @@ class _View:
         key = _keys(cls).get(name)
         if key is None:
             found = getattr(cls, name)
-            return cast(Any, found).fget(self) if isinstance(found, property) else MethodType(found, self)
+            return (
+                cast(Any, found).fget(self)
+                if isinstance(found, property)
+                else MethodType(found, self)
+            )
         dotted = prefix + name
-        missing = name not in values and (key.required or any(hole.startswith(f"{dotted}[") for hole in holes))
+        missing = name not in values and (
+            key.required or any(hole.startswith(f"{dotted}[") for hole in holes)
+        )
         if missing or dotted in holes or prefix[:-1] in holes:
             raise FaultedError(dotted)
         return _seen(key.kind, values[name] if name in values else key.default(), dotted, holes)
@@ -204,7 +238,9 @@ class _View:
 
 def _seen(kind: inspect.Type, value: Any, dotted: str, holes: frozenset[str]) -> Any:
     if isinstance(value, dict):
-        return _View(cast(type[Section], cast(inspect.StructType, kind).cls), value, f"{dotted}.", holes)
+        return _View(
+            cast(type[Section], cast(inspect.StructType, kind).cls), value, f"{dotted}.", holes
+        )
     if isinstance(value, list):
         inner = cast(inspect.ListType, kind).item_type
         return [_seen(inner, each, f"{dotted}[{i}]", holes) for i, each in enumerate(value)]
@@ -212,5 +248,6 @@ def _seen(kind: inspect.Type, value: Any, dotted: str, holes: frozenset[str]) ->
 
 
 def view(values: Mapping[str, Any], holes: frozenset[str]) -> Config:
-    """``values`` to be read like a configuration; reading one of ``holes`` raises :class:`FaultedError`."""
+    """``values`` to be read like a configuration; reading one of ``holes`` raises
+    :class:`FaultedError`."""
     return cast(Config, _View(Config, values, "", holes))

@@ -34,8 +34,8 @@ Endpoint = Annotated[str, Meta(pattern=_ENDPOINT)]
 PublicKey = Annotated[str, Meta(pattern=_KEY)]
 Word = Annotated[str, Meta(pattern=_WORD)]
 
-# Every number has a least and a greatest value.  They are the ends of what any machine of this kind has, not what one
-# machine should have: relations between values are in ``checks``.
+# Every number has a least and a greatest value.  They are the ends of what any machine of this kind
+# has, not what one machine should have: relations between values are in ``checks``.
 ClearanceUm = Annotated[float, Meta(ge=5.0, le=600.0)]
 """Below 5 um roughness and runout are as large as the film; the wire carries up to 655.35 um."""
 PressureBar = Annotated[float, Meta(ge=0.0, le=60.0)]
@@ -43,7 +43,8 @@ PressureBar = Annotated[float, Meta(ge=0.0, le=60.0)]
 TemperatureC = Annotated[float, Meta(ge=-40.0, le=200.0)]
 """The range of the guard's viscosity table; beyond it oil is solid or burns."""
 SpeedRpm = Annotated[float, Meta(ge=60.0, le=60_000.0)]
-"""Below 60 rpm one turn takes over a second: no protection by turns.  Film bearings end below 60 000 rpm."""
+"""Below 60 rpm one turn takes over a second: no protection by turns.  Film bearings end below 60
+000 rpm."""
 LoadN = Annotated[float, Meta(ge=0.1, le=1e6)]
 Share = Annotated[float, Meta(ge=0.0, le=0.9)]
 """An uncertainty; at 1 nothing would be known."""
@@ -57,7 +58,8 @@ AccelerationMS2 = Annotated[float, Meta(ge=0.1, le=3000.0)]
 
 OIL_ALERT_SHARE: Final = 0.8
 OIL_DANGER_SHARE: Final = 0.5
-"""Limits of low supply pressure over ``feed.pressure_min_bar``, where they are not set: a healthy feed stays above."""
+"""Limits of low supply pressure over ``feed.pressure_min_bar``, where they are not set: a healthy
+feed stays above."""
 
 OIL_DANGER_C: Final = 10.0
 """Danger of a hot outlet above ``oil.film_max_C``, where it is not set."""
@@ -108,7 +110,8 @@ class Sampling(Section, frozen=True):
 
 
 class Channel(Section, frozen=True):
-    """One sensor channel: SI = ``counts * scale + offset``; outside ``ok_low .. ok_high`` it is not OK."""
+    """One sensor channel: SI = ``counts * scale + offset``; outside ``ok_low .. ok_high`` it is not
+    OK."""
 
     name: Word
     unit: Word
@@ -139,7 +142,8 @@ class Bearing(Section, frozen=True):
     radial_clearance_error_um: Annotated[float, Meta(ge=0.05, le=50.0)] = 2.0
     """And is known within this."""
     load_error_share: Share = 0.21
-    """The film carries this much less or more than the unfed Reynolds film there: rupture, inlet, unknown groove."""
+    """The film carries this much less or more than the unfed Reynolds film there: rupture, inlet,
+    unknown groove."""
     attitude_error_deg: Annotated[float, Meta(ge=0, le=45)] = 15.0
     """And stands this much off in direction."""
     friction_error_share: Annotated[float, Meta(ge=0, le=1)] = 1.0
@@ -147,7 +151,8 @@ class Bearing(Section, frozen=True):
 
 
 class Oil(Section, frozen=True):
-    """Viscosity law ``mu = mu_40 exp(-k (T - 40))`` and the inlet range that the safe value must cover."""
+    """Viscosity law ``mu = mu_40 exp(-k (T - 40))`` and the inlet range that the safe value must
+    cover."""
 
     viscosity_at_40C_Pa_s: Annotated[float, Meta(ge=2e-4, le=1.5)]
     """Thinner than petrol up to ISO VG 1500."""
@@ -167,7 +172,9 @@ class Oil(Section, frozen=True):
 
     def viscosity_Pa_s(self, temperature_C: float) -> float:
         """Dynamic viscosity at ``temperature_C``."""
-        return self.viscosity_at_40C_Pa_s * math.exp(-self.viscosity_slope_per_K * (temperature_C - 40.0))
+        return self.viscosity_at_40C_Pa_s * math.exp(
+            -self.viscosity_slope_per_K * (temperature_C - 40.0)
+        )
 
 
 class Feed(Section, frozen=True):
@@ -177,22 +184,25 @@ class Feed(Section, frozen=True):
     pressure_max_bar: PressureBar
     groove_area_min_mm2: Annotated[float, Meta(ge=0.0, le=1e6)] = 0.0
     groove_area_max_mm2: Annotated[float, Meta(ge=0.0, le=1e6)] = 0.0
-    """A groove opposite the load presses the shaft down like a piston of an area between these two; 0: no groove."""
+    """A groove opposite the load presses the shaft down like a piston of an area between these two;
+    0: no groove."""
 
 
 class Rotor(Section, frozen=True):
     """The rotor as the film sees it."""
 
     effective_mass_at_bearing_kg: Annotated[float, Meta(ge=0.001, le=1e5)]
-    """Force over acceleration at the bearing; once weighed, that in forward whirl (inertia ``J_d - J_p / 0.515``)."""
+    """Force over acceleration at the bearing; once weighed, that in forward whirl (inertia ``J_d -
+    J_p / 0.515``)."""
     unbalance_normal_kg_m: Annotated[float, Meta(ge=0.0, le=100.0)]
     mass_error_share: Share = 0.05
     """The built rotor is heavier than that by at most this share."""
     unbalance_measured: bool = False
-    """The normal unbalance is this rotor's own, from balancing; else it is the most that its grade lets any have."""
+    """The normal unbalance is this rotor's own, from balancing; else it is the most that its grade
+    lets any have."""
     whirl_error_share: Share = 0.05
-    """The speed at which it whirls lies at most this much below that of a rigid rotor on the film: coupling, pedestal,
-    gyroscopic moments."""
+    """The speed at which it whirls lies at most this much below that of a rigid rotor on the film:
+    coupling, pedestal, gyroscopic moments."""
     shaft_power_error_W: Annotated[float, Meta(ge=0.01, le=1e6)] = 5.0
     """Of the shaft power that the rig reports; less where its zero was taken at rest."""
     windage_W_s3: Annotated[float, Meta(ge=0.0, le=1e-3)] = 0.0
@@ -200,7 +210,8 @@ class Rotor(Section, frozen=True):
 
 
 class Contact(Section, frozen=True):
-    """The contact-resistance channel: a film resistance proportional to the smallest film, behind a series resistor."""
+    """The contact-resistance channel: a film resistance proportional to the smallest film, behind a
+    series resistor."""
 
     circuit_V: Annotated[float, Meta(ge=0.01, le=3.2)]
     """The wire carries up to 3.2767 V."""
@@ -234,19 +245,23 @@ class Actuator(Section, frozen=True):
     time_to_live_ms: Annotated[int, Meta(ge=10, le=1000)] = 100
     command_period_ms: Annotated[int, Meta(ge=1, le=100)] = 20
     pressure_time_constant_s: Annotated[float, Meta(ge=0.01, le=60)] = 1.0
-    """Of the supply pressure behind its target, generously: three of them pass before an error counts."""
+    """Of the supply pressure behind its target, generously: three of them pass before an error
+    counts."""
     following_error_um: Annotated[float, Meta(ge=0.1, le=1000)] = 5.0
-    """The measured clearance may lie this far beyond where an actuator of the declared rate can be."""
+    """The measured clearance may lie this far beyond where an actuator of the declared rate can
+    be."""
     following_error_bar: Annotated[float, Meta(ge=0.01, le=100)] = 0.3
     """And the measured supply pressure."""
     following_time_s: Annotated[float, Meta(ge=0.5, le=30)] = 2.0
     """For this long, before it is an alarm; gross errors and slow movement are one sooner."""
     reversals_per_minute_max: Annotated[int, Meta(ge=2, le=6000)] = 300
-    """The target may turn back this often within a minute; then authority goes, and a set point holds."""
+    """The target may turn back this often within a minute; then authority goes, and a set point
+    holds."""
 
 
 class Limits(Section, frozen=True):
-    """Alert and danger set points (vocabulary of API 670, 5th ed.); peak-to-peak over at least one full turn."""
+    """Alert and danger set points (vocabulary of API 670, 5th ed.); peak-to-peak over at least one
+    full turn."""
 
     min_film_um: Annotated[float, Meta(ge=0.5, le=100.0)]
     """Below 0.5 um the roughness of the best journals touches."""
@@ -262,19 +277,22 @@ class Limits(Section, frozen=True):
     min_speed_rpm: SpeedRpm = 300.0
     """Slower than this the window of protection is not a full turn but this long."""
     speed_high_rpm: Annotated[float, Meta(ge=0, le=200_000)] = 0.0
-    """Speed-high trip; 0: 1.1 times ``operating.speed_max_rpm``.  It takes the place of no overspeed protection."""
+    """Speed-high trip; 0: 1.1 times ``operating.speed_max_rpm``.  It takes the place of no
+    overspeed protection."""
     oil_pressure_low_alert_bar: PressureBar = 0.0
     """Least supply pressure; 0: 0.8 of ``feed.pressure_min_bar``.  It also bars arming."""
     oil_pressure_low_danger_bar: PressureBar = 0.0
     """Trips a turning machine after ``danger_delay_s``; 0: half of ``feed.pressure_min_bar``."""
     oil_outlet_high_alert_C: Annotated[float, Meta(ge=0, le=200)] = 0.0
-    """Hottest outlet; 0: ``oil.film_max_C``, up to which the film is proven.  It also bars arming."""
+    """Hottest outlet; 0: ``oil.film_max_C``, up to which the film is proven.  It also bars
+    arming."""
     oil_outlet_high_danger_C: Annotated[float, Meta(ge=0, le=200)] = 0.0
     """Trips after ``danger_delay_s``; 0: 10 K above ``oil.film_max_C``."""
 
 
 class Readings(Section, frozen=True):
-    """What the slow readings of RIG_STATUS can be; one that is not so is not OK, and nothing rests on it."""
+    """What the slow readings of RIG_STATUS can be; one that is not so is not OK, and nothing rests
+    on it."""
 
     age_max_ms: Annotated[float, Meta(ge=100, le=2000)] = 250.0
     """Older ones say nothing; a rig sends them every 50 ms."""
@@ -299,7 +317,8 @@ class Authority(Section, frozen=True):
     regain_after_s: Annotated[float, Meta(ge=0.0, le=3600.0)] = 2.0
     max_regains_per_hour: Annotated[int, Meta(ge=1, le=120)] = 12
     advice_age_max_ms: Annotated[float, Meta(ge=200.0, le=2000.0)] = 500.0
-    """At least two periods of advice (0.1 s each), so that one may be lost; at most what a person takes to react."""
+    """At least two periods of advice (0.1 s each), so that one may be lost; at most what a person
+    takes to react."""
     provisional_may_act: bool = False
 
 
@@ -318,7 +337,8 @@ class Drive(Section, frozen=True):
     """Withdraw the run permit while the node follows commands that this device did not send."""
     coast_down_on_lost_heartbeat: bool = True
     blind_max_s: Annotated[float, Meta(ge=0.5, le=60)] = 3.0
-    """The run permit is withdrawn after so long without fresh samples; on probation after a restart, 2 s at most."""
+    """The run permit is withdrawn after so long without fresh samples; on probation after a
+    restart, 2 s at most."""
 
 
 class Zenoh(Section, frozen=True):
@@ -327,7 +347,8 @@ class Zenoh(Section, frozen=True):
     listen: Annotated[list[Endpoint], Meta(max_length=16)] = []
     connect: Annotated[list[Endpoint], Meta(max_length=16)] = []
     insecure_network: bool = False
-    """Endpoints without TLS may reach beyond this machine: whoever is on that network reads everything."""
+    """Endpoints without TLS may reach beyond this machine: whoever is on that network reads
+    everything."""
     tls_root_ca: FilePath = ""
     tls_certificate: FilePath = ""
     tls_private_key: FilePath = ""
@@ -343,7 +364,8 @@ class Recorder(Section, frozen=True):
 
 
 class Metrics(Section, frozen=True):
-    """Prometheus text and the live page over HTTP on the loopback; port 0 is off, those below 1024 need root."""
+    """Prometheus text and the live page over HTTP on the loopback; port 0 is off, those below 1024
+    need root."""
 
     port: Annotated[int, Meta(ge=0, le=65535)] = 0
 
@@ -373,14 +395,22 @@ class Config(Section, frozen=True):
 
     @property
     def oil_pressure_limits_bar(self) -> tuple[float, float]:
-        """Alert and danger of low supply pressure: as set, else shares of the least that the feed may be asked for."""
-        alert_bar, danger_bar = self.limits.oil_pressure_low_alert_bar, self.limits.oil_pressure_low_danger_bar
+        """Alert and danger of low supply pressure: as set, else shares of the least that the feed
+        may be asked for."""
+        alert_bar, danger_bar = (
+            self.limits.oil_pressure_low_alert_bar,
+            self.limits.oil_pressure_low_danger_bar,
+        )
         least_bar = self.feed.pressure_min_bar
         return alert_bar or OIL_ALERT_SHARE * least_bar, danger_bar or OIL_DANGER_SHARE * least_bar
 
     @property
     def oil_outlet_limits_C(self) -> tuple[float, float]:
-        """Alert and danger of a hot outlet: as set, else the hottest film that is declared, and more than that."""
-        alert_C, danger_C = self.limits.oil_outlet_high_alert_C, self.limits.oil_outlet_high_danger_C
+        """Alert and danger of a hot outlet: as set, else the hottest film that is declared, and
+        more than that."""
+        alert_C, danger_C = (
+            self.limits.oil_outlet_high_alert_C,
+            self.limits.oil_outlet_high_danger_C,
+        )
         hottest_C = self.oil.film_max_C
         return alert_C or hottest_C, danger_C or hottest_C + OIL_DANGER_C

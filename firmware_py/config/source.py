@@ -1,4 +1,5 @@
-"""The text of a configuration: how it is read, where each key stands, and how its faults are told."""
+"""The text of a configuration: how it is read, where each key stands, and how its faults are
+told."""
 
 from __future__ import annotations
 
@@ -15,7 +16,8 @@ import msgspec
 from firmware_py.errors import OrbitdError
 
 MAX_BYTES: Final = 64 * 1024
-"""A full configuration with comments has 6 kB; the parser's time grows with the square of the worst texts."""
+"""A full configuration with comments has 6 kB; the parser's time grows with the square of the worst
+texts."""
 MAX_LINE: Final = 2000
 VALUE_SHOWN: Final = 60
 """Characters of a value that a fault repeats."""
@@ -36,9 +38,9 @@ _LONG_QUOTE: Final = re.compile(r'"""|' + "'''")
 class Fault(msgspec.Struct, frozen=True):
     """One thing that is wrong, and where.
 
-    ``line`` is 0 where the key is not written.  ``value`` is as a person sees it, empty for a whole table.
-    ``least`` and ``greatest`` are the range of the key by itself where it is a number; ``cause`` names the limit that
-    was broken.
+    ``line`` is 0 where the key is not written.  ``value`` is as a person sees it, empty for a whole
+    table. ``least`` and ``greatest`` are the range of the key by itself where it is a number;
+    ``cause`` names the limit that was broken.
     """
 
     file: str
@@ -96,7 +98,14 @@ class ConfigFile:
         text, _, step = cause.rpartition("; ")
         if not text:
             text, step = step, "correct it"
-        return Fault(shown(self.path.name), line or self._line(key), key and shown(key), shown(value), text, step)
+        return Fault(
+            shown(self.path.name),
+            line or self._line(key),
+            key and shown(key),
+            shown(value),
+            text,
+            step,
+        )
 
     def error(self, key: str, value: object, cause: str) -> ConfigError:
         """The one fault as an error."""
@@ -111,12 +120,19 @@ class ConfigFile:
 
 def shown(value: object) -> str:
     """``value`` on one line, short, and without anything that a terminal would obey."""
-    if value is None or isinstance(value, dict) or (isinstance(value, list) and dict in map(type, value)):
+    if (
+        value is None
+        or isinstance(value, dict)
+        or (isinstance(value, list) and dict in map(type, value))
+    ):
         return ""
     plain = isinstance(value, str) and value.isprintable() and value
     try:
         text = str(value) if plain else repr(value)
-    except (ValueError, RecursionError):  # an integer of more digits, or a list deeper, than Python writes out
+    except (
+        ValueError,
+        RecursionError,
+    ):  # an integer of more digits, or a list deeper, than Python writes out
         return "(too large to show)"
     return text if len(text) <= VALUE_SHOWN else f"{text[:VALUE_SHOWN]}.. ({len(text)} characters)"
 
@@ -134,18 +150,28 @@ def read_text(path: Path) -> str:
         data = _read(path)
     except (OSError, ValueError) as error:
         said = getattr(error, "strerror", None) or str(error)
-        raise source.error("", None, f"cannot be read ({said}); name a readable TOML file") from error
+        raise source.error(
+            "", None, f"cannot be read ({said}); name a readable TOML file"
+        ) from error
     if len(data) > MAX_BYTES:
-        raise source.error("", None, f"more than {MAX_BYTES} bytes; name a configuration, shipped ones have 6 kB")
+        raise source.error(
+            "", None, f"more than {MAX_BYTES} bytes; name a configuration, shipped ones have 6 kB"
+        )
     for mark, encoding in _MARKS:
         if data.startswith(mark):
-            raise source.error("", None, f"begins with a byte order mark of {encoding}; save it as UTF-8")
-    data = data.removeprefix(codecs.BOM_UTF8)  # the mark that some editors put before UTF-8 says nothing new
+            raise source.error(
+                "", None, f"begins with a byte order mark of {encoding}; save it as UTF-8"
+            )
+    data = data.removeprefix(
+        codecs.BOM_UTF8
+    )  # the mark that some editors put before UTF-8 says nothing new
     try:
         text = data.decode("utf-8")
     except UnicodeDecodeError as error:
         line, byte = data.count(b"\n", 0, error.start) + 1, data[error.start]
-        raise ConfigError([source.fault("", None, f"byte {byte:#04x} is not UTF-8; save it as UTF-8", line)]) from error
+        raise ConfigError(
+            [source.fault("", None, f"byte {byte:#04x} is not UTF-8; save it as UTF-8", line)]
+        ) from error
     for line, words in enumerate(text.split("\n"), 1):
         if "\0" in words:
             raise ConfigError([source.fault("", None, "a NUL byte; save it as UTF-8 text", line)])

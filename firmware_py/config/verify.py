@@ -16,7 +16,8 @@ from firmware_py.config.schema import Config, Device
 from firmware_py.config.source import ConfigError, ConfigFile, Fault, read_text
 
 Check = Callable[[Config], Iterator[Found]]
-"""Yields key, value and cause; reads only what it needs, and is left out where that has a fault of its own."""
+"""Yields key, value and cause; reads only what it needs, and is left out where that has a fault of
+its own."""
 
 
 def load(path: Path, laws: Sequence[Check] = ()) -> tuple[Config, ConfigFile]:
@@ -41,7 +42,9 @@ def load(path: Path, laws: Sequence[Check] = ()) -> tuple[Config, ConfigFile]:
     return parse(read_text(path), path, laws)
 
 
-def parse(text: str, path: Path = Path("<text>"), laws: Sequence[Check] = ()) -> tuple[Config, ConfigFile]:
+def parse(
+    text: str, path: Path = Path("<text>"), laws: Sequence[Check] = ()
+) -> tuple[Config, ConfigFile]:
     """As :func:`load`, from the TOML ``text``."""
     source = ConfigFile(path, text)
     config, faults = verify(_toml(source), source, laws)
@@ -78,14 +81,18 @@ def decode(data: str | bytes, path: Path) -> Config:
     try:
         table = msgspec.json.decode(data, type=dict[str, Any])
     except (msgspec.DecodeError, RecursionError, UnicodeDecodeError) as error:
-        raise source.error("", None, f"no configuration ({error}); name an intact recording") from error
+        raise source.error(
+            "", None, f"no configuration ({error}); name an intact recording"
+        ) from error
     config, faults = verify(table, source)
     if config is None:
         raise ConfigError(faults)
     return config
 
 
-def verify(table: dict[str, Any], source: ConfigFile, laws: Sequence[Check] = ()) -> tuple[Config | None, list[Fault]]:
+def verify(
+    table: dict[str, Any], source: ConfigFile, laws: Sequence[Check] = ()
+) -> tuple[Config | None, list[Fault]]:
     """The configuration of ``table``, or all that is wrong with it."""
     values, found = convert(table)
     for checks in (RELATED, laws):
@@ -116,9 +123,13 @@ def _toml(source: ConfigFile) -> dict[str, Any]:
     try:
         return tomllib.loads(source.text)
     except RecursionError as error:
-        raise source.error("", None, "nested deeper than any configuration; take bench.toml as pattern") from error
+        raise source.error(
+            "", None, "nested deeper than any configuration; take bench.toml as pattern"
+        ) from error
     except ValueError as error:  # TOMLDecodeError, or a number of thousands of digits
         cause, _, place = str(error).partition(" (at ")
         found = re.search(r"line (\d+)", place)
         line = int(found.group(1)) if found else len(source.text.splitlines()) if place else 0
-        raise ConfigError([source.fault("", None, f"not valid TOML: {cause}; correct the line", line)]) from error
+        raise ConfigError(
+            [source.fault("", None, f"not valid TOML: {cause}; correct the line", line)]
+        ) from error

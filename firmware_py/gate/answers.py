@@ -21,12 +21,15 @@ class Answers:
     fixed
         What never changes while the gate runs, by name.
     live
-        What is rendered anew in each step in which it is asked for, by name; called with the time of the step.
+        What is rendered anew in each step in which it is asked for, by name; called with the time
+        of the step.
     events
         The kept events above a sequence number.
     """
 
-    def __init__(self, fixed: dict[str, Any], live: dict[str, Render], events: Callable[[int], Any]) -> None:
+    def __init__(
+        self, fixed: dict[str, Any], live: dict[str, Render], events: Callable[[int], Any]
+    ) -> None:
         self._fixed = fixed
         self._live = live
         self._events = events
@@ -42,7 +45,9 @@ class Answers:
         after = since(question.parameters.get("since", "")) if name == keys.EVENTS else -1
         place = (name, question.packed, after)
         if place not in kept:
-            kept[place] = (to_msgpack if question.packed else to_json)(self._value(name, after, now_ns))
+            kept[place] = (to_msgpack if question.packed else to_json)(
+                self._value(name, after, now_ns)
+            )
         return kept[place]
 
     def _value(self, name: str, after: int, now_ns: int) -> Any:

@@ -1,4 +1,5 @@
-"""The other end of the gate, for the command line and other local programs: ask, and read the state."""
+"""The other end of the gate, for the command line and other local programs: ask, and read the
+state."""
 
 from __future__ import annotations
 
@@ -74,14 +75,22 @@ class Client:
             try:
                 return msgspec.msgpack.decode(reply.ok.payload.to_bytes(), type=answer_type)
             except UNDECODABLE as error:
-                raise NoAnswerError(f"the answer on {self._prefix}/{name} cannot be understood ({error}); use the "
-                                    "orbitd that the gate runs") from error
-        raise NoAnswerError(f"no answer on {self._prefix}/{name} within {TIMEOUT_S:g} s; check that the gate "
-                            "runs for this site and rig ('orbitd gate', same configuration)")
+                raise NoAnswerError(
+                    f"the answer on {self._prefix}/{name} cannot be understood ({error}); use the "
+                    "orbitd that the gate runs"
+                ) from error
+        raise NoAnswerError(
+            f"no answer on {self._prefix}/{name} within {TIMEOUT_S:g} s; check that the gate "
+            "runs for this site and rig ('orbitd gate', same configuration)"
+        )
 
-    def subscribe(self, name: str, capacity: int = 256) -> zenoh.Subscriber[zenoh.Handler[zenoh.Sample]]:
+    def subscribe(
+        self, name: str, capacity: int = 256
+    ) -> zenoh.Subscriber[zenoh.Handler[zenoh.Sample]]:
         """A subscriber on ``name`` that keeps the newest ``capacity`` samples."""
-        return self._session.declare_subscriber(f"{self._prefix}/{name}", zenoh.handlers.RingChannel(capacity))
+        return self._session.declare_subscriber(
+            f"{self._prefix}/{name}", zenoh.handlers.RingChannel(capacity)
+        )
 
     def close(self) -> None:
         """End the connection."""
@@ -90,6 +99,10 @@ class Client:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
-                 trace: TracebackType | None) -> None:
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
         self.close()

@@ -1,9 +1,9 @@
 """Command intake: every wish gets exactly one answer, accepted or all reasons why not.
 
-A wish arrives as a Zenoh query on the exact key ``cmd/<verb>`` with a JSON object that carries an id.  It goes to the
-room that answers the verb with a sequence number of the gate's own; that room's :class:`CommandReply` finds its way
-back by that number, and a room that stays silent is an answer too.  A wish whose id was seen before is not executed
-again but answered the same.
+A wish arrives as a Zenoh query on the exact key ``cmd/<verb>`` with a JSON object that carries an
+id.  It goes to the room that answers the verb with a sequence number of the gate's own; that room's
+:class:`CommandReply` finds its way back by that number, and a room that stays silent is an answer
+too.  A wish whose id was seen before is not executed again but answered the same.
 """
 
 from __future__ import annotations
@@ -22,11 +22,13 @@ from firmware_py.records import BRAIN_VERBS, CommandReply, CommandRequest
 ANSWER_WITHIN_NS: Final = 1_000_000_000
 MAX_PENDING: Final = 64
 IDS_KEPT: Final = 1024
-"""Executed wishes whose id is remembered, the newest; at the rate below that is more than ten seconds of a flood."""
+"""Executed wishes whose id is remembered, the newest; at the rate below that is more than ten
+seconds of a flood."""
 
 RATE_HZ: Final = 10.0
 BURST: Final = 20.0
-"""Of one verb; a person and any sane program stay far below.  ``disarm`` is not limited: all that wait are one."""
+"""Of one verb; a person and any sane program stay far below.  ``disarm`` is not limited: all that
+wait are one."""
 
 Answer = Callable[[CommandReply], None]
 
@@ -76,26 +78,34 @@ class CommandDesk:
     Parameters
     ----------
     send
-        Hands a request to the room that answers its verb without waiting; False when that is impossible now.
+        Hands a request to the room that answers its verb without waiting; False when that is
+        impossible now.
 
     Notes
     -----
-    ``counters``: ``commands_asked``, ``commands_answered``, ``commands_refused_here``, ``commands_too_fast``,
-    ``commands_repeated`` (an id seen before), ``commands_joined`` (a ``disarm`` that shared another's request),
-    ``commands_timed_out``, ``replies_unexpected``.
+    ``counters``: ``commands_asked``, ``commands_answered``, ``commands_refused_here``,
+    ``commands_too_fast``, ``commands_repeated`` (an id seen before), ``commands_joined`` (a
+    ``disarm`` that shared another's request), ``commands_timed_out``, ``replies_unexpected``.
     """
 
     def __init__(self, send: Callable[[CommandRequest], bool]) -> None:
         self.counters: Counter[str] = Counter()
         self._send = send
         self._seq = 0
-        self._others = 0  # requests sent that were no disarm: what makes an earlier disarm out of date
+        self._others = (
+            0  # requests sent that were no disarm: what makes an earlier disarm out of date
+        )
         self._pending: dict[int, _Case] = {}
-        self._memory = {"disarm": _Memory(), "other": _Memory()}  # a flood of disarms forgets no other id
+        self._memory = {
+            "disarm": _Memory(),
+            "other": _Memory(),
+        }  # a flood of disarms forgets no other id
         self._allowances: dict[str, _Allowance] = {}
         self._disarm: tuple[int, _Case] | None = None
 
-    def hear(self, verb: str, payload: bytes, origin: str, answer: Answer, now_ns: int) -> CommandRequest | None:
+    def hear(
+        self, verb: str, payload: bytes, origin: str, answer: Answer, now_ns: int
+    ) -> CommandRequest | None:
         """Take a wish as it came from outside; else as :meth:`ask`."""
         try:
             wish = wishes.read(verb, payload)
@@ -105,8 +115,9 @@ class CommandDesk:
             return None
         return self.ask(verb, wish.value, origin, answer, now_ns, wish.id)
 
-    def ask(self, verb: str, value: object, origin: str, answer: Answer, now_ns: int,
-            wish_id: str = "") -> CommandRequest | None:
+    def ask(
+        self, verb: str, value: object, origin: str, answer: Answer, now_ns: int, wish_id: str = ""
+    ) -> CommandRequest | None:
         """Put a wish to its room; ``answer`` is called once, now or later.
 
         Returns
@@ -137,7 +148,8 @@ class CommandDesk:
         return request
 
     def reply(self, reply: CommandReply) -> CommandRequest | None:
-        """Hand on a room's answer; the request that it answers, None when nobody waits for it any more."""
+        """Hand on a room's answer; the request that it answers, None when nobody waits for it any
+        more."""
         case = self._pending.pop(reply.seq, None)
         if case is None:
             self.counters["replies_unexpected"] += 1
@@ -169,18 +181,31 @@ class CommandDesk:
             self._remembered(request.verb).keep(request.id, case)
 
     def _repeated(self, request: CommandRequest, answer: Answer) -> bool:
-        """Whether the id was executed before: then ``answer`` gets, now or later, what the first asker got."""
-        found = [memory.cases[request.id] for memory in self._memory.values() if request.id in memory.cases]
+        """Whether the id was executed before: then ``answer`` gets, now or later, what the first
+        asker got."""
+        found = [
+            memory.cases[request.id]
+            for memory in self._memory.values()
+            if request.id in memory.cases
+        ]
         if not found:
             return False
         case = found[0]
         if request.verb == case.request.verb == "disarm" and case.others != self._others:
             return False  # something was commanded since: a disarm must disarm
         self.counters["commands_repeated"] += 1
-        if msgspec.structs.replace(request, seq=case.request.seq, origin=case.request.origin, id=case.request.id) \
-                != case.request:
-            self._refuse(answer, f"{request.verb}: the id {request.id!r} was used for another command before; "
-                                 "send a new one", request.id)
+        if (
+            msgspec.structs.replace(
+                request, seq=case.request.seq, origin=case.request.origin, id=case.request.id
+            )
+            != case.request
+        ):
+            self._refuse(
+                answer,
+                f"{request.verb}: the id {request.id!r} was used for another command before; "
+                "send a new one",
+                request.id,
+            )
         elif case.reply is None:
             case.answers.append(_answering(answer, request.id))
         else:
@@ -188,7 +213,8 @@ class CommandDesk:
         return True
 
     def _join(self, case: _Case, answer: Answer, wish_id: str) -> None:
-        """One ``disarm`` to the guard serves all that came in the same step, with no other command between."""
+        """One ``disarm`` to the guard serves all that came in the same step, with no other command
+        between."""
         if case.reply is None:
             case.answers.append(_answering(answer, wish_id))
         else:

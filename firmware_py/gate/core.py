@@ -19,7 +19,15 @@ from firmware_py.gate.station import GroundStation
 from firmware_py.gate.telemetry import Telemetry
 from firmware_py.gate.view import DeviceState, View
 from firmware_py.recording import Recordable, WallClock
-from firmware_py.records import Alarm, CommandReply, CommandRequest, Event, EventAck, Normal, RoomRecord
+from firmware_py.records import (
+    Alarm,
+    CommandReply,
+    CommandRequest,
+    Event,
+    EventAck,
+    Normal,
+    RoomRecord,
+)
 from firmware_py.wire.rooms import RoomClient, RoomServer
 
 SLOW_PERIOD_NS: Final = 1_000_000_000
@@ -64,7 +72,9 @@ class Gate:
         The HTTP page, when there is one: here for its counters.
     """
 
-    def __init__(self, config: Config, doors: Doors, models: Any, unix_ns: Callable[[], int]) -> None:
+    def __init__(
+        self, config: Config, doors: Doors, models: Any, unix_ns: Callable[[], int]
+    ) -> None:
         self.view = View(config)
         self.desk = CommandDesk(self._send)
         self.station: GroundStation | None = None
@@ -73,8 +83,11 @@ class Gate:
         self._config = config
         self._doors = doors
         self._unix_ns = unix_ns
-        self._answers = Answers({keys.CONFIG: config, keys.MODELS: models},
-                                {keys.STATE: self.state, keys.ALARMS: self._alarms}, self.view.events)
+        self._answers = Answers(
+            {keys.CONFIG: config, keys.MODELS: models},
+            {keys.STATE: self.state, keys.ALARMS: self._alarms},
+            self.view.events,
+        )
         self._unacknowledged: deque[tuple[int, int]] = deque()
         self._connections = 0
         self._brains = 0
@@ -92,7 +105,9 @@ class Gate:
             self._take(record, now_ns)
         self._greet_brain()
         self.desk.step(now_ns)
-        self._doors.telemetry.queries.questions(lambda name, question: self._answers.encode(name, question, now_ns))
+        self._doors.telemetry.queries.questions(
+            lambda name, question: self._answers.encode(name, question, now_ns)
+        )
         self._acknowledge()
         self._doors.telemetry.set_alive({**self.view.rooms(now_ns), "gate": True})
         if self.station:
@@ -113,19 +128,40 @@ class Gate:
         """The whole device at one instant."""
         device, view, recorder = self._config.device, self.view, self._doors.recorder
         return DeviceState(
-            site=device.site, rig=device.rig, instance=device.instance, version=__version__,
-            now_ns=now_ns, unix_ns=self._unix_ns(), rooms={**view.rooms(now_ns), "gate": True},
-            guard=view.guard, reading=view.reading, diagnosis=view.diagnosis, forecast=view.forecast,
-            advice=view.advice, brain=view.brain, commission=view.commission, normal=self._doors.normal.words(),
+            site=device.site,
+            rig=device.rig,
+            instance=device.instance,
+            version=__version__,
+            now_ns=now_ns,
+            unix_ns=self._unix_ns(),
+            rooms={**view.rooms(now_ns), "gate": True},
+            guard=view.guard,
+            reading=view.reading,
+            diagnosis=view.diagnosis,
+            forecast=view.forecast,
+            advice=view.advice,
+            brain=view.brain,
+            commission=view.commission,
+            normal=self._doors.normal.words(),
             alarms=self._alarms(now_ns),
-            recording=str(recorder.path or "") if recorder else "", counters=self.all_counters())
+            recording=str(recorder.path or "") if recorder else "",
+            counters=self.all_counters(),
+        )
 
     def all_counters(self) -> dict[str, int]:
         """Every count of the gate, by name."""
         doors = self._doors
         total = Counter(self.counters)
-        for part in (self.view, self.desk, doors.telemetry, doors.guard, doors.brain, doors.recorder, self.station,
-                     self.page):
+        for part in (
+            self.view,
+            self.desk,
+            doors.telemetry,
+            doors.guard,
+            doors.brain,
+            doors.recorder,
+            self.station,
+            self.page,
+        ):
             if part is not None:
                 total.update(part.counters)
         return dict(total)
@@ -134,7 +170,10 @@ class Gate:
     def _troubles(self) -> dict[str, str]:
         """What is wrong at the gate itself, by name; empty texts are no trouble."""
         recorder = self._doors.recorder
-        return {"recorder": recorder.trouble if recorder else "", "normal_file": self._doors.normal.trouble}
+        return {
+            "recorder": recorder.trouble if recorder else "",
+            "normal_file": self._doors.normal.trouble,
+        }
 
     def _alarms(self, now_ns: int) -> list[Alarm]:
         return self.view.alarms(now_ns, self._troubles)
@@ -169,7 +208,8 @@ class Gate:
             self._doors.telemetry.publish_features(self.view.features)
 
     def _hand_on(self, reply: CommandReply) -> None:
-        """Give a room's answer to whoever asked; what the brain has forgotten goes from the disk as well."""
+        """Give a room's answer to whoever asked; what the brain has forgotten goes from the disk as
+        well."""
         request = self.desk.reply(reply)
         if request is not None and request.action == "forget" and reply.accepted:
             self._doors.normal.forget()
@@ -179,7 +219,8 @@ class Gate:
         return self._doors.recorder.write(record, now_ns) if self._doors.recorder else 0
 
     def _forget_after_reconnect(self) -> None:
-        """Another guard, or the same one that will send again: old event numbers mean nothing to it."""
+        """Another guard, or the same one that will send again: old event numbers mean nothing to
+        it."""
         if self._doors.guard.counters["connected"] != self._connections:
             self._connections = self._doors.guard.counters["connected"]
             self._unacknowledged.clear()
@@ -197,10 +238,13 @@ class Gate:
         queries = self._doors.telemetry.queries
         for asked in queries.commands():
             answer = partial(queries.answer_command, asked.verb, asked.question)
-            self._on_record(self.desk.hear(asked.verb, asked.payload, "zenoh", answer, now_ns), now_ns)
+            self._on_record(
+                self.desk.hear(asked.verb, asked.payload, "zenoh", answer, now_ns), now_ns
+            )
 
     def _slow_step(self, now_ns: int) -> None:
-        """Once a second: the alarm list, the pairing with the calendar, the normal state in each new recording."""
+        """Once a second: the alarm list, the pairing with the calendar, the normal state in each
+        new recording."""
         self._doors.telemetry.look()
         guard = self.view.guard
         self.view.losses.step(self.all_counters() | (guard.counters if guard else {}), now_ns)

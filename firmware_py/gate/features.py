@@ -1,7 +1,7 @@
 """Decimated features of the raw blocks: what a trend or a picture needs, ten times a second.
 
-Time-domain figures per channel in SI units, and the shaft orbit turned from the probe axes to x (right)
-and y (up).  The diagnosis does not rest on these: the brain computes its own.
+Time-domain figures per channel in SI units, and the shaft orbit turned from the probe axes to x
+(right) and y (up).  The diagnosis does not rest on these: the brain computes its own.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ from firmware_py.records import CHANNELS, N_CHANNELS, Block
 
 PERIOD_NS: Final = 100_000_000
 BLOCKS_MAX: Final = 1000
-"""More than the fastest sampling puts into a tenth of a second: time that stands still gathers no more."""
+"""More than the fastest sampling puts into a tenth of a second: time that stands still gathers no
+more."""
 
 ORBIT_POINTS: Final = 240
 
@@ -90,9 +91,17 @@ class Decimator:
         rms = self._counts.std(axis=0) * np.abs(scale)
         spread = (self._counts.max(axis=0).astype(float) - self._counts.min(axis=0)) * np.abs(scale)
         return Features(
-            seq=self._seq, t_acq_ns=last.t_acq_ns, quality=quality, speed_rad_s=last.speed_rad_s,
-            channel={name: ChannelFeatures(float(mean[i]), float(rms[i]), float(spread[i]), bool(ok >> i & 1))
-                     for i, name in enumerate(CHANNELS)})
+            seq=self._seq,
+            t_acq_ns=last.t_acq_ns,
+            quality=quality,
+            speed_rad_s=last.speed_rad_s,
+            channel={
+                name: ChannelFeatures(
+                    float(mean[i]), float(rms[i]), float(spread[i]), bool(ok >> i & 1)
+                )
+                for i, name in enumerate(CHANNELS)
+            },
+        )
 
     def orbit(self) -> Orbit:
         """The orbit in the last full tenth of a second, at most :data:`ORBIT_POINTS` points."""

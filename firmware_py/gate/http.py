@@ -1,6 +1,8 @@
-"""A small HTTP/1.1 server for a loop: it never blocks, starts no thread, and does bounded work in each step.
+"""A small HTTP/1.1 server for a loop: it never blocks, starts no thread, and does bounded work in
+each step.
 
-It answers GET and HEAD with what was rendered before; everything else is refused.  One request a connection.
+It answers GET and HEAD with what was rendered before; everything else is refused.  One request a
+connection.
 """
 
 from __future__ import annotations
@@ -15,7 +17,8 @@ from http import HTTPStatus
 from typing import Final
 
 CONNECTIONS_MAX: Final = 32
-"""Open at once; a newcomer beyond takes the place of the oldest, so that idle ones shut nobody out."""
+"""Open at once; a newcomer beyond takes the place of the oldest, so that idle ones shut nobody
+out."""
 
 ACCEPTS_PER_STEP: Final = 8
 """At a hundred steps a second this is the greatest rate of requests."""
@@ -47,8 +50,8 @@ class HttpServer:
 
     Notes
     -----
-    ``counters``: ``http_answered``, ``http_refused`` (answered with an error), ``http_dropped`` (gone, idle or crowded
-    out before the answer).
+    ``counters``: ``http_answered``, ``http_refused`` (answered with an error), ``http_dropped``
+    (gone, idle or crowded out before the answer).
     """
 
     def __init__(self, port: int, content: Content) -> None:
@@ -102,7 +105,11 @@ class HttpServer:
         connection.head += data
         if not data:
             raise ConnectionResetError
-        if b"\r\n\r\n" in connection.head or b"\n\n" in connection.head or len(connection.head) > HEAD_LIMIT_BYTES:
+        if (
+            b"\r\n\r\n" in connection.head
+            or b"\n\n" in connection.head
+            or len(connection.head) > HEAD_LIMIT_BYTES
+        ):
             status, connection.answer = respond(connection.head, self._content)
             self.counters["http_answered" if status == HTTPStatus.OK else "http_refused"] += 1
 
@@ -110,7 +117,9 @@ class HttpServer:
         if count:
             self.counters[count] += 1
         with contextlib.suppress(OSError):
-            connection.sock.shutdown(socket.SHUT_WR)  # what is still unread must not reset what was sent
+            connection.sock.shutdown(
+                socket.SHUT_WR
+            )  # what is still unread must not reset what was sent
         connection.sock.close()
         self._connections.remove(connection)
 
@@ -126,13 +135,25 @@ def respond(head: bytes, content: Content) -> tuple[HTTPStatus, memoryview]:
     if method not in (b"GET", b"HEAD"):
         return _answer(HTTPStatus.NOT_IMPLEMENTED)
     found = content.get(target.partition("?")[0])
-    return _answer(HTTPStatus.OK, *found, bare=method == b"HEAD") if found else _answer(HTTPStatus.NOT_FOUND)
+    return (
+        _answer(HTTPStatus.OK, *found, bare=method == b"HEAD")
+        if found
+        else _answer(HTTPStatus.NOT_FOUND)
+    )
 
 
-def _answer(status: HTTPStatus, kind: str = "text/plain; charset=utf-8", body: bytes = b"", *,
-            bare: bool = False) -> tuple[HTTPStatus, memoryview]:
+def _answer(
+    status: HTTPStatus,
+    kind: str = "text/plain; charset=utf-8",
+    body: bytes = b"",
+    *,
+    bare: bool = False,
+) -> tuple[HTTPStatus, memoryview]:
     body = body or f"{status.value} {status.phrase}\n".encode()
-    head = (f"HTTP/1.1 {status.value} {status.phrase}\r\nContent-Type: {kind}\r\nContent-Length: {len(body)}\r\n"
-            "Cache-Control: no-store\r\nX-Content-Type-Options: nosniff\r\n"
-            "Content-Security-Policy: default-src 'self' 'unsafe-inline'\r\nConnection: close\r\n\r\n").encode()
+    head = (
+        f"HTTP/1.1 {status.value} {status.phrase}\r\nContent-Type: {kind}\r\nContent-Length: "
+        f"{len(body)}\r\n"
+        "Cache-Control: no-store\r\nX-Content-Type-Options: nosniff\r\n"
+        "Content-Security-Policy: default-src 'self' 'unsafe-inline'\r\nConnection: close\r\n\r\n"
+    ).encode()
     return status, memoryview(head if bare else head + body)

@@ -1,4 +1,5 @@
-"""The key expressions of the device: ``orbitd/<site>/<rig>/<block>/<signal>``, blocks after ISO 13374.
+"""The key expressions of the device: ``orbitd/<site>/<rig>/<block>/<signal>``, blocks after ISO
+13374.
 
 ================== ============================== ==================== ====================================
 key                payload                        when                 encoding
@@ -23,18 +24,19 @@ cmd/<verb>         ``CommandReply``               query, payload: see  applicati
 live/<room>        liveliness token               while the room lives
 ================== ============================== ==================== ====================================
 
-Queries answer in JSON, where a number that is not finite is null; with the parameter ``as=msgpack`` in msgpack,
-exact.  ``since`` counts the guard's events from its last start.
+Queries answer in JSON, where a number that is not finite is null; with the parameter ``as=msgpack``
+in msgpack, exact.  ``since`` counts the guard's events from its last start.
 
-Reading is harmless: a query with any wildcard in it executes nothing.  A command names its exact key and carries a JSON
-object, ``{"id": "7f3a", "value": 60.0}``: ``id`` is any text of 1 to 64 printable characters that was not used before
-(a UUID, say), ``value`` is left away where the verb takes none.  The id comes back in the reply; a repeated id is not
-executed twice but answered the same.
+Reading is harmless: a query with any wildcard in it executes nothing.  A command names its exact
+key and carries a JSON object, ``{"id": "7f3a", "value": 60.0}``: ``id`` is any text of 1 to 64
+printable characters that was not used before (a UUID, say), ``value`` is left away where the verb
+takes none.  The id comes back in the reply; a repeated id is not executed twice but answered the
+same.
 
-The payload structures are those of :mod:`firmware_py.records` and of :mod:`firmware_py.gate.view`; units
-stand in the names.  Verbs: ``mode`` ("monitor", "manual", "auto"), ``arm``, ``disarm``, ``reset``,
-``set_clearance`` (radial, um), ``set_pressure`` (bar), ``announce`` (a ``PlannedRamp``); answered by the brain:
-``commission`` ("start", "stop", "cancel", "forget").
+The payload structures are those of :mod:`firmware_py.records` and of :mod:`firmware_py.gate.view`;
+units stand in the names.  Verbs: ``mode`` ("monitor", "manual", "auto"), ``arm``, ``disarm``,
+``reset``, ``set_clearance`` (radial, um), ``set_pressure`` (bar), ``announce`` (a ``PlannedRamp``);
+answered by the brain: ``commission`` ("start", "stop", "cancel", "forget").
 """
 
 from __future__ import annotations

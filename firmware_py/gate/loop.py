@@ -1,4 +1,5 @@
-"""``orbitd gate``: the gate's process. Opens the doors, steps a hundred times a second, closes them."""
+"""``orbitd gate``: the gate's process. Opens the doors, steps a hundred times a second, closes
+them."""
 
 from __future__ import annotations
 
@@ -41,10 +42,20 @@ def main(argv: list[str]) -> int:
     """Run the gate until SIGTERM or SIGINT."""
     parser = argparse.ArgumentParser(prog="orbitd gate", description=__doc__)
     launch.add_options(parser)
-    parser.add_argument("--record", type=Path, metavar="DIR", help="folder of the recordings (default: "
-                        "recorder.directory, else the service's state folder, else ~/.local/state/orbitd)")
-    parser.add_argument("--ground-station", type=port, default=0, metavar="PORT",
-                        help="speak MAVLink to the ground station on this UDP port of the loopback, e.g. 14550")
+    parser.add_argument(
+        "--record",
+        type=Path,
+        metavar="DIR",
+        help="folder of the recordings (default: "
+        "recorder.directory, else the service's state folder, else ~/.local/state/orbitd)",
+    )
+    parser.add_argument(
+        "--ground-station",
+        type=port,
+        default=0,
+        metavar="PORT",
+        help="speak MAVLink to the ground station on this UDP port of the loopback, e.g. 14550",
+    )
     launch.add_peers(parser, "brain")
     launch.add_guard_user(parser)
     options = parser.parse_args(argv)
@@ -53,14 +64,29 @@ def main(argv: list[str]) -> int:
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stop.set())
     directory = options.record or recordings_dir(started.config, os.environ)
-    run(started, directory, notify.from_environment(), stop.is_set, MonotonicClock(), options.ground_station,
-        options.guard_user)
+    run(
+        started,
+        directory,
+        notify.from_environment(),
+        stop.is_set,
+        MonotonicClock(),
+        options.ground_station,
+        options.guard_user,
+    )
     return 0
 
 
-def run(started: Launch, recordings: Path, notifier: notify.Notifier, stopped: Callable[[], bool],
-        clock: Clock, ground_station: int = 0, guard_uid: int | None = None) -> None:
-    """Serve until ``stopped``; ``ground_station`` is a UDP port, 0 for none; ``guard_uid`` whose guard it must be.
+def run(
+    started: Launch,
+    recordings: Path,
+    notifier: notify.Notifier,
+    stopped: Callable[[], bool],
+    clock: Clock,
+    ground_station: int = 0,
+    guard_uid: int | None = None,
+) -> None:
+    """Serve until ``stopped``; ``ground_station`` is a UDP port, 0 for none; ``guard_uid`` whose
+    guard it must be.
 
     Raises
     ------
@@ -87,8 +113,13 @@ def run(started: Launch, recordings: Path, notifier: notify.Notifier, stopped: C
         _close(doors)
 
 
-def _loop(gate: Gate, page: Page | None, notifier: notify.Notifier, stopped: Callable[[], bool],
-          clock: Clock) -> None:
+def _loop(
+    gate: Gate,
+    page: Page | None,
+    notifier: notify.Notifier,
+    stopped: Callable[[], bool],
+    clock: Clock,
+) -> None:
     due_ns, steps = clock.now_ns(), 0
     while not stopped():
         gate.step(clock.now_ns())
@@ -105,14 +136,24 @@ def _open_doors(started: Launch, recordings: Path, models: Any, guard_uid: int |
     config, folder = started.config, started.runtime
     prefix = keys.prefix(config.device.site, config.device.rig)
     brain = RoomServer(folder / "gate.sock", started.peers)
-    telemetry = Telemetry(session.open_device(config.zenoh, folder, prefix), prefix, session.Door(folder, prefix))
+    telemetry = Telemetry(
+        session.open_device(config.zenoh, folder, prefix), prefix, session.Door(folder, prefix)
+    )
     recorder = None
     if config.recorder.enabled:
         name = f"{config.device.site}-{config.device.rig}-{config.device.instance}"
-        recorder = Recorder(recordings, name, metadata(config, models), config.recorder.max_megabytes * 10**6,
-                            time.time_ns, raw_frames=config.recorder.raw_frames)
+        recorder = Recorder(
+            recordings,
+            name,
+            metadata(config, models),
+            config.recorder.max_megabytes * 10**6,
+            time.time_ns,
+            raw_frames=config.recorder.raw_frames,
+        )
     normal = NormalFile(state_dir(config, os.environ), time.time_ns)
-    return Doors(RoomClient(folder / "guard.sock", "gate", guard_uid), brain, telemetry, recorder, normal)
+    return Doors(
+        RoomClient(folder / "guard.sock", "gate", guard_uid), brain, telemetry, recorder, normal
+    )
 
 
 def _close(doors: Doors) -> None:
@@ -145,7 +186,11 @@ def read_models(config: Config) -> Any:
 
 def recordings_dir(config: Config, environment: Mapping[str, str]) -> Path:
     """Where recordings go when the command line does not say."""
-    return Path(config.recorder.directory) if config.recorder.directory else state_dir(config, environment)
+    return (
+        Path(config.recorder.directory)
+        if config.recorder.directory
+        else state_dir(config, environment)
+    )
 
 
 def state_dir(config: Config, environment: Mapping[str, str]) -> Path:

@@ -13,7 +13,8 @@ HOLD_NS: Final = 10_000_000_000
 
 _LOSS: Final = re.compile(
     r"(room_)?(lost|oversized|malformed)_(guard|brain|gate)|link_queue_overflow|link_send_failed|events_dropped"
-    r"|trip_file_failures|recorder_(lost|dropped)\w*|station_lost|replies_dropped_\w+")
+    r"|trip_file_failures|recorder_(lost|dropped)\w*|station_lost|replies_dropped_\w+"
+)
 
 
 class Losses:
@@ -33,13 +34,27 @@ class Losses:
                     self._since_ns = now_ns
                 self._grew_ns[name] = now_ns
         self._last = losses
-        self._grew_ns = {name: t_ns for name, t_ns in self._grew_ns.items() if now_ns - t_ns < HOLD_NS}
+        self._grew_ns = {
+            name: t_ns for name, t_ns in self._grew_ns.items() if now_ns - t_ns < HOLD_NS
+        }
 
     def standing(self) -> list[Alarm]:
         """One alarm that names every counter that grows; empty when nothing is lost."""
         if not self._grew_ns:
             return []
         named = ", ".join(f"{name} = {self._last.get(name, 0)}" for name in sorted(self._grew_ns))
-        text = f"records or frames are lost: {named}; this machine or its bus is overloaded: end " \
-               "what else runs on it, look at processor load and bus load"
-        return [Alarm("queue_losses", Severity.ALERT, self._since_ns, float(len(self._grew_ns)), 0.0, False, text)]
+        text = (
+            f"records or frames are lost: {named}; this machine or its bus is overloaded: end "
+            "what else runs on it, look at processor load and bus load"
+        )
+        return [
+            Alarm(
+                "queue_losses",
+                Severity.ALERT,
+                self._since_ns,
+                float(len(self._grew_ns)),
+                0.0,
+                False,
+                text,
+            )
+        ]

@@ -45,7 +45,9 @@ class _Once(Collector):
 
 
 def _gauges(state: DeviceState) -> list[Metric]:
-    up = GaugeMetricFamily("orbitd_room_up", "1 while the room's heartbeat is fresh", labels=["room"])
+    up = GaugeMetricFamily(
+        "orbitd_room_up", "1 while the room's heartbeat is fresh", labels=["room"]
+    )
     for room, alive in state.rooms.items():
         up.add_metric([room], alive)
     alarm = GaugeMetricFamily("orbitd_alarm", "Active alarms with their severity", labels=["name"])
@@ -59,8 +61,14 @@ def _gauges(state: DeviceState) -> list[Metric]:
             spread.add_metric([probe], value)
         metrics.append(spread)
     if state.reading:
-        metrics.append(_gauge("shaft_power_W", "Measured shaft power", state.reading.status.shaft_power_W))
-        metrics.append(_gauge("oil_outlet_C", "Measured oil outlet temperature", state.reading.status.oil_outlet_C))
+        metrics.append(
+            _gauge("shaft_power_W", "Measured shaft power", state.reading.status.shaft_power_W)
+        )
+        metrics.append(
+            _gauge(
+                "oil_outlet_C", "Measured oil outlet temperature", state.reading.status.oil_outlet_C
+            )
+        )
     return metrics
 
 
@@ -69,8 +77,11 @@ def _gauge(name: str, text: str, value: float) -> Metric:
 
 
 def _channels(features: Features | None) -> list[Metric]:
-    rms = GaugeMetricFamily("orbitd_channel_rms", "Root mean square about the mean, SI unit of the channel",
-                            labels=["channel"])
+    rms = GaugeMetricFamily(
+        "orbitd_channel_rms",
+        "Root mean square about the mean, SI unit of the channel",
+        labels=["channel"],
+    )
     ok = GaugeMetricFamily("orbitd_channel_ok", "1 while the channel is OK", labels=["channel"])
     for name, channel in features.channel.items() if features else ():
         rms.add_metric([name], channel.rms)
@@ -79,7 +90,9 @@ def _channels(features: Features | None) -> list[Metric]:
 
 
 def _counts(state: DeviceState) -> list[Metric]:
-    counts = UnknownMetricFamily("orbitd_count", "Everything the device counts, by room", labels=["room", "name"])
+    counts = UnknownMetricFamily(
+        "orbitd_count", "Everything the device counts, by room", labels=["room", "name"]
+    )
     by_room = {
         "gate": state.counters,
         "guard": state.guard.counters if state.guard else {},

@@ -1,4 +1,5 @@
-"""The machine's normal state on disk: one JSON file, written whole by the gate, the one room with a disk."""
+"""The machine's normal state on disk: one JSON file, written whole by the gate, the one room with a
+disk."""
 
 from __future__ import annotations
 
@@ -44,11 +45,15 @@ class NormalFile:
         except FileNotFoundError:
             return
         except (OSError, OutsideError) as error:
-            self.trouble = (f"{self.path}: cannot be used ({error}); commission again (`orbitd commission start`), or "
-                            "forget it (`orbitd commission forget`)")
+            self.trouble = (
+                f"{self.path}: cannot be used ({error}); commission again (`orbitd commission "
+                f"start`), or "
+                "forget it (`orbitd commission forget`)"
+            )
 
     def keep(self, normal: Normal) -> Normal:
-        """Store ``normal``, stamped with the time; what stood there before is replaced whole or not at all."""
+        """Store ``normal``, stamped with the time; what stood there before is replaced whole or not
+        at all."""
         self.normal = msgspec.structs.replace(normal, made_unix_ns=self._unix_ns())
         part = self.path.with_suffix(".part")
         try:

@@ -51,11 +51,15 @@ class Page:
     """
 
     def __init__(self, port: int) -> None:
-        self._content: dict[str, tuple[str, bytes]] = {"/": ("text/html; charset=utf-8", HTML.read_bytes())}
+        self._content: dict[str, tuple[str, bytes]] = {
+            "/": ("text/html; charset=utf-8", HTML.read_bytes())
+        }
         try:
             self._server = HttpServer(port, self._content)
         except OSError as error:
-            raise PageError(f"metrics.port = {port}: {error.strerror}; choose another port, or 0 for none") from error
+            raise PageError(
+                f"metrics.port = {port}: {error.strerror}; choose another port, or 0 for none"
+            ) from error
         self.port = self._server.port
         self.counters = self._server.counters
         self._next_ns = 0
@@ -69,7 +73,10 @@ class Page:
         state, view = gate.state(now_ns), gate.view
         live = Live(state, view.features, view.decimator.orbit(), view.events()[-EVENTS_SHOWN:])
         self._content["/live.json"] = ("application/json", msgspec.json.encode(live))
-        self._content["/metrics"] = ("text/plain; version=0.0.4; charset=utf-8", render(state, view.features))
+        self._content["/metrics"] = (
+            "text/plain; version=0.0.4; charset=utf-8",
+            render(state, view.features),
+        )
 
     def close(self) -> None:
         """Stop serving."""

@@ -1,9 +1,9 @@
 """Queries on Zenoh: small rings in, bounded work, answers that wait for no reader.
 
-Reading is harmless, whatever the key expression; a command must name its exact key.  Zenoh's own threads only fill the
-rings.  A reply can block while its reader does not read, so replies leave through threads of their own
-(:class:`Mouth`):
-one for ``disarm``, one for the other commands, one for what is read; none of them waits for another.
+Reading is harmless, whatever the key expression; a command must name its exact key.  Zenoh's own
+threads only fill the rings.  A reply can block while its reader does not read, so replies leave
+through threads of their own (:class:`Mouth`): one for ``disarm``, one for the other commands, one
+for what is read; none of them waits for another.
 """
 
 from __future__ import annotations
@@ -23,10 +23,12 @@ from firmware_py.gate import keys
 from firmware_py.records import BRAIN_VERBS, VERBS, CommandReply
 
 RING: Final = 32
-"""Queries of one kind that may wait for the loop; older ones are dropped and their askers get no answer."""
+"""Queries of one kind that may wait for the loop; older ones are dropped and their askers get no
+answer."""
 
 DISARM_RING: Final = 1024
-"""At the greatest rate of one client (some ten thousand a second) this holds what comes in a few steps."""
+"""At the greatest rate of one client (some ten thousand a second) this holds what comes in a few
+steps."""
 
 DISARMS_PER_STEP: Final = 256
 REFUSALS_PER_STEP: Final = 4
@@ -37,7 +39,8 @@ ANSWERS_PER_STEP: Final = 8
 
 BYTES_PER_STEP: Final = 20_000
 BYTES_SAVED_MAX: Final = 500_000
-"""Of one kind of question: 2 MB/s, saved up for a burst; the list of a thousand events has some 300 kB."""
+"""Of one kind of question: 2 MB/s, saved up for a burst; the list of a thousand events has some 300
+kB."""
 
 MOUTH_WAITING: Final = 512
 COMMAND_ORDER: Final = ("disarm", *(verb for verb in (*VERBS, *BRAIN_VERBS) if verb != "disarm"))
@@ -88,7 +91,10 @@ class Mouth:
 
     def say(self, question: Question, key: str | None, data: bytes) -> None:
         """Answer with ``data`` on ``key`` (None: as an error) and end the query."""
-        query, encoding = question.query, MSGPACK if question.packed else zenoh.Encoding.APPLICATION_JSON
+        query, encoding = (
+            question.query,
+            MSGPACK if question.packed else zenoh.Encoding.APPLICATION_JSON,
+        )
 
         def speak() -> None:
             try:
@@ -128,8 +134,8 @@ class Queries:
     prefix
         What every key starts with.
     counters
-        ``commands_wildcard_refused``, ``commands_parameters_refused``, ``questions_refused_<kind>`` (over the budget of
-        a step), ``replies_dropped_<mouth>``, ``zenoh_failed``.
+        ``commands_wildcard_refused``, ``commands_parameters_refused``, ``questions_refused_<kind>``
+        (over the budget of a step), ``replies_dropped_<mouth>``, ``zenoh_failed``.
     """
 
     def __init__(self, session: zenoh.Session, prefix: str, counters: Counter[str]) -> None:
@@ -144,11 +150,16 @@ class Queries:
 
     def serve(self, session: zenoh.Session) -> None:
         """Answer on ``session`` as well."""
-        def queryable(name: str, size: int) -> Any:
-            return session.declare_queryable(f"{self._prefix}/{name}", RingChannel(size), complete=True)
 
-        self._commands += [(verb, queryable(keys.command(verb), DISARM_RING if verb == "disarm" else RING))
-                           for verb in COMMAND_ORDER]
+        def queryable(name: str, size: int) -> Any:
+            return session.declare_queryable(
+                f"{self._prefix}/{name}", RingChannel(size), complete=True
+            )
+
+        self._commands += [
+            (verb, queryable(keys.command(verb), DISARM_RING if verb == "disarm" else RING))
+            for verb in COMMAND_ORDER
+        ]
         self._commands.sort(key=lambda entry: entry[0] != "disarm")
         self._questions += [(name, queryable(name, RING)) for name in QUESTIONS]
 
@@ -162,10 +173,13 @@ class Queries:
                     refused += 1
                     self._refuse(verb, question, refusal if refused <= REFUSALS_PER_STEP else "")
                 else:
-                    yield AskedCommand(verb, query.payload.to_bytes() if query.payload else b"", question)
+                    yield AskedCommand(
+                        verb, query.payload.to_bytes() if query.payload else b"", question
+                    )
 
     def _refuse(self, verb: str, question: Question, refusal: str) -> None:
-        """Tell why, behind what is read and not before a disarm; without a text end the query in silence."""
+        """Tell why, behind what is read and not before a disarm; without a text end the query in
+        silence."""
         if not refusal:
             question.query.drop()  # type: ignore[no-untyped-call]
             return
@@ -173,7 +187,8 @@ class Queries:
         self._answer("questions", verb, question, reply)
 
     def questions(self, encode: Callable[[str, Question], bytes]) -> None:
-        """Answer the questions that wait, as far as the budget of a step goes; ``encode`` gives each answer."""
+        """Answer the questions that wait, as far as the budget of a step goes; ``encode`` gives
+        each answer."""
         mouth = self._mouths["questions"]
         for name in self._left:
             self._left[name] = min(BYTES_SAVED_MAX, self._left[name] + BYTES_PER_STEP)
@@ -206,13 +221,19 @@ class Queries:
         key = f"{self._prefix}/{keys.command(verb)}"
         if str(question.query.key_expr) != key:
             self._counters["commands_wildcard_refused"] += 1
-            return (f"{verb}: asked by a key expression that matches more than this command; reading executes nothing, "
-                    f"a command names its exact key: {key}")
+            return (
+                f"{verb}: asked by a key expression that matches more than this command; reading "
+                f"executes nothing, "
+                f"a command names its exact key: {key}"
+            )
         strange = sorted(set(question.parameters) - set(COMMAND_PARAMETERS))
         if strange:
             self._counters["commands_parameters_refused"] += 1
-            return (f"{verb}: parameter {strange[0][:40]!r} is unknown; a command takes its id and value in the JSON "
-                    f"payload and no parameter but {COMMAND_PARAMETERS[0]}")
+            return (
+                f"{verb}: parameter {strange[0][:40]!r} is unknown; a command takes its id and "
+                f"value in the JSON "
+                f"payload and no parameter but {COMMAND_PARAMETERS[0]}"
+            )
         return ""
 
 

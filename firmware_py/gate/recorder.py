@@ -1,8 +1,9 @@
 """The flight recorder: everything the rooms say, in MCAP files, written by a thread of its own.
 
-:meth:`Recorder.write` only appends to a bounded queue: a full or vanished disk costs records, counted and
-visible in :attr:`Recorder.trouble`, never time.  Chunks are small, so that whatever is recorded is on its
-way to the disk within about a second; a file whose end is missing stays readable up to its last chunk.
+:meth:`Recorder.write` only appends to a bounded queue: a full or vanished disk costs records,
+counted and visible in :attr:`Recorder.trouble`, never time.  Chunks are small, so that whatever is
+recorded is on its way to the disk within about a second; a file whose end is missing stays readable
+up to its last chunk.
 """
 
 from __future__ import annotations
@@ -31,7 +32,8 @@ FILES_KEPT: Final = 8
 """The allowance is spread over about this many files; the oldest goes first."""
 
 METADATA_EVERY_BYTES: Final = 1 << 19
-"""The head of the file is repeated after so much: a file whose first blocks are lost is still replayed."""
+"""The head of the file is repeated after so much: a file whose first blocks are lost is still
+replayed."""
 
 DRAIN_PERIOD_S: Final = 0.05
 RETRY_AFTER_S: Final = 2.0
@@ -48,7 +50,8 @@ class _Ticketed(NamedTuple):
 class Recorder:
     """Writes records to ``directory`` in files ``orbitd-<name>-<number>-<UTC>.mcap``.
 
-    The number grows with every file, across restarts too: it says which was written first when the calendar does not.
+    The number grows with every file, across restarts too: it says which was written first when the
+    calendar does not.
 
     Parameters
     ----------
@@ -63,25 +66,36 @@ class Recorder:
     unix_ns
         The calendar's time, for file names.
     raw_frames
-        Whether to keep the guard's cycles with all their frames (a replay needs them, and gets the blocks
-        from them), or the blocks instead.
+        Whether to keep the guard's cycles with all their frames (a replay needs them, and gets the
+        blocks from them), or the blocks instead.
 
     Notes
     -----
     ``counters``: ``recorder_lost`` (records), ``recorder_failures`` (attempts that failed),
-    ``recorder_not_removed`` (old files that could not be removed to make room).  ``trouble`` is empty, or
-    the reason why nothing is being stored now.  What an error of the disk left unstored goes into the next file.
+    ``recorder_not_removed`` (old files that could not be removed to make room).  ``trouble`` is
+    empty, or the reason why nothing is being stored now.  What an error of the disk left unstored
+    goes into the next file.
     """
 
-    def __init__(self, directory: Path, name: str, metadata: Mapping[str, str], max_bytes: int,
-                 unix_ns: Callable[[], int], *, raw_frames: bool = True) -> None:
+    def __init__(
+        self,
+        directory: Path,
+        name: str,
+        metadata: Mapping[str, str],
+        max_bytes: int,
+        unix_ns: Callable[[], int],
+        *,
+        raw_frames: bool = True,
+    ) -> None:
         self.counters: Counter[str] = Counter()
         self.trouble = ""
         self.stored = 0
         self._directory = directory
         self._name = name
         self._metadata = {**metadata, "format": FORMAT}
-        self._names = re.compile(rf"orbitd-{re.escape(name)}-(?:(\d{{8,}})-)?\d{{8}}T\d{{6}}\.\d{{6}}Z\.mcap")
+        self._names = re.compile(
+            rf"orbitd-{re.escape(name)}-(?:(\d{{8,}})-)?\d{{8}}T\d{{6}}\.\d{{6}}Z\.mcap"
+        )
         self._number = 0
         self._max_bytes = max_bytes
         self._unix_ns = unix_ns
@@ -104,8 +118,8 @@ class Recorder:
 
         Returns
         -------
-        Its ticket: the record is in the file once ``stored`` has reached it.  0 when it is not kept, or
-        lost.
+        Its ticket: the record is in the file once ``stored`` has reached it.  0 when it is not
+        kept, or lost.
         """
         if type(record) not in self._kept:
             return 0
@@ -133,7 +147,9 @@ class Recorder:
             work()
             self.trouble = ""
         except OSError as error:
-            self.trouble = f"{error.strerror or error} in {self._directory}; free or change the disk"
+            self.trouble = (
+                f"{error.strerror or error} in {self._directory}; free or change the disk"
+            )
             self.counters["recorder_failures"] += 1
             if self._file:
                 self._queue.extendleft(reversed(self._file.abandon()))
@@ -167,10 +183,12 @@ class Recorder:
                 return self._file
 
     def _make_room(self) -> None:
-        """Remove what was written first until a new file fits; the next number is above every one that is there.
+        """Remove what was written first until a new file fits; the next number is above every one
+        that is there.
 
-        The number in a name says which file was written first, whatever the calendar was.  Names of before there were
-        numbers come first, in their order.  What cannot be removed is not part of the allowance, counted.
+        The number in a name says which file was written first, whatever the calendar was.  Names of
+        before there were numbers come first, in their order.  What cannot be removed is not part of
+        the allowance, counted.
         """
         found: list[tuple[int, str, int]] = []
         for entry in os.scandir(self._directory):
@@ -194,7 +212,8 @@ class Recorder:
 
 
 def _stamp(unix_ns: int) -> str:
-    """The calendar's time in a file name; a clock beyond what a calendar holds stands at its nearest end."""
+    """The calendar's time in a file name; a clock beyond what a calendar holds stands at its
+    nearest end."""
     seconds = min(max(unix_ns * 1e-9, 0.0), _LAST_DAY_S)
     return datetime.fromtimestamp(seconds, UTC).strftime("%Y%m%dT%H%M%S.%fZ")
 
@@ -212,8 +231,13 @@ class _McapFile:
         self._channels = {record_type: number for number, record_type in enumerate(TOPICS, 1)}
         topics = {str(number): TOPICS[kind].name for kind, number in self._channels.items()}
         self._metadata = with_digest({**metadata, "topics": msgspec.json.encode(topics).decode()})
-        self._writer = Writer(self._stream, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD,
-                              index_types=IndexType.CHUNK | IndexType.METADATA, enable_data_crcs=True)
+        self._writer = Writer(
+            self._stream,
+            chunk_size=CHUNK_BYTES,
+            compression=CompressionType.ZSTD,
+            index_types=IndexType.CHUNK | IndexType.METADATA,
+            enable_data_crcs=True,
+        )
         try:
             self._begin()
         except OSError:
@@ -230,7 +254,10 @@ class _McapFile:
     def _register(self, record_type: type[Record]) -> None:
         topic = TOPICS[record_type]
         schema = self._writer.register_schema(
-            record_type.__name__, "jsonschema", msgspec.json.encode(msgspec.json.schema(record_type)))
+            record_type.__name__,
+            "jsonschema",
+            msgspec.json.encode(msgspec.json.schema(record_type)),
+        )
         self._writer.register_channel(topic.name, topic.encoding, schema)
 
     def _repeat_metadata(self) -> None:
@@ -257,7 +284,8 @@ class _McapFile:
         return self._complete
 
     def finish(self) -> int:
-        """Write the last chunk, the head again and the summary, down to the disk; the last ticket."""
+        """Write the last chunk, the head again and the summary, down to the disk; the last
+        ticket."""
         self._writer.add_metadata(METADATA_NAME, self._metadata)
         self._writer.finish()
         self._stream.flush()
@@ -266,7 +294,8 @@ class _McapFile:
         return self._unstored[-1].ticket if self._unstored else self._complete
 
     def abandon(self) -> list[_Ticketed]:
-        """Close after an error of the disk; the records that may not have reached it.  An empty file goes."""
+        """Close after an error of the disk; the records that may not have reached it.  An empty
+        file goes."""
         with contextlib.suppress(OSError):
             self._stream.close()
         if not self._complete:

@@ -1,8 +1,9 @@
-"""The Zenoh session: a Unix socket in the runtime directory always, anything else only as configured.
+"""The Zenoh session: a Unix socket in the runtime directory always, anything else only as
+configured.
 
 No scouting, no gossip: the device opens no connection that the configuration does not name.  Over
-configured network endpoints everything is denied but reading; commands come over the Unix socket, or over
-mTLS with a client certificate whose common name is :data:`OPERATOR`.
+configured network endpoints everything is denied but reading; commands come over the Unix socket,
+or over mTLS with a client certificate whose common name is :data:`OPERATOR`.
 """
 
 from __future__ import annotations
@@ -26,17 +27,36 @@ OPERATOR: Final = "orbitd-operator"
 UNIX: Final = "unixsock-stream"
 NETWORK_LINKS: Final = ("tcp", "udp", "tls", "quic", "ws")
 TX_BATCHES: Final = 16
-"""Of 64 kB for each client: room for the longest answer, so that a slow network is no reason to wait."""
+"""Of 64 kB for each client: room for the longest answer, so that a slow network is no reason to
+wait."""
 
 TX_WAIT_US: Final = 100_000
-"""Who does not read for so long while that room is full loses his connection; nobody waits longer behind him."""
+"""Who does not read for so long while that room is full loses his connection; nobody waits longer
+behind him."""
 
 REOPENINGS_MAX: Final = 100
 """Each costs a session of some threads; a folder that is cleaned so often is the wrong folder."""
 
-_READING_IN: Final = ("query", "declare_subscriber", "liveliness_query", "declare_liveliness_subscriber")
+_READING_IN: Final = (
+    "query",
+    "declare_subscriber",
+    "liveliness_query",
+    "declare_liveliness_subscriber",
+)
 _READING_OUT: Final = ("put", "reply", "declare_queryable", "liveliness_token")
-_READABLE: Final = ("da", "dm", "sd", "ha", "pa", "ag", "event", "state", "config", "models", "live")
+_READABLE: Final = (
+    "da",
+    "dm",
+    "sd",
+    "ha",
+    "pa",
+    "ag",
+    "event",
+    "state",
+    "config",
+    "models",
+    "live",
+)
 
 
 class SessionError(OrbitdError):
@@ -85,12 +105,15 @@ def open_device(settings: Zenoh, runtime: Path, prefix: str) -> zenoh.Session:
     except (zenoh.ZError, OSError) as error:
         where = ", ".join([endpoint(runtime), *settings.listen])
         cause = str(error).partition(" at /")[0]  # what follows is a place in Zenoh's source
-        raise SessionError(f"zenoh: cannot listen on {where}: {cause}; check [zenoh] in the configuration") from error
+        raise SessionError(
+            f"zenoh: cannot listen on {where}: {cause}; check [zenoh] in the configuration"
+        ) from error
     return opened
 
 
 class Door:
-    """The local socket of an open device session: notices when it is gone, and opens another behind a new one.
+    """The local socket of an open device session: notices when it is gone, and opens another behind
+    a new one.
 
     Parameters
     ----------
@@ -118,7 +141,8 @@ class Door:
         SessionError
             The socket cannot be bound.
         """
-        # The lock of the removed socket is this process's own: the lock of gate.sock keeps other gates away.
+        # The lock of the removed socket is this process's own: the lock of gate.sock keeps other
+        # gates away.
         (self._runtime / f"{SOCKET}.lock").unlink(missing_ok=True)
         opened = open_device(Zenoh(), self._runtime, self._prefix)
         self._left -= 1
@@ -147,17 +171,28 @@ def open_client(runtime: Path) -> zenoh.Session:
             probe.connect(str(path))
             stranger = foreign_server(probe, path)
     except (OSError, ValueError) as error:
-        raise SessionError(f"no gate at {path} ({error}); start it with 'orbitd gate' or 'orbitd run'") from error
+        raise SessionError(
+            f"no gate at {path} ({error}); start it with 'orbitd gate' or 'orbitd run'"
+        ) from error
     if stranger:
         raise SessionError(stranger)
     try:
-        return _open({"mode": "client", "connect/endpoints": [endpoint(runtime)], "connect/timeout_ms": 1000})
+        return _open(
+            {"mode": "client", "connect/endpoints": [endpoint(runtime)], "connect/timeout_ms": 1000}
+        )
     except zenoh.ZError as error:
-        raise SessionError(f"no gate at {runtime / SOCKET}; start it with 'orbitd gate' or 'orbitd run'") from error
+        raise SessionError(
+            f"no gate at {runtime / SOCKET}; start it with 'orbitd gate' or 'orbitd run'"
+        ) from error
 
 
-_OFF: Final = ("scouting/multicast/enabled", "scouting/gossip/enabled", "transport/shared_memory/enabled")
-"""Shared memory: segments in /dev/shm that the service's sandbox forbids, for messages of a few hundred bytes."""
+_OFF: Final = (
+    "scouting/multicast/enabled",
+    "scouting/gossip/enabled",
+    "transport/shared_memory/enabled",
+)
+"""Shared memory: segments in /dev/shm that the service's sandbox forbids, for messages of a few
+hundred bytes."""
 
 
 def _open(values: dict[str, Any]) -> zenoh.Session:
@@ -168,14 +203,19 @@ def _open(values: dict[str, Any]) -> zenoh.Session:
 
 
 def access_rules(prefix: str) -> dict[str, Any]:
-    """Zenoh's ``access_control``: the Unix socket may everything, the network may read, nobody else anything."""
+    """Zenoh's ``access_control``: the Unix socket may everything, the network may read, nobody else
+    anything."""
     readable = [f"{prefix}/{part}{rest}" for part in _READABLE for rest in ("", "/**")]
     return {
         "enabled": True,
         "default_permission": "deny",
         "rules": [
-            _rule("all", ("ingress", "egress"),
-                  (*_READING_IN, *_READING_OUT, "delete", "liveliness_token"), ["**"]),
+            _rule(
+                "all",
+                ("ingress", "egress"),
+                (*_READING_IN, *_READING_OUT, "delete", "liveliness_token"),
+                ["**"],
+            ),
             _rule("read-in", ("ingress",), _READING_IN, readable),
             _rule("read-out", ("egress",), _READING_OUT, readable),
             _rule("command-in", ("ingress",), ("query",), [f"{prefix}/cmd/**"]),
@@ -194,6 +234,13 @@ def access_rules(prefix: str) -> dict[str, Any]:
     }
 
 
-def _rule(name: str, flows: tuple[str, ...], messages: tuple[str, ...], keys: list[str]) -> dict[str, Any]:
-    return {"id": name, "permission": "allow", "flows": list(flows), "messages": sorted(set(messages)),
-            "key_exprs": keys}
+def _rule(
+    name: str, flows: tuple[str, ...], messages: tuple[str, ...], keys: list[str]
+) -> dict[str, Any]:
+    return {
+        "id": name,
+        "permission": "allow",
+        "flows": list(flows),
+        "messages": sorted(set(messages)),
+        "key_exprs": keys,
+    }

@@ -1,9 +1,10 @@
-"""MAVLink 2 for a ground station on this machine: presence, status texts, settings to read, arm and disarm.
+"""MAVLink 2 for a ground station on this machine: presence, status texts, settings to read, arm and
+disarm.
 
-Speaks UDP to one loopback port, where ground stations listen (14550 by custom); off unless asked for.
-Standard messages only, so any ground station understands: HEARTBEAT, STATUSTEXT, PARAM_VALUE, COMMAND_ACK.
-Commands take the same way as all others: the guard accepts or gives all its reasons, which follow the
-refusing COMMAND_ACK as status texts.
+Speaks UDP to one loopback port, where ground stations listen (14550 by custom); off unless asked
+for. Standard messages only, so any ground station understands: HEARTBEAT, STATUSTEXT, PARAM_VALUE,
+COMMAND_ACK. Commands take the same way as all others: the guard accepts or gives all its reasons,
+which follow the refusing COMMAND_ACK as status texts.
 """
 
 from __future__ import annotations
@@ -26,26 +27,33 @@ SYSTEM, COMPONENT = 1, 1
 HEARTBEAT_NS: Final = 1_000_000_000
 DATAGRAMS_PER_STEP: Final = 256
 HEARD_PER_STEP: Final = 8
-"""Of the datagrams that came, so many are read: those that begin with a command first, the others as they came."""
+"""Of the datagrams that came, so many are read: those that begin with a command first, the others
+as they came."""
 
 DATAGRAM_BYTES: Final = 512
 """Read of one datagram; the longest packet has 280."""
 
 PACKETS_PER_STEP: Final = 8
-"""Answers that wait (a list of settings) go out at this pace, so that no receive buffer overflows."""
+"""Answers that wait (a list of settings) go out at this pace, so that no receive buffer
+overflows."""
 
 MAX_WAITING: Final = 256
 TEXT_BYTES: Final = 50
 CHUNKS: Final = 5
 
 _SYSTEM_STATUS: Final = {
-    ArmState.BOOT: mav.MAV_STATE_BOOT, ArmState.CHECK: mav.MAV_STATE_CALIBRATING,
-    ArmState.DISARMED: mav.MAV_STATE_STANDBY, ArmState.ARMED: mav.MAV_STATE_ACTIVE,
-    ArmState.RECOVERY: mav.MAV_STATE_CRITICAL, ArmState.TRIPPED: mav.MAV_STATE_EMERGENCY,
+    ArmState.BOOT: mav.MAV_STATE_BOOT,
+    ArmState.CHECK: mav.MAV_STATE_CALIBRATING,
+    ArmState.DISARMED: mav.MAV_STATE_STANDBY,
+    ArmState.ARMED: mav.MAV_STATE_ACTIVE,
+    ArmState.RECOVERY: mav.MAV_STATE_CRITICAL,
+    ArmState.TRIPPED: mav.MAV_STATE_EMERGENCY,
 }
 _SEVERITY: Final = {
-    Severity.INFO: mav.MAV_SEVERITY_INFO, Severity.ALERT: mav.MAV_SEVERITY_WARNING,
-    Severity.DANGER: mav.MAV_SEVERITY_CRITICAL, Severity.FAULT: mav.MAV_SEVERITY_ERROR,
+    Severity.INFO: mav.MAV_SEVERITY_INFO,
+    Severity.ALERT: mav.MAV_SEVERITY_WARNING,
+    Severity.DANGER: mav.MAV_SEVERITY_CRITICAL,
+    Severity.FAULT: mav.MAV_SEVERITY_ERROR,
 }
 
 Ask = Callable[[str, object, str, Callable[[CommandReply], None], int], Any]
@@ -55,15 +63,25 @@ def settings(config: Config) -> dict[str, float]:
     """The settings that a station may read, by their MAVLink name (at most 16 characters)."""
     b, a, lim, o = config.bearing, config.actuator, config.limits, config.operating
     return {
-        "RATE_HZ": config.sampling.rate_hz, "CLR_MIN_UM": b.radial_clearance_min_um,
-        "CLR_MAX_UM": b.radial_clearance_max_um, "CLR_NOMINAL_UM": b.radial_clearance_nominal_um,
-        "CLR_SAFE_UM": a.safe_radial_clearance_um, "CLR_RATE_UM_S": a.rate_um_s,
-        "PRS_SAFE_BAR": a.safe_pressure_bar, "NODE_TTL_MS": a.time_to_live_ms, "FILM_MIN_UM": lim.min_film_um,
+        "RATE_HZ": config.sampling.rate_hz,
+        "CLR_MIN_UM": b.radial_clearance_min_um,
+        "CLR_MAX_UM": b.radial_clearance_max_um,
+        "CLR_NOMINAL_UM": b.radial_clearance_nominal_um,
+        "CLR_SAFE_UM": a.safe_radial_clearance_um,
+        "CLR_RATE_UM_S": a.rate_um_s,
+        "PRS_SAFE_BAR": a.safe_pressure_bar,
+        "NODE_TTL_MS": a.time_to_live_ms,
+        "FILM_MIN_UM": lim.min_film_um,
         "DISP_ALERT_UM": lim.displacement_alert_um,
-        "DISP_DANGER_UM": lim.displacement_danger_um, "ACC_ALERT_MS2": lim.acceleration_alert_m_s2,
-        "ACC_DANGER_MS2": lim.acceleration_danger_m_s2, "ALERT_DELAY_S": lim.alert_delay_s,
-        "DANGER_DELAY_S": lim.danger_delay_s, "SPEED_MIN_RPM": o.speed_min_rpm, "SPEED_MAX_RPM": o.speed_max_rpm,
-        "LOAD_MIN_N": o.load_min_N, "LOAD_MAX_N": o.load_max_N,
+        "DISP_DANGER_UM": lim.displacement_danger_um,
+        "ACC_ALERT_MS2": lim.acceleration_alert_m_s2,
+        "ACC_DANGER_MS2": lim.acceleration_danger_m_s2,
+        "ALERT_DELAY_S": lim.alert_delay_s,
+        "DANGER_DELAY_S": lim.danger_delay_s,
+        "SPEED_MIN_RPM": o.speed_min_rpm,
+        "SPEED_MAX_RPM": o.speed_max_rpm,
+        "LOAD_MIN_N": o.load_min_N,
+        "LOAD_MAX_N": o.load_max_N,
     }
 
 
@@ -81,8 +99,8 @@ class GroundStation:
 
     Notes
     -----
-    ``counters``: ``station_packets_out``, ``station_lost`` (answers that found no room), ``station_malformed``,
-    ``station_refused`` (datagrams beyond what a step reads).
+    ``counters``: ``station_packets_out``, ``station_lost`` (answers that found no room),
+    ``station_malformed``, ``station_refused`` (datagrams beyond what a step reads).
     """
 
     def __init__(self, port: int, config: Config, ask: Ask) -> None:
@@ -136,7 +154,10 @@ class GroundStation:
                 self.counters["station_malformed"] += 1
             elif getattr(message, "target_system", SYSTEM) not in (0, SYSTEM):
                 continue
-            elif kind == "PARAM_REQUEST_LIST" and len(self._waiting) + len(self._settings) < MAX_WAITING:
+            elif (
+                kind == "PARAM_REQUEST_LIST"
+                and len(self._waiting) + len(self._settings) < MAX_WAITING
+            ):
                 for index in range(len(self._settings)):
                     self._queue(self._setting(index))
             elif kind in ("PARAM_REQUEST_READ", "PARAM_SET"):
@@ -155,7 +176,8 @@ class GroundStation:
             return []
 
     def _answer_setting(self, message: Any) -> None:
-        """The asked setting; a wish to change one gets its unchanged value, as the protocol wants it."""
+        """The asked setting; a wish to change one gets its unchanged value, as the protocol wants
+        it."""
         names = [name for name, _ in self._settings]
         index = getattr(message, "param_index", -1)
         if index == -1 and message.param_id in names:
@@ -163,7 +185,10 @@ class GroundStation:
         if 0 <= index < len(names):
             self._queue(self._setting(index))
         if message.get_type() == "PARAM_SET":
-            self._text(mav.MAV_SEVERITY_WARNING, "settings are read-only here; change the configuration file")
+            self._text(
+                mav.MAV_SEVERITY_WARNING,
+                "settings are read-only here; change the configuration file",
+            )
 
     def _obey(self, message: Any, now_ns: int) -> None:
         verb, value = "", None
@@ -177,34 +202,50 @@ class GroundStation:
         self._ask(verb, value, "mavlink", partial(self._answer, message.command), now_ns)
 
     def _answer(self, command: int, reply: CommandReply) -> None:
-        self._acknowledge(command, mav.MAV_RESULT_ACCEPTED if reply.accepted else mav.MAV_RESULT_DENIED)
+        self._acknowledge(
+            command, mav.MAV_RESULT_ACCEPTED if reply.accepted else mav.MAV_RESULT_DENIED
+        )
         for reason in reply.reasons:
             self._text(mav.MAV_SEVERITY_WARNING, reason)
 
     def _acknowledge(self, command: int, result: int) -> None:
         if len(self._urgent) < MAX_WAITING:
-            self._urgent.append(bytes(self._mav.command_ack_encode(command, result).pack(self._mav)))
+            self._urgent.append(
+                bytes(self._mav.command_ack_encode(command, result).pack(self._mav))
+            )
 
     def _heartbeat(self, guard: GuardState | None) -> Any:
         flags = mav.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
         if guard and guard.arm_state == ArmState.ARMED:
             flags |= mav.MAV_MODE_FLAG_SAFETY_ARMED
         status = _SYSTEM_STATUS[ArmState(guard.arm_state)] if guard else mav.MAV_STATE_UNINIT
-        return self._mav.heartbeat_encode(mav.MAV_TYPE_ONBOARD_CONTROLLER, mav.MAV_AUTOPILOT_GENERIC, flags,
-                                          guard.mode if guard else 0, status)
+        return self._mav.heartbeat_encode(
+            mav.MAV_TYPE_ONBOARD_CONTROLLER,
+            mav.MAV_AUTOPILOT_GENERIC,
+            flags,
+            guard.mode if guard else 0,
+            status,
+        )
 
     def _setting(self, index: int) -> Any:
         name, value = self._settings[index]
-        return self._mav.param_value_encode(name.encode(), float(value), mav.MAV_PARAM_TYPE_REAL32,
-                                            len(self._settings), index)
+        return self._mav.param_value_encode(
+            name.encode(), float(value), mav.MAV_PARAM_TYPE_REAL32, len(self._settings), index
+        )
 
     def _text(self, severity: int, text: str) -> None:
         """A status text, in numbered chunks when it is long."""
         data = text.encode()[: TEXT_BYTES * CHUNKS]
         self._text_id = self._text_id % 65535 + 1 if len(data) > TEXT_BYTES else self._text_id
         for chunk, start in enumerate(range(0, len(data), TEXT_BYTES)):
-            self._queue(self._mav.statustext_encode(severity, data[start : start + TEXT_BYTES],
-                                                    self._text_id if len(data) > TEXT_BYTES else 0, chunk))
+            self._queue(
+                self._mav.statustext_encode(
+                    severity,
+                    data[start : start + TEXT_BYTES],
+                    self._text_id if len(data) > TEXT_BYTES else 0,
+                    chunk,
+                )
+            )
 
     def _queue(self, message: Any) -> None:
         if len(self._waiting) >= MAX_WAITING:
@@ -217,4 +258,5 @@ def _is_command(datagram: bytes) -> bool:
     """Whether a MAVLink 2 or 1 packet with a command begins it."""
     number = mav.MAVLINK_MSG_ID_COMMAND_LONG
     return (datagram[:1] == b"\xfd" and datagram[7:10] == number.to_bytes(3, "little")) or (
-        datagram[:1] == b"\xfe" and datagram[5:6] == bytes([number]))
+        datagram[:1] == b"\xfe" and datagram[5:6] == bytes([number])
+    )

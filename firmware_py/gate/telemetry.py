@@ -27,8 +27,8 @@ class Telemetry:
 
     Notes
     -----
-    ``counters``: ``zenoh_failed`` (publications and replies that a session refused), ``zenoh_listened_again``,
-    and those of :class:`~firmware_py.gate.queries.Queries`.
+    ``counters``: ``zenoh_failed`` (publications and replies that a session refused),
+    ``zenoh_listened_again``, and those of :class:`~firmware_py.gate.queries.Queries`.
     """
 
     def __init__(self, session: zenoh.Session, prefix: str, door: Door | None = None) -> None:
@@ -60,7 +60,8 @@ class Telemetry:
         self._put(keys.ALARMS, to_json(alarms))
 
     def look(self) -> None:
-        """Listen again when somebody removed the local socket; who is connected keeps the session that he has."""
+        """Listen again when somebody removed the local socket; who is connected keeps the session
+        that he has."""
         if self._door is None or not self._door.lost():
             return
         try:
@@ -80,8 +81,10 @@ class Telemetry:
         """Hold a liveliness token for each living room, and for no other."""
         for room, lives in rooms.items():
             if lives and room not in self._tokens:
-                self._tokens[room] = [session.liveliness().declare_token(f"{self._prefix}/{keys.live(room)}")
-                                      for session in self._sessions]
+                self._tokens[room] = [
+                    session.liveliness().declare_token(f"{self._prefix}/{keys.live(room)}")
+                    for session in self._sessions
+                ]
             elif not lives and room in self._tokens:
                 for token in self._tokens.pop(room):
                     token.undeclare()  # type: ignore[no-untyped-call]
@@ -97,7 +100,8 @@ class Telemetry:
         return session.declare_publisher(
             f"{self._prefix}/{name}",
             encoding=MSGPACK if raw else zenoh.Encoding.APPLICATION_JSON,
-            congestion_control=zenoh.CongestionControl.DROP)
+            congestion_control=zenoh.CongestionControl.DROP,
+        )
 
     def _put(self, name: str, payload: bytes) -> None:
         for publisher in self._publishers[name]:

@@ -32,16 +32,19 @@ from firmware_py.records import (
 EVENTS_KEPT: Final = 1000
 SAME_WITHIN_NS: Final = 60_000_000_000
 LOOKED_BACK: Final = 8
-"""An event that says the same as one of so many before it, within so long, is one event with a count."""
+"""An event that says the same as one of so many before it, within so long, is one event with a
+count."""
 
 SILENT_AFTER_NS: Final = 1_000_000_000
-"""A room whose heartbeat (guard: ``GuardState``, brain: ``Advice``, both 10 Hz) is older is not alive."""
+"""A room whose heartbeat (guard: ``GuardState``, brain: ``Advice``, both 10 Hz) is older is not
+alive."""
 
 
 class DeviceState(msgspec.Struct, frozen=True, kw_only=True):
     """Answer to a query on ``state``: the whole device at one instant.
 
-    ``normal`` says when the stored normal state of the machine was learned, or what is wrong with its file.
+    ``normal`` says when the stored normal state of the machine was learned, or what is wrong with
+    its file.
     """
 
     site: str
@@ -113,11 +116,15 @@ class View:
                 self._keep(record)
 
     def _keep(self, event: Event) -> None:
-        """Keep ``event``; one that says the same as the newest of its name shortly before takes its place, counted."""
+        """Keep ``event``; one that says the same as the newest of its name shortly before takes its
+        place, counted."""
         for place in range(len(self._events) - 1, max(-1, len(self._events) - 1 - LOOKED_BACK), -1):
             old = self._events[place]
-            if (old.name, old.text, old.severity) == (event.name, event.text, event.severity) \
-                    and 0 <= event.t_ns - old.t_ns < SAME_WITHIN_NS and event.name != "command":
+            if (
+                (old.name, old.text, old.severity) == (event.name, event.text, event.severity)
+                and 0 <= event.t_ns - old.t_ns < SAME_WITHIN_NS
+                and event.name != "command"
+            ):
                 del self._events[place]
                 event = msgspec.structs.replace(event, count=event.count + old.count)
                 break
@@ -126,24 +133,43 @@ class View:
     def rooms(self, now_ns: int) -> dict[str, bool]:
         """Which rooms are alive by their heartbeat."""
         heard = self._heard_ns
-        return {room: room in heard and now_ns - heard[room] < SILENT_AFTER_NS for room in ("guard", "brain")}
+        return {
+            room: room in heard and now_ns - heard[room] < SILENT_AFTER_NS
+            for room in ("guard", "brain")
+        }
 
     def events(self, since: int = -1) -> list[Event]:
         """Kept events with a sequence number above ``since``, oldest first."""
         return [event for event in self._events if event.seq > since]
 
     def alarms(self, now_ns: int, troubles: Mapping[str, str] | None = None) -> list[Alarm]:
-        """Every active alarm: the guard's while it lives, silent rooms, and the gate's own ``troubles`` (text by name).
+        """Every active alarm: the guard's while it lives, silent rooms, and the gate's own
+        ``troubles`` (text by name).
 
-        A normal state that the brain refuses to use is one: the machine is not judged as its owner thinks.
+        A normal state that the brain refuses to use is one: the machine is not judged as its owner
+        thinks.
         """
         alive = self.rooms(now_ns)
-        standing = {f"{room}_silent": (Severity.FAULT, f"the {room} does not answer; see its log, or `orbitd run`")
-                    for room, lives in alive.items() if not lives}
-        standing |= {name: (Severity.ALERT, text) for name, text in (troubles or {}).items() if text}
+        standing = {
+            f"{room}_silent": (
+                Severity.FAULT,
+                f"the {room} does not answer; see its log, or `orbitd run`",
+            )
+            for room, lives in alive.items()
+            if not lives
+        }
+        standing |= {
+            name: (Severity.ALERT, text) for name, text in (troubles or {}).items() if text
+        }
         if alive["brain"] and self.commission is not None and self.commission.phase == "refused":
             standing["normal_refused"] = (Severity.ALERT, self.commission.text)
         self._since_ns = {name: self._since_ns.get(name, now_ns) for name in standing}
-        own = [Alarm(name, severity, self._since_ns[name], 0.0, 0.0, False, text)
-               for name, (severity, text) in standing.items()]
-        return own + (self.guard.alarms if self.guard and alive["guard"] else []) + self.losses.standing()
+        own = [
+            Alarm(name, severity, self._since_ns[name], 0.0, 0.0, False, text)
+            for name, (severity, text) in standing.items()
+        ]
+        return (
+            own
+            + (self.guard.alarms if self.guard and alive["guard"] else [])
+            + self.losses.standing()
+        )

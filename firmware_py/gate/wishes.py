@@ -1,4 +1,5 @@
-"""What a command's payload must look like: ``{"id": "...", "value": ...}``, and what its value may be."""
+"""What a command's payload must look like: ``{"id": "...", "value": ...}``, and what its value may
+be."""
 
 from __future__ import annotations
 
@@ -8,7 +9,14 @@ from typing import Annotated, Any, Final
 import msgspec
 
 from firmware_py.decoding import SAID_LETTERS, OutsideError, from_json
-from firmware_py.records import BRAIN_VERBS, COMMISSION_ACTIONS, VERBS, CommandRequest, Mode, PlannedRamp
+from firmware_py.records import (
+    BRAIN_VERBS,
+    COMMISSION_ACTIONS,
+    VERBS,
+    CommandRequest,
+    Mode,
+    PlannedRamp,
+)
 
 PAYLOAD_LIMIT_BYTES: Final = 4096
 """The largest sensible command, an announced ramp, has some 150."""
@@ -16,7 +24,10 @@ PAYLOAD_LIMIT_BYTES: Final = 4096
 UNITS: Final = {"set_clearance": "um, radial", "set_pressure": "bar"}
 
 _EXAMPLES: Final = {
-    "mode": '"auto"', "set_clearance": "60.0", "set_pressure": "1.5", "commission": '"start"',
+    "mode": '"auto"',
+    "set_clearance": "60.0",
+    "set_pressure": "1.5",
+    "commission": '"start"',
     "announce": '{"start_s": 3, "end_s": 5, "speed_rpm": 9000, "load_N": 60}',
 }
 
@@ -26,7 +37,8 @@ class MalformedCommandError(ValueError):
 
 
 class Wish(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The payload of a command: ``id`` is any text that the asker has not used before, such as a UUID."""
+    """The payload of a command: ``id`` is any text that the asker has not used before, such as a
+    UUID."""
 
     id: Annotated[str, msgspec.Meta(pattern=r"^[!-~]{1,64}$")]
     value: Any = None
@@ -59,7 +71,9 @@ def parse(seq: int, verb: str, value: object, origin: str, wish_id: str = "") ->
         Unknown verb, or a value that the verb does not take.
     """
     if verb not in (*VERBS, *BRAIN_VERBS):
-        raise MalformedCommandError(f"verb '{verb}' is unknown; use one of {', '.join((*VERBS, *BRAIN_VERBS))}")
+        raise MalformedCommandError(
+            f"verb '{verb}' is unknown; use one of {', '.join((*VERBS, *BRAIN_VERBS))}"
+        )
     request = CommandRequest(seq=seq, verb=verb, origin=origin, id=wish_id)
     if verb == "mode":
         return msgspec.structs.replace(request, mode=_mode(value))
@@ -69,7 +83,9 @@ def parse(seq: int, verb: str, value: object, origin: str, wish_id: str = "") ->
         return msgspec.structs.replace(request, ramp=_ramp(value))
     if verb == "commission":
         if value not in COMMISSION_ACTIONS:
-            raise MalformedCommandError(f"commission: {_shown(value)} is none of {', '.join(COMMISSION_ACTIONS)}")
+            raise MalformedCommandError(
+                f"commission: {_shown(value)} is none of {', '.join(COMMISSION_ACTIONS)}"
+            )
         return msgspec.structs.replace(request, action=str(value))
     if value is not None:
         raise MalformedCommandError(f"{verb}: takes no value, got {_shown(value)}; leave it away")
@@ -78,9 +94,15 @@ def parse(seq: int, verb: str, value: object, origin: str, wish_id: str = "") ->
 
 def _number(verb: str, value: object) -> float:
     # The bound comes first: an integer of hundreds of digits has no float.
-    if isinstance(value, bool) or not isinstance(value, int | float) or not -1e9 < value < 1e9 \
-            or not math.isfinite(value):
-        raise MalformedCommandError(f"{verb}: needs one finite number ({UNITS[verb]}), got {_shown(value)}")
+    if (
+        isinstance(value, bool)
+        or not isinstance(value, int | float)
+        or not -1e9 < value < 1e9
+        or not math.isfinite(value)
+    ):
+        raise MalformedCommandError(
+            f"{verb}: needs one finite number ({UNITS[verb]}), got {_shown(value)}"
+        )
     return float(value)
 
 
@@ -89,7 +111,9 @@ def _ramp(value: object) -> PlannedRamp:
         return msgspec.convert(value, PlannedRamp)
     except (msgspec.ValidationError, OverflowError) as error:
         said = str(error)[:SAID_LETTERS]
-        raise MalformedCommandError(f"announce: {said}; send e.g. {_EXAMPLES['announce']} as the value") from error
+        raise MalformedCommandError(
+            f"announce: {said}; send e.g. {_EXAMPLES['announce']} as the value"
+        ) from error
 
 
 def _mode(value: object) -> int:

@@ -1,7 +1,9 @@
-"""One alarm: a limit with delay, hysteresis and, for danger, a latch (vocabulary of API 670, 5th ed.).
+"""One alarm: a limit with delay, hysteresis and, for danger, a latch (vocabulary of API 670, 5th
+ed.).
 
-The delay counts only time that was judged: while the quality is bad (a gap, a channel that is not OK, part of a
-turn below the limit) its timer holds.  A bad signal neither brings an alarm nearer nor takes it away.
+The delay counts only time that was judged: while the quality is bad (a gap, a channel that is not
+OK, part of a turn below the limit) its timer holds.  A bad signal neither brings an alarm nearer
+nor takes it away.
 """
 
 from __future__ import annotations
@@ -15,7 +17,8 @@ QUIET_NS = -1
 
 
 class Notice(msgspec.Struct, frozen=True):
-    """Something to tell: the core numbers and dates it into an :class:`~firmware_py.records.Event`."""
+    """Something to tell: the core numbers and dates it into an
+    :class:`~firmware_py.records.Event`."""
 
     severity: Severity
     name: str
@@ -27,8 +30,8 @@ class Notice(msgspec.Struct, frozen=True):
 class AlarmState(msgspec.Struct):
     """Where an alarm stands.
 
-    ``over_ns`` is how long the limit has been passed without a return, in judged time; ``judged_ns`` is the end
-    of what was judged or held last.
+    ``over_ns`` is how long the limit has been passed without a return, in judged time;
+    ``judged_ns`` is the end of what was judged or held last.
     """
 
     name: str
@@ -41,11 +44,20 @@ class AlarmState(msgspec.Struct):
     value: float = 0.0
     limit: float = 0.0
 
-    def judge(self, value: float, limit: float, t_ns: int, *, delay_ns: int, hysteresis: float, complete: bool) -> bool:
+    def judge(
+        self,
+        value: float,
+        limit: float,
+        t_ns: int,
+        *,
+        delay_ns: int,
+        hysteresis: float,
+        complete: bool,
+    ) -> bool:
         """Hold ``value`` against ``limit`` at ``t_ns``; True when the alarm begins to stand.
 
-        A value over an incomplete turn can be too small, never too large: it may raise, not clear, and below the
-        limit it does not count.
+        A value over an incomplete turn can be too small, never too large: it may raise, not clear,
+        and below the limit it does not count.
         """
         passed_ns, self.judged_ns = max(0, t_ns - self.judged_ns), t_ns
         self.value, self.limit = value, limit
@@ -64,11 +76,13 @@ class AlarmState(msgspec.Struct):
         return True
 
     def hold(self, t_ns: int) -> None:
-        """Nothing can be said of the time up to ``t_ns``: the timer keeps what it has, the alarm stays as it is."""
+        """Nothing can be said of the time up to ``t_ns``: the timer keeps what it has, the alarm
+        stays as it is."""
         self.judged_ns = t_ns
 
     def reset(self) -> bool:
-        """Clear the latch unless the limit was exceeded when last judged; True when nothing stands any more."""
+        """Clear the latch unless the limit was exceeded when last judged; True when nothing stands
+        any more."""
         if self.over_ns == QUIET_NS:
             self.standing = False
         return not self.standing

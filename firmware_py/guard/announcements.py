@@ -1,7 +1,8 @@
 """Ramps that were announced: what the shield must be ready for beside the unannounced ones.
 
-An announcement is a question: may the machine ramp so, then?  Accepted means that the clearance will be where
-every point of the ramp is admissible, in time.  It narrows what is admissible, and expires with its ramp.
+An announcement is a question: may the machine ramp so, then?  Accepted means that the clearance
+will be where every point of the ramp is admissible, in time.  It narrows what is admissible, and
+expires with its ramp.
 """
 
 from __future__ import annotations
@@ -38,12 +39,16 @@ class Announcements:
     config
         The declared range.
     lead_s
-        How long before its start a ramp must be announced (:attr:`firmware_py.guard.shield.Shield.lead_s`).
+        How long before its start a ramp must be announced
+        (:attr:`firmware_py.guard.shield.Shield.lead_s`).
     """
 
     def __init__(self, config: Config, lead_s: float) -> None:
         o = config.operating
-        self._speeds_rpm, self._loads_N = (o.speed_min_rpm, o.speed_max_rpm), (o.load_min_N, o.load_max_N)
+        self._speeds_rpm, self._loads_N = (
+            (o.speed_min_rpm, o.speed_max_rpm),
+            (o.load_min_N, o.load_max_N),
+        )
         self._lead_s = lead_s
         self.state: list[Announced] = []
 
@@ -58,26 +63,49 @@ class Announcements:
     def ahead(self, now_ns: int) -> list[Ramp]:
         """What is to come or under way, relative to ``now_ns``; what is over is forgotten."""
         self.state = [a for a in self.state if now_ns <= a.end_ns + LATE_MAX_S * 1e9]
-        return [Ramp((a.start_ns - now_ns) * 1e-9, (a.end_ns - now_ns) * 1e-9, a.speed_rad_s, a.load_N)
-                for a in self.state]
+        return [
+            Ramp((a.start_ns - now_ns) * 1e-9, (a.end_ns - now_ns) * 1e-9, a.speed_rad_s, a.load_N)
+            for a in self.state
+        ]
 
     def _reasons(self, request: CommandRequest, now_ns: int) -> list[str]:
         ramp = request.ramp
-        if ramp is None or not all(isfinite(v) for v in (ramp.start_s, ramp.end_s, ramp.speed_rpm, ramp.load_N)):
-            return ["announce needs a ramp: start_s and end_s from now, speed_rpm and load_N at its end, all finite"]
+        if ramp is None or not all(
+            isfinite(v) for v in (ramp.start_s, ramp.end_s, ramp.speed_rpm, ramp.load_N)
+        ):
+            return [
+                "announce needs a ramp: start_s and end_s from now, speed_rpm and load_N at its "
+                "end, all finite"
+            ]
         free_ns = self.state[-1].end_ns - now_ns if self.state else 0
         checks = (
-            (ramp.start_s >= self._lead_s,
-             f"start_s = {ramp.start_s:g}: the actuator needs {self._lead_s:g} s to be ready; start the ramp later"),
-            (ramp.start_s <= ramp.end_s <= AHEAD_MAX_S,
-             f"end_s = {ramp.end_s:g}: outside start_s .. {AHEAD_MAX_S:g} s; end the ramp in that time"),
-            (round(ramp.start_s * 1e9) >= free_ns,
-             f"start_s = {ramp.start_s:g}: another announced ramp ends at {free_ns * 1e-9:.3f} s; start after it"),
-            (_inside(ramp.speed_rpm, self._speeds_rpm),
-             f"speed_rpm = {ramp.speed_rpm:g}: outside operating.speed_min_rpm .. speed_max_rpm"),
-            (_inside(ramp.load_N, self._loads_N),
-             f"load_N = {ramp.load_N:g}: outside operating.load_min_N .. load_max_N"),
-            (len(self.state) < WAITING_MAX, f"{WAITING_MAX} announced ramps already wait; wait for one to end"),
+            (
+                ramp.start_s >= self._lead_s,
+                f"start_s = {ramp.start_s:g}: the actuator needs {self._lead_s:g} s to be ready; "
+                f"start the ramp later",
+            ),
+            (
+                ramp.start_s <= ramp.end_s <= AHEAD_MAX_S,
+                f"end_s = {ramp.end_s:g}: outside start_s .. {AHEAD_MAX_S:g} s; end the ramp in "
+                f"that time",
+            ),
+            (
+                round(ramp.start_s * 1e9) >= free_ns,
+                f"start_s = {ramp.start_s:g}: another announced ramp ends at {free_ns * 1e-9:.3f} "
+                f"s; start after it",
+            ),
+            (
+                _inside(ramp.speed_rpm, self._speeds_rpm),
+                f"speed_rpm = {ramp.speed_rpm:g}: outside operating.speed_min_rpm .. speed_max_rpm",
+            ),
+            (
+                _inside(ramp.load_N, self._loads_N),
+                f"load_N = {ramp.load_N:g}: outside operating.load_min_N .. load_max_N",
+            ),
+            (
+                len(self.state) < WAITING_MAX,
+                f"{WAITING_MAX} announced ramps already wait; wait for one to end",
+            ),
         )
         return [text for holds, text in checks if not holds]
 

@@ -1,7 +1,7 @@
 """Modes, arming and targets: who may move the actuator, and where to.
 
-boot -> check -> disarmed -> armed -> recovery -> tripped (latched).  The worst active failsafe decides;
-disarm is never refused; every other refusal lists all its reasons.
+boot -> check -> disarmed -> armed -> recovery -> tripped (latched).  The worst active failsafe
+decides; disarm is never refused; every other refusal lists all its reasons.
 """
 
 from __future__ import annotations
@@ -17,21 +17,32 @@ from firmware_py.guard.authority import Authority, AuthorityState
 from firmware_py.guard.failsafe import Action, Failsafe, Situation, active
 from firmware_py.guard.slew import Slew, SlewState
 from firmware_py.guard.target import Target
-from firmware_py.records import VERBS, Advice, Alarm, ArmState, CommandReply, CommandRequest, Mode, Severity
+from firmware_py.records import (
+    VERBS,
+    Advice,
+    Alarm,
+    ArmState,
+    CommandReply,
+    CommandRequest,
+    Mode,
+    Severity,
+)
 
 RECOVERY_MAX_NS: Final = 60_000_000_000
-"""A recovery that takes longer ends disarmed: nobody expects a machine to move by itself by then."""
+"""A recovery that takes longer ends disarmed: nobody expects a machine to move by itself by
+then."""
 
 CHECK_PATIENCE_NS: Final = 3_000_000_000
 """While checking, what is not there *yet* is no event before this time has passed."""
 
 
 ALARMING: Final = (Action.RECOVER, Action.DISARM)
-"""Failsafes with these actions are alarms while they hold; a trip's are the danger alarms that latched it."""
+"""Failsafes with these actions are alarms while they hold; a trip's are the danger alarms that
+latched it."""
 
 ALSO_ALARMS: Final = ("foreign_heartbeat", "mark_lost")
-"""Faults that take authority alone; the other conditions of that kind are operating states or have alarms of their
-own."""
+"""Faults that take authority alone; the other conditions of that kind are operating states or have
+alarms of their own."""
 
 
 class ArmingState(msgspec.Struct):
@@ -67,7 +78,9 @@ class Arming:
         self._recover_ns = round(config.authority.regain_after_s * 1e9)
         self._authority = Authority(config.authority)
         self._slew = Slew(config, self.safe)
-        self._state = ArmingState(config.device.start_mode, ArmState.BOOT, self.safe, self._authority.state)
+        self._state = ArmingState(
+            config.device.start_mode, ArmState.BOOT, self.safe, self._authority.state
+        )
 
     @property
     def state(self) -> ArmingState:
@@ -88,7 +101,9 @@ class Arming:
         failsafes = active(situation)
         notices = self._transition(failsafes, situation)
         reasons = [failsafe.reason(situation) for failsafe in failsafes]
-        reasons += self._authority.advice_reasons(advice, situation.brain_connected, situation.now_ns)
+        reasons += self._authority.advice_reasons(
+            advice, situation.brain_connected, situation.now_ns
+        )
         s = self._state
         doubts = reasons + ([] if s.arm_state == ArmState.ARMED else ["not armed"])
         if s.mode != Mode.AUTO:
@@ -119,7 +134,9 @@ class Arming:
             notices += self._armed(action, failsafes, situation)
         return notices
 
-    def _armed(self, action: Action, failsafes: list[Failsafe], situation: Situation) -> list[Notice]:
+    def _armed(
+        self, action: Action, failsafes: list[Failsafe], situation: Situation
+    ) -> list[Notice]:
         """Between armed and recovery, or out of both."""
         s, now_ns = self._state, situation.now_ns
         recovering = s.arm_state == ArmState.RECOVERY
@@ -129,29 +146,52 @@ class Arming:
             return [Notice(Severity.ALERT, "disarmed", reason)]
         if action == Action.RECOVER and not recovering:
             s.arm_state, s.recovery_ns = ArmState.RECOVERY, now_ns
-            return [Notice(Severity.ALERT, "recovery", "; ".join(f.reason(situation) for f in failsafes))]
+            return [
+                Notice(
+                    Severity.ALERT, "recovery", "; ".join(f.reason(situation) for f in failsafes)
+                )
+            ]
         if recovering and now_ns - s.trouble_ns >= self._recover_ns:
             s.arm_state = ArmState.ARMED
-            return [Notice(Severity.INFO, "recovered", f"after {(now_ns - s.recovery_ns) * 1e-9:.1f} s")]
+            return [
+                Notice(Severity.INFO, "recovered", f"after {(now_ns - s.recovery_ns) * 1e-9:.1f} s")
+            ]
         return []
 
     def _tell(self, failsafes: list[Failsafe], situation: Situation) -> list[Notice]:
-        """One notice for each failsafe that has just begun to hold (a trip is told with its names)."""
+        """One notice for each failsafe that has just begun to hold (a trip is told with its
+        names)."""
         names = [failsafe.name for failsafe in failsafes]
         before, self._state.active = self._state.active, names
         standing = self._state.standing
         self._state.standing = {
-            f.name: Alarm(f.name, Severity.FAULT if f.action >= Action.RECOVER else Severity.ALERT,
-                          standing[f.name].since_ns if f.name in standing else situation.now_ns, 0.0, 0.0,
-                          False, _said(f, situation))
-            for f in failsafes if (f.action in ALARMING or f.name in ALSO_ALARMS) and not f.alarmed}
+            f.name: Alarm(
+                f.name,
+                Severity.FAULT if f.action >= Action.RECOVER else Severity.ALERT,
+                standing[f.name].since_ns if f.name in standing else situation.now_ns,
+                0.0,
+                0.0,
+                False,
+                _said(f, situation),
+            )
+            for f in failsafes
+            if (f.action in ALARMING or f.name in ALSO_ALARMS) and not f.alarmed
+        }
         if names == before:
             return []
-        return [Notice(Severity.FAULT if f.action >= Action.RECOVER else Severity.ALERT, f.name, _said(f, situation))
-                for f in failsafes if f.name not in before and f.action != Action.TRIP and not f.alarmed]
+        return [
+            Notice(
+                Severity.FAULT if f.action >= Action.RECOVER else Severity.ALERT,
+                f.name,
+                _said(f, situation),
+            )
+            for f in failsafes
+            if f.name not in before and f.action != Action.TRIP and not f.alarmed
+        ]
 
     def _target(self, situation: Situation, advice: Advice | None, sound: bool) -> Target:
-        """Set point or advice narrowed to the admissible interval, step by step; otherwise the safe values, at once.
+        """Set point or advice narrowed to the admissible interval, step by step; otherwise the safe
+        values, at once.
 
         In monitor mode this is what the device would do.
         """
@@ -160,14 +200,22 @@ class Arming:
             return self._slew.retreat(situation.now_ns)
         if s.mode == Mode.MANUAL:
             wish = s.setpoint
-        elif sound and advice is not None and advice.clearance_um is not None \
-                and (s.mode == Mode.MONITOR or self._authority.state.held):
-            pressure = self.safe.pressure_bar if advice.pressure_bar is None else advice.pressure_bar
+        elif (
+            sound
+            and advice is not None
+            and advice.clearance_um is not None
+            and (s.mode == Mode.MONITOR or self._authority.state.held)
+        ):
+            pressure = (
+                self.safe.pressure_bar if advice.pressure_bar is None else advice.pressure_bar
+            )
             wish = Target(advice.clearance_um, pressure)
         else:
             return self._slew.retreat(situation.now_ns)
         low_m, high_m = situation.interval_m
-        return self._slew.follow(wish, (low_m * 1e6, high_m * 1e6), self._pressures, situation.now_ns)
+        return self._slew.follow(
+            wish, (low_m * 1e6, high_m * 1e6), self._pressures, situation.now_ns
+        )
 
     @property
     def doubts(self) -> dict[str, str]:
@@ -178,17 +226,29 @@ class Arming:
         """Failsafes that hold, and authority that a model had and lost."""
         s, authority = self._state, self._authority.state
         lost = s.mode == Mode.AUTO and s.commanding and authority.regain and not authority.held
-        alarm = Alarm("authority_lost", Severity.ALERT, authority.lost_ns, 0.0, 0.0, False,
-                      "; ".join(authority.reasons))
+        alarm = Alarm(
+            "authority_lost",
+            Severity.ALERT,
+            authority.lost_ns,
+            0.0,
+            0.0,
+            False,
+            "; ".join(authority.reasons),
+        )
         return [*s.standing.values(), *self._slew.standing(), *([alarm] if lost else [])]
 
     # ------------------------------------------------------------------ requests
 
-    def request(self, request: CommandRequest, situation: Situation) -> tuple[CommandReply, list[Notice]]:
+    def request(
+        self, request: CommandRequest, situation: Situation
+    ) -> tuple[CommandReply, list[Notice]]:
         """Answer any verb but ``reset`` (which is protection's to judge first)."""
         handler = {
-            "mode": self._set_mode, "arm": self._arm, "disarm": self._disarm,
-            "set_clearance": self._set_clearance, "set_pressure": self._set_pressure,
+            "mode": self._set_mode,
+            "arm": self._arm,
+            "disarm": self._disarm,
+            "set_clearance": self._set_clearance,
+            "set_pressure": self._set_pressure,
         }.get(request.verb)
         if handler is None:
             reasons = [f"unknown verb {request.verb!r}; use one of {', '.join(VERBS)}"]
@@ -197,15 +257,25 @@ class Arming:
         if reasons:
             return CommandReply(request.seq, False, reasons), []
         shown = "" if request.value is None else f" {request.value:g}"
-        shown = f" {Mode(request.mode).name.lower()}" if request.verb == "mode" and request.mode is not None else shown
-        notice = Notice(Severity.INFO, "command", f"{request.verb}{shown} accepted from {request.origin}")
+        shown = (
+            f" {Mode(request.mode).name.lower()}"
+            if request.verb == "mode" and request.mode is not None
+            else shown
+        )
+        notice = Notice(
+            Severity.INFO, "command", f"{request.verb}{shown} accepted from {request.origin}"
+        )
         return CommandReply(request.seq, True, []), [notice]
 
     def reset(self, left: list[str]) -> None:
         """A person asks to start anew; ``left`` are the trips that cannot be cleared yet."""
         self._authority.reset()
         if self._state.arm_state == ArmState.TRIPPED and not left:
-            self._state.arm_state, self._state.commanding, self._state.check_ns = ArmState.CHECK, False, 0
+            self._state.arm_state, self._state.commanding, self._state.check_ns = (
+                ArmState.CHECK,
+                False,
+                0,
+            )
 
     def _set_mode(self, request: CommandRequest, situation: Situation) -> list[str]:
         s = self._state
@@ -220,8 +290,11 @@ class Arming:
 
     def _arm(self, request: CommandRequest, situation: Situation) -> list[str]:
         s = self._state
-        reasons = ["mode is monitor, which never moves the actuator; choose manual or auto first"] \
-            if s.mode == Mode.MONITOR else []
+        reasons = (
+            ["mode is monitor, which never moves the actuator; choose manual or auto first"]
+            if s.mode == Mode.MONITOR
+            else []
+        )
         reasons += [f.reason(situation) for f in active(situation) if f.bars_arming]
         reasons += situation.node_reasons
         if reasons or s.arm_state in (ArmState.ARMED, ArmState.RECOVERY):
@@ -250,11 +323,16 @@ class Arming:
             self._state.setpoint = Target(self._state.setpoint.clearance_um, request.value)
         return reasons
 
-    def _value_reasons(self, request: CommandRequest, limits: tuple[float, float], unit: str) -> list[str]:
+    def _value_reasons(
+        self, request: CommandRequest, limits: tuple[float, float], unit: str
+    ) -> list[str]:
         """Why a set point cannot be taken."""
         value, (low, high) = request.value, limits
-        reasons = [] if self._state.mode == Mode.MANUAL else \
-            [f"mode is {self._state.mode.name.lower()}; set points belong to manual"]
+        reasons = (
+            []
+            if self._state.mode == Mode.MANUAL
+            else [f"mode is {self._state.mode.name.lower()}; set points belong to manual"]
+        )
         if value is None or not isfinite(value):
             reasons.append(f"{request.verb} needs a finite value in {unit}")
         elif not low <= value <= high:

@@ -1,4 +1,5 @@
-"""Authority: may the model act?  Lost at any doubt, regained slowly, and not for ever (design, States)."""
+"""Authority: may the model act?  Lost at any doubt, regained slowly, and not for ever (design,
+States)."""
 
 from __future__ import annotations
 
@@ -14,8 +15,8 @@ from firmware_py.records import Advice, Severity
 HOUR_NS: Final = 3_600_000_000_000
 
 AHEAD_MAX_NS: Final = 50_000_000
-"""An advice may be stamped this much later than now: the guard reads its clock before its inputs, and may
-be held up between the two.  It lengthens the life of an advice by as much, at most."""
+"""An advice may be stamped this much later than now: the guard reads its clock before its inputs,
+and may be held up between the two.  It lengthens the life of an advice by as much, at most."""
 
 
 def is_ahead(advice: Advice, now_ns: int) -> bool:
@@ -65,8 +66,10 @@ class Authority:
             reasons.append("the advice is not finite")
         if is_ahead(advice, now_ns):
             ahead_ns = max(advice.t_ns, advice.t_acq_ns) - now_ns
-            reasons.append(f"the advice is stamped {ahead_ns * 1e-6:.0f} ms later than now (limit "
-                           f"{AHEAD_MAX_NS * 1e-6:.0f}): the brain's clock is not this one; restart the brain")
+            reasons.append(
+                f"the advice is stamped {ahead_ns * 1e-6:.0f} ms later than now (limit "
+                f"{AHEAD_MAX_NS * 1e-6:.0f}): the brain's clock is not this one; restart the brain"
+            )
         elif now_ns - advice.t_ns > min(advice.lifetime_ns, self._age_max_ns):
             reasons.append("the advice has expired")
         elif now_ns - advice.t_acq_ns > self._age_max_ns:
@@ -76,7 +79,8 @@ class Authority:
         return reasons
 
     def step(self, reasons: list[str], seq: int, now_ns: int) -> list[Notice]:
-        """Judge one cycle: ``reasons`` against acting (empty = none), ``seq`` of the present advice."""
+        """Judge one cycle: ``reasons`` against acting (empty = none), ``seq`` of the present
+        advice."""
         s = self.state
         if reasons:
             return self._lose(reasons, now_ns)
@@ -111,7 +115,10 @@ class Authority:
         s, c = self.state, self._config
         reasons = []
         if s.exhausted:
-            reasons.append(f"authority came back {c.max_regains_per_hour} times within an hour; `reset` after a look")
+            reasons.append(
+                f"authority came back {c.max_regains_per_hour} times within an hour; `reset` after "
+                f"a look"
+            )
         if s.good < c.good_advices:
             reasons.append(f"{s.good} of {c.good_advices} good advices in a row")
         if now_ns - s.doubt_ns < self._after_ns:

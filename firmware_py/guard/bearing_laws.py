@@ -1,9 +1,11 @@
-"""The static film of the plain journal bearing that the guard stands on: load, attitude, friction, whirl.
+"""The static film of the plain journal bearing that the guard stands on: load, attitude, friction,
+whirl.
 
-Radius ``R``, length ``L``, ``lam = L/2R``, radial clearance ``c``, eccentricity ratio ``eps``.  Ocvirk's short bearing
-with pi-film (Dubois & Ocvirk, NACA Report 1157, 1953) times shares of the Reynolds solution that a table holds
-(``film_table.json``, written by :mod:`sim_hil.film.static_table`, which says what they are).  Only + - * / and sqrt
-in a fixed order: the same bits on every machine.
+Radius ``R``, length ``L``, ``lam = L/2R``, radial clearance ``c``, eccentricity ratio ``eps``.
+Ocvirk's short bearing with pi-film (Dubois & Ocvirk, NACA Report 1157, 1953) times shares of the
+Reynolds solution that a table holds (``film_table.json``, written by
+:mod:`sim_hil.film.static_table`, which says what they are).  Only + - * / and sqrt in a fixed
+order: the same bits on every machine.
 """
 
 from __future__ import annotations
@@ -30,15 +32,17 @@ class StaticFilm:
     Parameters
     ----------
     radius_m, length_m
-        ``L/2R`` up to :data:`LENGTH_OVER_DIAMETER_MAX`; a longer bearing is taken as one of that shape.
+        ``L/2R`` up to :data:`LENGTH_OVER_DIAMETER_MAX`; a longer bearing is taken as one of that
+        shape.
 
     Attributes
     ----------
     eccentricity, load, sine, cosine
-        At each knot: ``eps``, ``W c^2 / (mu w)`` in m^4 (inf beyond the last knot is the caller's), sine and cosine
-        of the attitude, which is counted from the load in the sense of rotation.
+        At each knot: ``eps``, ``W c^2 / (mu w)`` in m^4 (inf beyond the last knot is the caller's),
+        sine and cosine of the attitude, which is counted from the load in the sense of rotation.
     friction
-        At each knot ``T c / (mu w)`` in m^4: Petroff's torque over ``sqrt(1 - eps^2)`` and half ``e W sin(phi)``.
+        At each knot ``T c / (mu w)`` in m^4: Petroff's torque over ``sqrt(1 - eps^2)`` and half ``e
+        W sin(phi)``.
     """
 
     def __init__(self, radius_m: float, length_m: float) -> None:
@@ -56,37 +60,47 @@ class StaticFilm:
         self._whirl = self._running_whirl()
         self._onset = _table().onset
         self._onset_rows = self._onset.of_shape(self._shape)
-        self._ties = [load * share * share for load, share in zip(self.load, self._whirl, strict=True)]
+        self._ties = [
+            load * share * share for load, share in zip(self.load, self._whirl, strict=True)
+        ]
 
     def load_per_viscous_speed(self, eccentricity: float, clearance_m: float) -> float:
-        """Static load carried at ``eccentricity`` per viscosity and speed, ``W / (mu w)`` in m^2."""
+        """Static load carried at ``eccentricity`` per viscosity and speed, ``W / (mu w)`` in
+        m^2."""
         return self._load(eccentricity) / (clearance_m * clearance_m)
 
     def whirl_share(self, tie_m4: float, unbalance_share: float = 0.0) -> float:
-        """``1 / Omega^2`` of a rigid rotor in the clearance that just makes it whirl; ``Omega = w sqrt(c m / W)``.
+        """``1 / Omega^2`` of a rigid rotor in the clearance that just makes it whirl; ``Omega = w
+        sqrt(c m / W)``.
 
-        In that clearance ``c = Omega^2 W / (m w^2)`` the film carries ``W``: ``tie_m4 = W^3 / (m^2 w^5 mu)`` is
-        ``(W c^2 / (mu w)) / Omega^4`` and names the eccentricity.  A film that is more stable than a less eccentric one
-        is taken to be as that: it may get there through it.
+        In that clearance ``c = Omega^2 W / (m w^2)`` the film carries ``W``: ``tie_m4 = W^3 / (m^2
+        w^5 mu)`` is ``(W c^2 / (mu w)) / Omega^4`` and names the eccentricity.  A film that is more
+        stable than a less eccentric one is taken to be as that: it may get there through it.
 
-        An unbalance ``U`` of ``unbalance_share = U w^2 / W`` shakes the film at twice the whirl's frequency, and whirl
-        sets in before its threshold, the earlier the less eccentric (:mod:`sim_hil.film.whirl_onset`).
+        An unbalance ``U`` of ``unbalance_share = U w^2 / W`` shakes the film at twice the whirl's
+        frequency, and whirl sets in before its threshold, the earlier the less eccentric
+        (:mod:`sim_hil.film.whirl_onset`).
         """
         k = bisect_right(self._ties, tie_m4)
         if k > KNOTS:
             share, eccentricity = self._whirl[KNOTS], ECCENTRICITY_MAX
         else:
             low, high = self._ties[k - 1], self._ties[k]
-            share = self._whirl[k - 1] + (tie_m4 - low) / (high - low) * (self._whirl[k] - self._whirl[k - 1])
+            share = self._whirl[k - 1] + (tie_m4 - low) / (high - low) * (
+                self._whirl[k] - self._whirl[k - 1]
+            )
             eccentricity = self.eccentricity[k - 1]
         return share / self._onset_share(eccentricity, unbalance_share)
 
     def _onset_share(self, eccentricity: float, unbalance_share: float) -> float:
-        """Clearance in which a rotor out of balance begins to whirl, over that of one without; held beyond its ends."""
+        """Clearance in which a rotor out of balance begins to whirl, over that of one without; held
+        beyond its ends."""
         onset = self._onset
         i, down = _place(onset.eccentricity, eccentricity)
         j, across = _place(onset.unbalance_share, unbalance_share)
-        upper, lower = (row[j] + across * (row[j + 1] - row[j]) for row in self._onset_rows[i : i + 2])
+        upper, lower = (
+            row[j] + across * (row[j + 1] - row[j]) for row in self._onset_rows[i : i + 2]
+        )
         return upper + down * (lower - upper)
 
     def _load(self, eccentricity: float) -> float:
@@ -129,8 +143,10 @@ class _Onset(msgspec.Struct, frozen=True):
     def of_shape(self, length_over_diameter: float) -> list[list[float]]:
         """Rows between those of the two nearest lengths."""
         i, share = _place(self.length_over_diameter, length_over_diameter)
-        return [[a + share * (b - a) for a, b in zip(*rows, strict=True)]
-                for rows in zip(self.clearance_share[i], self.clearance_share[i + 1], strict=True)]
+        return [
+            [a + share * (b - a) for a, b in zip(*rows, strict=True)]
+            for rows in zip(self.clearance_share[i], self.clearance_share[i + 1], strict=True)
+        ]
 
 
 class _Table(msgspec.Struct, frozen=True):

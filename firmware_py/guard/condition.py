@@ -43,7 +43,9 @@ class Condition:
         s.standing = holds
         if not holds:
             lasted_s = (now_ns - s.since_ns) * 1e-9
-            return [Notice(Severity.INFO, self._over, f"{self._name} is over after {lasted_s:.1f} s")]
+            return [
+                Notice(Severity.INFO, self._over, f"{self._name} is over after {lasted_s:.1f} s")
+            ]
         s.since_ns = now_ns
         return [Notice(self._severity, self._name, text)]
 
@@ -52,4 +54,6 @@ class Condition:
         s = self.state
         if not s.standing:
             return []
-        return [Alarm(self._name, int(self._severity), s.since_ns, 0.0, 0.0, latched=False, text=s.text)]
+        return [
+            Alarm(self._name, int(self._severity), s.since_ns, 0.0, 0.0, latched=False, text=s.text)
+        ]

@@ -60,7 +60,8 @@ FOREIGN_HOLD_NS: Final = 5_000_000_000
 """How long another device counts as present after it was last heard."""
 
 UNKNOWN_VIBRATION: Final = 1.01
-"""A vibration that is not known counts as this many times what may fill the clearance: the bearing narrows to safe."""
+"""A vibration that is not known counts as this many times what may fill the clearance: the bearing
+narrows to safe."""
 
 NEVER_NS: Final = -(1 << 62)
 
@@ -121,7 +122,8 @@ class GuardCore:
     Parameters
     ----------
     config
-        The whole configuration (its safe value checked by :func:`firmware_py.guard.shield.check_safe`).
+        The whole configuration (its safe value checked by
+        :func:`firmware_py.guard.shield.check_safe`).
     codec
         Codec of the configured link.
     session
@@ -129,16 +131,27 @@ class GuardCore:
     latched
         Danger alarms that stood latched when the guard last ended.
     start, timers
-        How this run began, and how long danger limits had been exceeded when the last one ended, ns.
+        How this run began, and how long danger limits had been exceeded when the last one ended,
+        ns.
     """
 
-    def __init__(self, config: Config, codec: Codec, session: int, latched: list[str] | None = None,
-                 start: Start | None = None, timers: dict[str, int] | None = None) -> None:
+    def __init__(
+        self,
+        config: Config,
+        codec: Codec,
+        session: int,
+        latched: list[str] | None = None,
+        start: Start | None = None,
+        timers: dict[str, int] | None = None,
+    ) -> None:
         self._config = config
         self._session = session
         self._ttl_ns = config.actuator.time_to_live_ms * 1_000_000
         self._fresh_ns = round(config.sampling.fresh_age_ms * 1e6)
-        self._speeds = (config.operating.speed_min_rpm * pi / 30, config.operating.speed_max_rpm * pi / 30)
+        self._speeds = (
+            config.operating.speed_min_rpm * pi / 30,
+            config.operating.speed_max_rpm * pi / 30,
+        )
         self._speeds_rpm = (config.operating.speed_min_rpm, config.operating.speed_max_rpm)
         self._turning_rad_s = config.limits.min_speed_rpm * pi / 30
         self._acquire = Acquire(config, codec)
@@ -146,8 +159,10 @@ class GuardCore:
         self._oil = OilProtection(config, names)
         self._speed_high = SpeedHigh(config, SPEED_HIGH in names)
         self._speed_check = SpeedCheck(config)
-        self._protection = Protection(config, [
-            name for name in names if name != SPEED_HIGH and name not in self._oil.state.alarms])
+        self._protection = Protection(
+            config,
+            [name for name in names if name != SPEED_HIGH and name not in self._oil.state.alarms],
+        )
         self._readings = Readings(config)
         for stage in (self._protection, self._oil):
             stage.resume(timers or {})
@@ -201,31 +216,64 @@ class GuardCore:
         notices += told
         permit = self._judge_permit(situation, bool(acquired.blocks))
         notices += self._permit.begin(self._protection.tripped) if m.last_ns == NEVER_NS else []
-        notices += permit + self._unwritable.step(bool(cycle.memory_fault), cycle.memory_fault, now_ns)
+        notices += permit + self._unwritable.step(
+            bool(cycle.memory_fault), cycle.memory_fault, now_ns
+        )
         if (self._arming.state.arm_state, self._arming.state.mode) != before or replies or permit:
-            self._speaker.hurry(urgent=not replies or self._arming.state.arm_state == ArmState.TRIPPED)
+            self._speaker.hurry(
+                urgent=not replies or self._arming.state.arm_state == ArmState.TRIPPED
+            )
         m.last_ns = now_ns
-        events = [self._event(notice, count, now_ns) for notice, count in self._telling.step(notices, now_ns)]
+        events = [
+            self._event(notice, count, now_ns)
+            for notice, count in self._telling.step(notices, now_ns)
+        ]
         if replies:
             m.state_due_ns = min(m.state_due_ns, m.state_ns + STATE_GAP_NS)
         state = self._state(now_ns) if now_ns >= m.state_due_ns else None
-        return Decision(cycle.seq, self._speak(situation), acquired.blocks, acquired.readings, events, replies, state)
+        return Decision(
+            cycle.seq,
+            self._speak(situation),
+            acquired.blocks,
+            acquired.readings,
+            events,
+            replies,
+            state,
+        )
 
     def snapshot(self, seq: int, now_ns: int) -> Snapshot:
         """The whole state before cycle ``seq``."""
-        state = CoreState(self._acquire.state, self._protection.state, self._arming.state, self._speaker.state,
-                          self._memory, self._announcements.state, self._load.state, self._permit.state,
-                          self._unwritable.state, self._telling.state,
-                          self._readings.state, self._oil.state, self._speed_check.state, self._speed_high.state,
-                          self._supervision.state, self._pair.state, self._vibration.state,
-                          self._frame_loss.state)
+        state = CoreState(
+            self._acquire.state,
+            self._protection.state,
+            self._arming.state,
+            self._speaker.state,
+            self._memory,
+            self._announcements.state,
+            self._load.state,
+            self._permit.state,
+            self._unwritable.state,
+            self._telling.state,
+            self._readings.state,
+            self._oil.state,
+            self._speed_check.state,
+            self._speed_high.state,
+            self._supervision.state,
+            self._pair.state,
+            self._vibration.state,
+            self._frame_loss.state,
+        )
         return Snapshot(seq, now_ns, msgspec.msgpack.encode(state))
 
     def restore(self, snapshot: Snapshot) -> None:
         """Go on from ``snapshot`` (of a guard with the same configuration)."""
         state = msgspec.msgpack.decode(snapshot.state, type=CoreState)
         self._acquire.state, self._protection.state = state.acquire, state.protection
-        self._arming.state, self._speaker.state, self._memory = state.arming, state.speaker, state.memory
+        self._arming.state, self._speaker.state, self._memory = (
+            state.arming,
+            state.speaker,
+            state.memory,
+        )
         self._announcements.state, self._load.state = state.announced, state.load
         self._permit.state, self._unwritable.state = state.permit, state.unwritable
         self._telling.state = state.telling
@@ -244,7 +292,8 @@ class GuardCore:
 
     @property
     def timers(self) -> dict[str, int]:
-        """How long each danger limit has been exceeded whose delay is not over, ns: kept over a restart as well."""
+        """How long each danger limit has been exceeded whose delay is not over, ns: kept over a
+        restart as well."""
         return self._protection.timers() | self._oil.timers()
 
     @property
@@ -260,8 +309,12 @@ class GuardCore:
     @property
     def counters(self) -> dict[str, int]:
         """What came in and what was lost or refused, by name."""
-        return dict(self._acquire.counters, cycle_gaps=self._memory.cycle_gaps,
-                    advices_ahead=self._memory.advices_ahead, speed_doubts=self._speed_check.state.doubts)
+        return dict(
+            self._acquire.counters,
+            cycle_gaps=self._memory.cycle_gaps,
+            advices_ahead=self._memory.advices_ahead,
+            speed_doubts=self._speed_check.state.doubts,
+        )
 
     # ------------------------------------------------------------------ what changed around the guard
 
@@ -289,7 +342,8 @@ class GuardCore:
         return notices
 
     def _link_health(self, cycle: Cycle) -> list[Notice]:
-        """What the link says is wrong with it (bus-off, queue full, no such port), when that changes."""
+        """What the link says is wrong with it (bus-off, queue full, no such port), when that
+        changes."""
         m, fault = self._memory, cycle.link_fault
         if fault == m.link_fault:
             return []
@@ -299,10 +353,13 @@ class GuardCore:
         if fault:
             return [Notice(Severity.FAULT, "link_fault", fault)]
         lasted_s = (cycle.now_ns - m.link_fault_ns) * 1e-9
-        return [Notice(Severity.INFO, "link_well", f"the link is well again, after {lasted_s:.1f} s")]
+        return [
+            Notice(Severity.INFO, "link_well", f"the link is well again, after {lasted_s:.1f} s")
+        ]
 
     def _discard(self) -> None:
-        """Guard or host was away for longer than the time to live: nothing that was computed is valid.
+        """Guard or host was away for longer than the time to live: nothing that was computed is
+        valid.
 
         The clocks may have moved apart in that time, so they are compared anew.
         """
@@ -321,9 +378,17 @@ class GuardCore:
             if own:
                 self._acquire.counters["reject_masquerade"] += 1
             if now_ns - max(m.foreign_command_ns, m.foreign_heartbeat_ns) > FOREIGN_HOLD_NS:
-                notices.append(Notice(Severity.FAULT, "masquerade" if own else "foreign_device", (
-                    f"a frame of session {message.session:#010x} that this device did not send; "
-                    "disconnect the other sender")))
+                notices.append(
+                    Notice(
+                        Severity.FAULT,
+                        "masquerade" if own else "foreign_device",
+                        (
+                            f"a frame of session {message.session:#010x} that this device did not "
+                            f"send; "
+                            "disconnect the other sender"
+                        ),
+                    )
+                )
             if own or isinstance(message, Command):
                 m.foreign_command_ns = now_ns
             else:
@@ -333,7 +398,9 @@ class GuardCore:
     def _judge_speed(self, acquired: AcquireOutput, now_ns: int) -> list[Notice]:
         """Too fast, or as no shaft turns: then the speed is unknown at once."""
         notices = self._speed_high.step(acquired.turns, now_ns, self._acquire.speed.lost)
-        notices += self._speed_check.step(acquired.turns, acquired.blocks, self._acquire.speed, now_ns)
+        notices += self._speed_check.step(
+            acquired.turns, acquired.blocks, self._acquire.speed, now_ns
+        )
         self._acquire.doubt_speed(self._speed_check.doubted)
         if not self._acquire.speed.known:
             self._memory.interval_m = None
@@ -345,21 +412,36 @@ class GuardCore:
         fresh = a.sample_age_ns(now_ns) < self._fresh_ns
         measured = Measured(self._readings.value(CLEARANCE), self._readings.value(PRESSURE))
         resting = a.speed.surely_below(self._turning_rad_s) and not self._arming.state.commanding
-        return self._supervision.step(Heard(
-            acquired.node_states, measured if acquired.readings else None, acquired.restarted, a.node, a.node_info,
-            a.newest_tick_us if fresh else None, a.two_senders(now_ns), resting), now_ns)
+        return self._supervision.step(
+            Heard(
+                acquired.node_states,
+                measured if acquired.readings else None,
+                acquired.restarted,
+                a.node,
+                a.node_info,
+                a.newest_tick_us if fresh else None,
+                a.two_senders(now_ns),
+                resting,
+            ),
+            now_ns,
+        )
 
     # ------------------------------------------------------------------ facts
 
     def _slow(self, acquired: AcquireOutput, now_ns: int) -> list[Notice]:
         """Judge the slow readings, and by them the oil."""
         a, readings = self._acquire, self._readings
-        notices = readings.step(acquired.blocks, a.status, a.status_heard_ns, a.node, a.speed.speed_rad_s, now_ns)
+        notices = readings.step(
+            acquired.blocks, a.status, a.status_heard_ns, a.node, a.speed.speed_rad_s, now_ns
+        )
         turning = not a.speed.surely_below(self._turning_rad_s)
-        return notices + self._oil.step(readings.pressure_bar(now_ns), readings.value(OIL), turning, now_ns)
+        return notices + self._oil.step(
+            readings.pressure_bar(now_ns), readings.value(OIL), turning, now_ns
+        )
 
     def _look_around(self, now_ns: int) -> None:
-        """Estimate the load and ask the shield: every :data:`PERIOD_S`, and anew for each command that is sent."""
+        """Estimate the load and ask the shield: every :data:`PERIOD_S`, and anew for each command
+        that is sent."""
         m, readings, known = self._memory, self._readings, self._readings.known()
         m.shield_due_ns = now_ns + SHIELD_PERIOD_NS
         motion, speed = self._protection.motion, self._acquire.speed
@@ -368,22 +450,45 @@ class GuardCore:
         m.vibration_um = (p2p_m * 1e6, self._protection.set_points_um(smaller_um)[1])
         m.vibration_high = m.vibration_um[0] > m.vibration_um[1]
         displacement_ok = self._protection.displacement_ok and self._pair.plausible
-        if not displacement_ok:  # a vibration that is not known may be the largest that is admissible, and more
+        if (
+            not displacement_ok
+        ):  # a vibration that is not known may be the largest that is admissible, and more
             share = self._config.limits.clearance_share
             p2p_m = max(p2p_m, UNKNOWN_VIBRATION * share * readings.narrowest_um(smaller_um) * 1e-6)
         if known is None or not motion.complete or not speed.known or not displacement_ok:
             m.load = self._load.declared()
         else:
-            m.load = self._load.estimate(Look(
-                now_ns * 1e-9, motion.mean_x_m, motion.mean_y_m, p2p_m, known.clearance_um * 1e-6,
-                speed.speed_rad_s, known.oil_C, known.power_W, known.pressure_bar))
+            m.load = self._load.estimate(
+                Look(
+                    now_ns * 1e-9,
+                    motion.mean_x_m,
+                    motion.mean_y_m,
+                    p2p_m,
+                    known.clearance_um * 1e-6,
+                    speed.speed_rad_s,
+                    known.oil_C,
+                    known.power_W,
+                    known.pressure_bar,
+                )
+            )
         oil_C, oil = self._load.oil_at(readings.value(OIL))
         narrow_m = readings.narrowest_um(smaller_um) * 1e-6
         if speed.known and motion.complete and displacement_ok:
             p2p_m = self._vibration.step(p2p_m, narrow_m, speed.speed_rad_s, now_ns)
-        m.interval_m = None if not speed.known else self._shield.interval(
-            speed.speed_rad_s, m.load.low_N, m.load.film_N, oil_C, p2p_m, narrow_m,
-            self._announcements.ahead(now_ns), oil)
+        m.interval_m = (
+            None
+            if not speed.known
+            else self._shield.interval(
+                speed.speed_rad_s,
+                m.load.low_N,
+                m.load.film_N,
+                oil_C,
+                p2p_m,
+                narrow_m,
+                self._announcements.ahead(now_ns),
+                oil,
+            )
+        )
 
     def _judge_pair(self, blocks: list[Block]) -> list[Notice]:
         """Whether the two displacements tell of one shaft, with the slow readings of now."""
@@ -398,43 +503,79 @@ class GuardCore:
         m, a, now_ns = self._memory, self._acquire, cycle.now_ns
         speed = a.speed
         return Situation(
-            now_ns=now_ns, link_up=cycle.link_up, samples_fresh=a.sample_age_ns(now_ns) < self._fresh_ns,
+            now_ns=now_ns,
+            link_up=cycle.link_up,
+            samples_fresh=a.sample_age_ns(now_ns) < self._fresh_ns,
             clock_settled=a.clock_settled,
             node_heard=a.node_age_ns(now_ns) < NODE_SILENT_NS and a.node_info is not None,
             node_reasons=m.node_reasons,
             foreign_command=now_ns - m.foreign_command_ns < FOREIGN_HOLD_NS,
             foreign_heartbeat=now_ns - m.foreign_heartbeat_ns < FOREIGN_HOLD_NS,
-            cycle_gap=gap, mark_lost=not speed.known, displacement_ok=self._protection.displacement_ok,
-            vibration_high=m.vibration_high, pair_ok=self._pair.plausible,
+            cycle_gap=gap,
+            mark_lost=not speed.known,
+            displacement_ok=self._protection.displacement_ok,
+            vibration_high=m.vibration_high,
+            pair_ok=self._pair.plausible,
             speed_declared=self._speeds[0] * 0.98 <= speed.speed_rad_s <= self._speeds[1] * 1.02,
-            speed_rpm=speed.speed_rad_s * 30 / pi, speeds_rpm=self._speeds_rpm, vibration_um=m.vibration_um[0],
+            speed_rpm=speed.speed_rad_s * 30 / pi,
+            speeds_rpm=self._speeds_rpm,
+            vibration_um=m.vibration_um[0],
             vibration_limit_um=m.vibration_um[1],
-            interval_m=m.interval_m, tripped=self.tripped, brain_connected=cycle.brain_connected,
-            doubts=self._readings.doubts | self._oil.beyond | self._supervision.doubts | self._arming.doubts
+            interval_m=m.interval_m,
+            tripped=self.tripped,
+            brain_connected=cycle.brain_connected,
+            doubts=self._readings.doubts
+            | self._oil.beyond
+            | self._supervision.doubts
+            | self._arming.doubts
             | self._frame_loss.doubts
             | ({"link_fault": cycle.link_fault} if cycle.link_fault else {}),
         )
 
     # ------------------------------------------------------------------ acts
 
-    def _obey(self, commands: list[CommandRequest], situation: Situation, notices: list[Notice]) -> list[CommandReply]:
+    def _obey(
+        self, commands: list[CommandRequest], situation: Situation, notices: list[Notice]
+    ) -> list[CommandReply]:
         """Answer every request; disarm goes first."""
         replies = []
         for request in sorted(commands, key=lambda c: c.verb != "disarm"):
             if request.verb == "reset":
-                left = self._protection.reset() + self._oil.reset() + self._speed_high.reset(self._acquire.speed.lost)
+                left = (
+                    self._protection.reset()
+                    + self._oil.reset()
+                    + self._speed_high.reset(self._acquire.speed.lost)
+                )
                 notices += self._speed_check.reset()
                 self._arming.reset(left)
                 self._permit.reset()
                 self._supervision.reset()
                 situation.tripped = self.tripped
                 replies.append(CommandReply(request.seq, not left, left))
-                notices.append(Notice(Severity.INFO, "command", f"reset from {request.origin}: {len(left)} trips left"))
+                notices.append(
+                    Notice(
+                        Severity.INFO,
+                        "command",
+                        f"reset from {request.origin}: {len(left)} trips left",
+                    )
+                )
             elif request.verb == "announce":
                 refused = self._announcements.request(request, situation.now_ns)
                 replies.append(CommandReply(request.seq, not refused, refused))
-                notices += [] if refused else [Notice(Severity.INFO, "command", (
-                    f"announce accepted from {request.origin}: {len(self._announcements.state)} ramps ahead"))]
+                notices += (
+                    []
+                    if refused
+                    else [
+                        Notice(
+                            Severity.INFO,
+                            "command",
+                            (
+                                f"announce accepted from {request.origin}: "
+                                f"{len(self._announcements.state)} ramps ahead"
+                            ),
+                        )
+                    ]
+                )
             else:
                 reply, told = self._arming.request(request, situation)
                 if request.verb == "arm" and reply.accepted:
@@ -449,10 +590,18 @@ class GuardCore:
 
     def _judge_permit(self, situation: Situation, blocks: bool) -> list[Notice]:
         """The permit of this cycle, after arming has judged it."""
-        tripped = self._arming.state.arm_state == ArmState.TRIPPED and self._config.drive.trip_on_danger
-        return self._permit.step(PermitFacts(
-            situation.now_ns, situation.samples_fresh, blocks and situation.samples_fresh and situation.displacement_ok,
-            situation.tripped if tripped else [], self._foreign_trip()))
+        tripped = (
+            self._arming.state.arm_state == ArmState.TRIPPED and self._config.drive.trip_on_danger
+        )
+        return self._permit.step(
+            PermitFacts(
+                situation.now_ns,
+                situation.samples_fresh,
+                blocks and situation.samples_fresh and situation.displacement_ok,
+                situation.tripped if tripped else [],
+                self._foreign_trip(),
+            )
+        )
 
     def _command_due(self, cycle: Cycle) -> bool:
         """Whether a command is due that can really be sent: it rests on an interval of its own."""
@@ -460,35 +609,57 @@ class GuardCore:
         return self._speaker.command_due(cycle.now_ns) and self._may_command(fresh, cycle.link_up)
 
     def _may_command(self, fresh: bool, link_up: bool) -> bool:
-        """Whether a command that is due may be sent: armed (or tripped from armed), not monitor, samples, a link."""
+        """Whether a command that is due may be sent: armed (or tripped from armed), not monitor,
+        samples, a link."""
         arming = self._arming.state
         return arming.commanding and arming.mode != Mode.MONITOR and fresh and link_up
 
     def _speak(self, situation: Situation) -> list[RawFrame]:
-        """Heartbeat always; command only while armed (or tripped from armed), fresh, and not in monitor mode."""
+        """Heartbeat always; command only while armed (or tripped from armed), fresh, and not in
+        monitor mode."""
         m, arming, permit = self._memory, self._arming.state, self._permit.state
         frames = []
         if self._may_command(situation.samples_fresh, situation.link_up):
-            frames += self._speaker.command(situation.now_ns, m.target, self._acquire.newest_tick_us)
+            frames += self._speaker.command(
+                situation.now_ns, m.target, self._acquire.newest_tick_us
+            )
         if frames:
             self._supervision.sent(self._speaker.state.command_counter, m.target, situation.now_ns)
-        return frames + self._speaker.heartbeat(situation.now_ns, arming.mode, arming.arm_state, permit.granted,
-                                                permit.trip_request)
+        return frames + self._speaker.heartbeat(
+            situation.now_ns, arming.mode, arming.arm_state, permit.granted, permit.trip_request
+        )
 
     def _event(self, notice: Notice, count: int, now_ns: int) -> Event:
         self._memory.event_seq += 1
-        return Event(self._memory.event_seq, now_ns, int(notice.severity), notice.name, notice.text, notice.value,
-                     notice.limit, count)
+        return Event(
+            self._memory.event_seq,
+            now_ns,
+            int(notice.severity),
+            notice.name,
+            notice.text,
+            notice.value,
+            notice.limit,
+            count,
+        )
 
     def _standing(self) -> list[Alarm]:
         """Every alarm that stands, one of each name: protection's, the failsafes', the link's."""
         m = self._memory
         link = [Alarm("link_fault", Severity.FAULT, m.link_fault_ns, 0.0, 0.0, False, m.link_fault)]
-        found = [*self._protection.standing(), *self._pair.standing(), *self._readings.standing(),
-                 *self._oil.standing(), *self._speed_high.standing(), *self._speed_check.standing(),
-                 *self._supervision.standing(), *self._frame_loss.standing(),
-                 *self._permit.standing(), *self._unwritable.standing(), *(link if m.link_fault else []),
-                 *self._arming.standing()]
+        found = [
+            *self._protection.standing(),
+            *self._pair.standing(),
+            *self._readings.standing(),
+            *self._oil.standing(),
+            *self._speed_high.standing(),
+            *self._speed_check.standing(),
+            *self._supervision.standing(),
+            *self._frame_loss.standing(),
+            *self._permit.standing(),
+            *self._unwritable.standing(),
+            *(link if m.link_fault else []),
+            *self._arming.standing(),
+        ]
         return list({alarm.name: alarm for alarm in reversed(found)}.values())[::-1]
 
     def _state(self, now_ns: int) -> GuardState:
@@ -501,16 +672,29 @@ class GuardCore:
         p2p_um = self._protection.motion.peak_to_peak_um
         node = a.node
         return GuardState(
-            seq=m.state_seq, t_ns=now_ns, mode=int(arming.mode), arm_state=int(arming.arm_state),
-            authority=arming.authority.held, authority_reasons=list(arming.authority.reasons),
-            speed_rad_s=a.speed.speed_rad_s, load_estimate_N=0.5 * (m.load.low_N + m.load.high_N),
-            clearance_low_um=low_m * 1e6, clearance_high_um=high_m * 1e6,
-            target_clearance_um=m.target.clearance_um, target_pressure_bar=m.target.pressure_bar,
-            clearance_actual_um=a.status.clearance_actual_um if a.status else 0.0, peak_to_peak_um=p2p_um,
-            run_permit=permit.granted, trip_request=permit.trip_request,
-            node_following=node is not None and node.mode == NodeMode.FOLLOWING and node.session == self._session,
-            alarms=self._standing(), counters=self.counters,
-            zone=zone(max(p2p_um), a.speed.speed_rad_s * 30 / pi), permit_reasons=permit.reasons,
+            seq=m.state_seq,
+            t_ns=now_ns,
+            mode=int(arming.mode),
+            arm_state=int(arming.arm_state),
+            authority=arming.authority.held,
+            authority_reasons=list(arming.authority.reasons),
+            speed_rad_s=a.speed.speed_rad_s,
+            load_estimate_N=0.5 * (m.load.low_N + m.load.high_N),
+            clearance_low_um=low_m * 1e6,
+            clearance_high_um=high_m * 1e6,
+            target_clearance_um=m.target.clearance_um,
+            target_pressure_bar=m.target.pressure_bar,
+            clearance_actual_um=a.status.clearance_actual_um if a.status else 0.0,
+            peak_to_peak_um=p2p_um,
+            run_permit=permit.granted,
+            trip_request=permit.trip_request,
+            node_following=node is not None
+            and node.mode == NodeMode.FOLLOWING
+            and node.session == self._session,
+            alarms=self._standing(),
+            counters=self.counters,
+            zone=zone(max(p2p_um), a.speed.speed_rad_s * 30 / pi),
+            permit_reasons=permit.reasons,
             channel_causes=self._protection.causes,
         )
 
@@ -518,16 +702,34 @@ class GuardCore:
 def _clock_notice(acquired: AcquireOutput) -> Notice:
     """Why node time from before does not count any more."""
     if acquired.restarted:
-        return Notice(Severity.FAULT, "node_restarted", "the node has started again; nothing from before counts")
+        return Notice(
+            Severity.FAULT,
+            "node_restarted",
+            "the node has started again; nothing from before counts",
+        )
     if acquired.node_ahead_ns:
-        return Notice(Severity.FAULT, "clock_leap", (
-            f"the node's clock ran {acquired.node_ahead_ns * 1e-6:.0f} ms ahead of this one: the host was suspended; "
-            "nothing from before counts"))
-    return Notice(Severity.FAULT, "clock_jump", (
-        "the node's clock does not agree with its frame counter: the node was stopped or its clock was set; "
-        "nothing from before counts"))
+        return Notice(
+            Severity.FAULT,
+            "clock_leap",
+            (
+                f"the node's clock ran {acquired.node_ahead_ns * 1e-6:.0f} ms ahead of this one: "
+                f"the host was suspended; "
+                "nothing from before counts"
+            ),
+        )
+    return Notice(
+        Severity.FAULT,
+        "clock_jump",
+        (
+            "the node's clock does not agree with its frame counter: the node was stopped or its "
+            "clock was set; "
+            "nothing from before counts"
+        ),
+    )
 
 
 def _gone(name: str, cycle: Cycle) -> str:
     """That a room or the link has gone, and why where that is known."""
-    return f"link gone: {cycle.link_fault}" if name == "link" and cycle.link_fault else f"{name} gone"
+    return (
+        f"link gone: {cycle.link_fault}" if name == "link" and cycle.link_fault else f"{name} gone"
+    )

@@ -45,7 +45,8 @@ class Situation(msgspec.Struct):
     tripped: list[str]
     brain_connected: bool
     doubts: dict[str, str] = {}
-    """Alarms of the slow readings, the oil and the link that hold now, with what a person is told of them."""
+    """Alarms of the slow readings, the oil and the link that hold now, with what a person is told
+    of them."""
     pair_ok: bool = True
     speed_rpm: float = 0.0
     speeds_rpm: tuple[float, float] = (0.0, 0.0)
@@ -63,7 +64,8 @@ class Situation(msgspec.Struct):
 
 
 class Failsafe(msgspec.Struct, frozen=True):
-    """One condition: when it holds, what it does, whether it bars arming, and what a person reads."""
+    """One condition: when it holds, what it does, whether it bars arming, and what a person
+    reads."""
 
     name: str
     holds: Callable[[Situation], bool]
@@ -73,48 +75,105 @@ class Failsafe(msgspec.Struct, frozen=True):
     alarms: tuple[str, ...] = ()
     """It holds while one of these of :attr:`Situation.doubts` does, whose texts follow its own."""
     alarmed: bool = False
-    """Its name is that of an alarm, whose text says it all: no further event, no text of its own."""
+    """Its name is that of an alarm, whose text says it all: no further event, no text of its
+    own."""
 
     def reason(self, situation: Situation) -> str:
         """What a person reads now."""
         if self.alarmed:
-            return "; ".join(situation.doubts[name] for name in self.alarms if name in situation.doubts)
+            return "; ".join(
+                situation.doubts[name] for name in self.alarms if name in situation.doubts
+            )
         text = self.text.format(s=situation)
-        return ": ".join([text, *(situation.doubts[name] for name in self.alarms if name in situation.doubts)])
+        return ": ".join(
+            [text, *(situation.doubts[name] for name in self.alarms if name in situation.doubts)]
+        )
 
 
 def _doubt(name: str, alarms: tuple[str, ...], text: str, *, bars_arming: bool = True) -> Failsafe:
     """A row for alarms of slow readings or of the oil: authority goes while one holds."""
-    return Failsafe(name, lambda s: any(alarm in s.doubts for alarm in alarms), Action.TAKE_AUTHORITY, bars_arming,
-                    text, alarms)
+    return Failsafe(
+        name,
+        lambda s: any(alarm in s.doubts for alarm in alarms),
+        Action.TAKE_AUTHORITY,
+        bars_arming,
+        text,
+        alarms,
+    )
 
 
 def _supervised(name: str, action: Action, *, bars_arming: bool = True) -> Failsafe:
     """A row for an alarm of the supervision, or of the target's way."""
-    return Failsafe(name, lambda s: name in s.doubts, action, bars_arming, "", (name,), alarmed=True)
+    return Failsafe(
+        name, lambda s: name in s.doubts, action, bars_arming, "", (name,), alarmed=True
+    )
 
 
 FAILSAFES: Final = (
-    Failsafe("tripped", lambda s: bool(s.tripped), Action.TRIP, True,
-             "a danger alarm is latched; remove the cause, then `reset`"),
-    Failsafe("node_mismatch", lambda s: s.node_heard and bool(s.node_reasons), Action.DISARM, True,
-             "the node is not the configured one"),
-    Failsafe("foreign_command", lambda s: s.foreign_command, Action.DISARM, True,
-             "another device sends commands on this bus; disconnect it"),
+    Failsafe(
+        "tripped",
+        lambda s: bool(s.tripped),
+        Action.TRIP,
+        True,
+        "a danger alarm is latched; remove the cause, then `reset`",
+    ),
+    Failsafe(
+        "node_mismatch",
+        lambda s: s.node_heard and bool(s.node_reasons),
+        Action.DISARM,
+        True,
+        "the node is not the configured one",
+    ),
+    Failsafe(
+        "foreign_command",
+        lambda s: s.foreign_command,
+        Action.DISARM,
+        True,
+        "another device sends commands on this bus; disconnect it",
+    ),
     _supervised("node_elsewhere", Action.DISARM),
     _supervised("two_senders", Action.RECOVER),
     _supervised("node_state_frozen", Action.RECOVER),
-    Failsafe("link_down", lambda s: not s.link_up, Action.RECOVER, True,
-             "the link to the node is down; check adapter, hub or port", ("link_fault",)),
-    Failsafe("samples_stale", lambda s: not s.samples_fresh, Action.RECOVER, True,
-             "no fresh samples; check that the node is running", ("link_fault",)),
-    Failsafe("clock_unsettled", lambda s: s.link_up and not s.clock_settled, Action.RECOVER, True,
-             "the node's clock is not settled yet; wait a second"),
-    Failsafe("node_silent", lambda s: not s.node_heard, Action.RECOVER, True,
-             "the node gives no account of itself (NODE_STATE, NODE_INFO)", ("link_fault",)),
-    Failsafe("cycle_gap", lambda s: s.cycle_gap, Action.RECOVER, False,
-             "guard, host or node stood still for longer than the time to live; look at the load of the host, or "
-             "whether it was suspended"),
+    Failsafe(
+        "link_down",
+        lambda s: not s.link_up,
+        Action.RECOVER,
+        True,
+        "the link to the node is down; check adapter, hub or port",
+        ("link_fault",),
+    ),
+    Failsafe(
+        "samples_stale",
+        lambda s: not s.samples_fresh,
+        Action.RECOVER,
+        True,
+        "no fresh samples; check that the node is running",
+        ("link_fault",),
+    ),
+    Failsafe(
+        "clock_unsettled",
+        lambda s: s.link_up and not s.clock_settled,
+        Action.RECOVER,
+        True,
+        "the node's clock is not settled yet; wait a second",
+    ),
+    Failsafe(
+        "node_silent",
+        lambda s: not s.node_heard,
+        Action.RECOVER,
+        True,
+        "the node gives no account of itself (NODE_STATE, NODE_INFO)",
+        ("link_fault",),
+    ),
+    Failsafe(
+        "cycle_gap",
+        lambda s: s.cycle_gap,
+        Action.RECOVER,
+        False,
+        "guard, host or node stood still for longer than the time to live; look at the load of the "
+        "host, or "
+        "whether it was suspended",
+    ),
     _supervised("frames_lost", Action.TAKE_AUTHORITY, bars_arming=False),
     _supervised("node_not_expired", Action.TAKE_AUTHORITY),
     _supervised("node_not_following", Action.TAKE_AUTHORITY, bars_arming=False),
@@ -123,35 +182,100 @@ FAILSAFES: Final = (
     _supervised("clearance_not_following", Action.TAKE_AUTHORITY),
     _supervised("target_reverses", Action.TAKE_AUTHORITY, bars_arming=False),
     _supervised("pressure_not_following", Action.TAKE_AUTHORITY),
-    Failsafe("foreign_heartbeat", lambda s: s.foreign_heartbeat, Action.TAKE_AUTHORITY, True,
-             "another device sends heartbeats on this bus; disconnect it"),
-    Failsafe("mark_lost", lambda s: s.mark_lost, Action.TAKE_AUTHORITY, False,
-             "the once-per-turn mark is lost or implausible; the speed is unknown"),
-    Failsafe("displacement_not_ok", lambda s: not s.displacement_ok, Action.TAKE_AUTHORITY, False,
-             "a shaft displacement channel is not OK or saturated; check sensor and cable"),
-    Failsafe("pair_implausible", lambda s: not s.pair_ok, Action.TAKE_AUTHORITY, False,
-             "the shaft displacements contradict the machine; check wiring, order, sign, gain and zero of both probes"),
-    Failsafe("vibration_high", lambda s: s.vibration_high, Action.TAKE_AUTHORITY, False,
-             "the shaft vibration, {s.vibration_um:.4g} um peak-to-peak, is above the danger set point of this "
-             "clearance, {s.vibration_limit_um:.4g}; reduce speed or load and look at the diagnosis"),
-    Failsafe("speed_undeclared", lambda s: not s.speed_declared, Action.TAKE_AUTHORITY, False,
-             "the speed, {s.speed_rpm:.0f} rpm, is outside operating.speed_min_rpm .. speed_max_rpm "
-             "({s.speeds_rpm[0]:g} .. {s.speeds_rpm[1]:g}); change the speed"),
-    _doubt("oil_pressure_low", ("oil_pressure_low_alert", "oil_pressure_low_danger"),
-           "the oil's supply pressure is too low"),
-    _doubt("oil_outlet_high", ("oil_outlet_high_alert", "oil_outlet_high_danger"), "the oil is too hot"),
-    _doubt("oil_undeclared", ("oil_outlet_low_alert",), "the oil is colder than declared", bars_arming=False),
-    _doubt("readings_lost", ("readings_stale",), "the slow readings are old; the worst declared oil and load count"),
-    _doubt("oil_temperature_lost", ("oil_outlet_not_ok",),
-           "the oil's temperature is not known; the worst of oil.inlet_min_C .. film_max_C counts"),
-    _doubt("clearance_lost", ("clearance_actual_not_ok",),
-           "the clearance is not known; the worst of the bearing's range and of the declared load counts"),
-    _doubt("oil_pressure_lost", ("pressure_actual_not_ok", "pressure_mismatch"),
-           "the supply pressure is not known; the worst declared load counts"),
-    _doubt("shaft_power_lost", ("shaft_power_not_ok",),
-           "the shaft power is not known; nothing is learnt of the oil", bars_arming=False),
-    Failsafe("no_admissible_clearance", lambda s: s.interval_m is None, Action.TAKE_AUTHORITY, False,
-             "no clearance but the safe one can be defended: {s.speed_said}"),
+    Failsafe(
+        "foreign_heartbeat",
+        lambda s: s.foreign_heartbeat,
+        Action.TAKE_AUTHORITY,
+        True,
+        "another device sends heartbeats on this bus; disconnect it",
+    ),
+    Failsafe(
+        "mark_lost",
+        lambda s: s.mark_lost,
+        Action.TAKE_AUTHORITY,
+        False,
+        "the once-per-turn mark is lost or implausible; the speed is unknown",
+    ),
+    Failsafe(
+        "displacement_not_ok",
+        lambda s: not s.displacement_ok,
+        Action.TAKE_AUTHORITY,
+        False,
+        "a shaft displacement channel is not OK or saturated; check sensor and cable",
+    ),
+    Failsafe(
+        "pair_implausible",
+        lambda s: not s.pair_ok,
+        Action.TAKE_AUTHORITY,
+        False,
+        "the shaft displacements contradict the machine; check wiring, order, sign, gain and zero "
+        "of both probes",
+    ),
+    Failsafe(
+        "vibration_high",
+        lambda s: s.vibration_high,
+        Action.TAKE_AUTHORITY,
+        False,
+        "the shaft vibration, {s.vibration_um:.4g} um peak-to-peak, is above the danger set point "
+        "of this "
+        "clearance, {s.vibration_limit_um:.4g}; reduce speed or load and look at the diagnosis",
+    ),
+    Failsafe(
+        "speed_undeclared",
+        lambda s: not s.speed_declared,
+        Action.TAKE_AUTHORITY,
+        False,
+        "the speed, {s.speed_rpm:.0f} rpm, is outside operating.speed_min_rpm .. speed_max_rpm "
+        "({s.speeds_rpm[0]:g} .. {s.speeds_rpm[1]:g}); change the speed",
+    ),
+    _doubt(
+        "oil_pressure_low",
+        ("oil_pressure_low_alert", "oil_pressure_low_danger"),
+        "the oil's supply pressure is too low",
+    ),
+    _doubt(
+        "oil_outlet_high", ("oil_outlet_high_alert", "oil_outlet_high_danger"), "the oil is too hot"
+    ),
+    _doubt(
+        "oil_undeclared",
+        ("oil_outlet_low_alert",),
+        "the oil is colder than declared",
+        bars_arming=False,
+    ),
+    _doubt(
+        "readings_lost",
+        ("readings_stale",),
+        "the slow readings are old; the worst declared oil and load count",
+    ),
+    _doubt(
+        "oil_temperature_lost",
+        ("oil_outlet_not_ok",),
+        "the oil's temperature is not known; the worst of oil.inlet_min_C .. film_max_C counts",
+    ),
+    _doubt(
+        "clearance_lost",
+        ("clearance_actual_not_ok",),
+        "the clearance is not known; the worst of the bearing's range and of the declared load "
+        "counts",
+    ),
+    _doubt(
+        "oil_pressure_lost",
+        ("pressure_actual_not_ok", "pressure_mismatch"),
+        "the supply pressure is not known; the worst declared load counts",
+    ),
+    _doubt(
+        "shaft_power_lost",
+        ("shaft_power_not_ok",),
+        "the shaft power is not known; nothing is learnt of the oil",
+        bars_arming=False,
+    ),
+    Failsafe(
+        "no_admissible_clearance",
+        lambda s: s.interval_m is None,
+        Action.TAKE_AUTHORITY,
+        False,
+        "no clearance but the safe one can be defended: {s.speed_said}",
+    ),
 )
 
 
@@ -169,18 +293,36 @@ def node_reasons(config: Config, info: NodeInfo | None) -> list[str]:
         return []
     a, period_us = config.actuator, config.sampling.period_us
     checks = (
-        (info.schema == SCHEMA, f"node: schema = {info.schema}: this device speaks {SCHEMA}; update one of the two"),
-        (abs(info.boot_clearance_um - a.safe_radial_clearance_um) < 0.02,
-         f"node: boot clearance {info.boot_clearance_um:g} um is not actuator.safe_radial_clearance_um = "
-         f"{a.safe_radial_clearance_um:g}; make them equal"),
-        (abs(info.boot_pressure_bar - a.safe_pressure_bar) < 0.002,
-         f"node: boot pressure {info.boot_pressure_bar:g} bar is not actuator.safe_pressure_bar = "
-         f"{a.safe_pressure_bar:g}; make them equal"),
-        (info.time_to_live_ms == a.time_to_live_ms,
-         f"node: time to live {info.time_to_live_ms} ms is not actuator.time_to_live_ms = {a.time_to_live_ms}"),
-        (info.sample_period_us == period_us,
-         f"node: sample period {info.sample_period_us} us is not that of sampling.rate_hz ({period_us} us)"),
-        (info.rate_um_s >= a.rate_um_s - 0.1,
-         f"node: rate {info.rate_um_s:g} um/s is below actuator.rate_um_s = {a.rate_um_s:g}; lower the latter"),
+        (
+            info.schema == SCHEMA,
+            f"node: schema = {info.schema}: this device speaks {SCHEMA}; update one of the two",
+        ),
+        (
+            abs(info.boot_clearance_um - a.safe_radial_clearance_um) < 0.02,
+            f"node: boot clearance {info.boot_clearance_um:g} um is not "
+            f"actuator.safe_radial_clearance_um = "
+            f"{a.safe_radial_clearance_um:g}; make them equal",
+        ),
+        (
+            abs(info.boot_pressure_bar - a.safe_pressure_bar) < 0.002,
+            f"node: boot pressure {info.boot_pressure_bar:g} bar is not "
+            f"actuator.safe_pressure_bar = "
+            f"{a.safe_pressure_bar:g}; make them equal",
+        ),
+        (
+            info.time_to_live_ms == a.time_to_live_ms,
+            f"node: time to live {info.time_to_live_ms} ms is not actuator.time_to_live_ms = "
+            f"{a.time_to_live_ms}",
+        ),
+        (
+            info.sample_period_us == period_us,
+            f"node: sample period {info.sample_period_us} us is not that of sampling.rate_hz "
+            f"({period_us} us)",
+        ),
+        (
+            info.rate_um_s >= a.rate_um_s - 0.1,
+            f"node: rate {info.rate_um_s:g} um/s is below actuator.rate_um_s = {a.rate_um_s:g}; "
+            f"lower the latter",
+        ),
     )
     return [text for holds, text in checks if not holds]

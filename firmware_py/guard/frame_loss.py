@@ -1,7 +1,8 @@
-"""Sample frames that are lost again and again: the bus, an adapter or this machine is overloaded or ill.
+"""Sample frames that are lost again and again: the bus, an adapter or this machine is overloaded or
+ill.
 
-One burst is no alarm (the samples are stale, or a gap that every timer holds over); many gaps are, because the
-protection then sees a part of the machine only, although its newest sample is fresh.
+One burst is no alarm (the samples are stale, or a gap that every timer holds over); many gaps are,
+because the protection then sees a part of the machine only, although its newest sample is fresh.
 """
 
 from __future__ import annotations
@@ -37,7 +38,8 @@ CLEAN_NS: Final = 5_000_000_000
 
 
 class FrameLossState(msgspec.Struct):
-    """Losses by bin, the counter when last read, and the alarm; ``heavy``: it takes authority as well."""
+    """Losses by bin, the counter when last read, and the alarm; ``heavy``: it takes authority as
+    well."""
 
     alarm: ConditionState = msgspec.field(default_factory=ConditionState)
     lost: int = 0
@@ -76,7 +78,7 @@ class FrameLoss:
         s = self._state
         if now_ns - s.bin_ns < BIN_NS:
             return []
-        s.bins = [*s.bins[1 - BINS:], lost - s.lost]
+        s.bins = [*s.bins[1 - BINS :], lost - s.lost]
         s.bin_ns, s.lost = now_ns, lost
         share = sum(s.bins) / self._whole
         if share > SHARE and sum(count > 0 for count in s.bins) >= BINS_LEAST:
@@ -84,10 +86,17 @@ class FrameLoss:
             s.heavy = s.heavy or share > AUTHORITY_SHARE
         holds = s.bad_ns > 0 and now_ns - s.bad_ns < CLEAN_NS
         s.heavy = s.heavy and holds
-        return self._condition.step(holds, (
-            f"{100 * share:.1f} % of the sample frames of the last second are lost (alarm above {100 * SHARE:g} %, no "
-            f"authority above {100 * AUTHORITY_SHARE:g} %); check bus load, cable and adapter, and the load of this "
-            "machine"), now_ns)
+        return self._condition.step(
+            holds,
+            (
+                f"{100 * share:.1f} % of the sample frames of the last second are lost (alarm "
+                f"above {100 * SHARE:g} %, no "
+                f"authority above {100 * AUTHORITY_SHARE:g} %); check bus load, cable and adapter, "
+                f"and the load of this "
+                "machine"
+            ),
+            now_ns,
+        )
 
     def standing(self) -> list[Alarm]:
         """The alarm while it stands."""

@@ -1,9 +1,11 @@
 """What a groove opposite the load adds to it: the supply pressure presses the shaft as on a piston.
 
-Where the shaft runs, the film with a groove carries less than the film without: less by the pressure on an area between
-two bounds.  It whirls no earlier, but for 0.7 % of speed, than that film does under the static load and the pressure on
-the smaller area (:mod:`sim_hil.film.groove_load` measures both).  So the laws of the film without groove hold for the
-**load of the film**, the static one and the piston's together, which is also what the place of the shaft shows.
+Where the shaft runs, the film with a groove carries less than the film without: less by the
+pressure on an area between two bounds.  It whirls no earlier, but for 0.7 % of speed, than that
+film does under the static load and the pressure on the smaller area
+(:mod:`sim_hil.film.groove_load` measures both).  So the laws of the film without groove hold for
+the **load of the film**, the static one and the piston's together, which is also what the place of
+the shaft shows.
 """
 
 from __future__ import annotations
@@ -35,12 +37,17 @@ class Groove:
         feed, o = config.feed, config.operating
         self._pressures_bar = feed.pressure_min_bar, feed.pressure_max_bar
         self._most_N_bar = N_PER_BAR_MM2 * feed.groove_area_max_mm2
-        self.added_N = (N_PER_BAR_MM2 * feed.groove_area_min_mm2 * feed.pressure_min_bar,
-                        self._most_N_bar * feed.pressure_max_bar)
+        self.added_N = (
+            N_PER_BAR_MM2 * feed.groove_area_min_mm2 * feed.pressure_min_bar,
+            self._most_N_bar * feed.pressure_max_bar,
+        )
         self.film_loads_N = o.load_min_N + self.added_N[0], o.load_max_N + self.added_N[1]
 
     def swing_N(self, pressure_bar: float) -> tuple[float, float]:
-        """How much less and more the film may carry than at this pressure: any other follows within 0.1 s."""
+        """How much less and more the film may carry than at this pressure: any other follows within
+        0.1 s."""
         low_bar, high_bar = self._pressures_bar
-        return (self._most_N_bar * max(0.0, pressure_bar - low_bar),
-                self._most_N_bar * max(0.0, high_bar - pressure_bar))
+        return (
+            self._most_N_bar * max(0.0, pressure_bar - low_bar),
+            self._most_N_bar * max(0.0, high_bar - pressure_bar),
+        )

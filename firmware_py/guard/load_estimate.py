@@ -1,11 +1,13 @@
 """Load of the film from where the shaft floats, as an interval that honours the sensors' errors.
 
-The mean shaft position has two coordinates, and the film at rest (:mod:`firmware_py.guard.bearing_laws`) has one curve
-of places for all loads: a place is credible where both probes may show what they show.  The least and most eccentric
-credible place, with speed, clearance and viscosity, are the interval of the load.  Where no place of the curve is
-credible, the zero reference (or the bearing) is not what it was, and the declared range is all that is known.
+The mean shaft position has two coordinates, and the film at rest
+(:mod:`firmware_py.guard.bearing_laws`) has one curve of places for all loads: a place is credible
+where both probes may show what they show.  The least and most eccentric credible place, with speed,
+clearance and viscosity, are the interval of the load.  Where no place of the curve is credible, the
+zero reference (or the bearing) is not what it was, and the declared range is all that is known.
 
-It is the static load and what a groove adds (:mod:`~firmware_py.guard.groove`), at any pressure that may be set.
+It is the static load and what a groove adds (:mod:`~firmware_py.guard.groove`), at any pressure
+that may be set.
 """
 
 from __future__ import annotations
@@ -26,10 +28,12 @@ ZERO_ERROR_M: Final = 2e-6
 GAIN_ERROR: Final = 0.03
 ZEROED_ERROR_M: Final = 0.5e-6
 ZEROED_GAIN_ERROR: Final = 0.01
-"""Of each probe, before and after the zero and slow-roll procedure, where the configuration says that it was done."""
+"""Of each probe, before and after the zero and slow-roll procedure, where the configuration says
+that it was done."""
 
 ORBIT_SHARE_MAX: Final = 0.6
-"""Above this share of the clearance (peak to peak) the mean of the orbit is no static equilibrium."""
+"""Above this share of the clearance (peak to peak) the mean of the orbit is no static
+equilibrium."""
 
 
 class Look(msgspec.Struct, frozen=True):
@@ -52,8 +56,9 @@ class Look(msgspec.Struct, frozen=True):
 class LoadInterval(msgspec.Struct, frozen=True):
     """Smallest and largest credible load of the film; ``measured`` False means the declared range.
 
-    ``film_N`` is the largest load as the thinnest credible oil would have to carry it: position shows load over
-    viscosity, so that the thickest oil, which ``high_N`` stands for, does not count for the film.
+    ``film_N`` is the largest load as the thinnest credible oil would have to carry it: position
+    shows load over viscosity, so that the thickest oil, which ``high_N`` stands for, does not count
+    for the film.
     """
 
     low_N: float
@@ -81,7 +86,10 @@ class LoadEstimator:
     def __init__(self, config: Config) -> None:
         bearing = config.bearing
         self._film = static_film(bearing.journal_radius_m, bearing.length_m)
-        self._low_share, self._high_share = 1.0 - bearing.load_error_share, 1.0 + bearing.load_error_share
+        self._low_share, self._high_share = (
+            1.0 - bearing.load_error_share,
+            1.0 + bearing.load_error_share,
+        )
         self._offset_m = bearing.radial_clearance_offset_um * 1e-6
         self._error_m = bearing.radial_clearance_error_um * 1e-6
         self._turned = bearing.attitude_error_deg * pi / 180.0
@@ -116,7 +124,8 @@ class LoadEstimator:
     def oil_at(self, outlet_C: float | None) -> tuple[float, tuple[float, float]]:
         """Temperature of the film's law, and thinnest and thickest credible film over it.
 
-        An outlet that is not known, or colder than declared, stands for every film from the coldest to the hottest.
+        An outlet that is not known, or colder than declared, stands for every film from the coldest
+        to the hottest.
         """
         if outlet_C is not None and outlet_C >= self._coldest_C:
             return outlet_C, self.oil_range(outlet_C)
@@ -127,8 +136,8 @@ class LoadEstimator:
     def estimate(self, look: Look) -> LoadInterval:
         """Interval at the middle of the window that ends with ``look``.
 
-        The declared range when the position is not that of a static equilibrium under a downward load, or
-        contradicts the declared range altogether.
+        The declared range when the position is not that of a static equilibrium under a downward
+        load, or contradicts the declared range altogether.
         """
         newest = msgspec.structs.replace(look, clearance_m=look.clearance_m + self._offset_m)
         look = self._amid(newest)
@@ -139,8 +148,17 @@ class LoadEstimator:
         if credible is None:
             return self.declared()
         if newest.power_W is not None:
-            self._oil.learn(self.state.oil, Steady(newest.time_s, newest.speed_rad_s, newest.clearance_m,
-                                                   newest.temperature_C, newest.power_W), credible)
+            self._oil.learn(
+                self.state.oil,
+                Steady(
+                    newest.time_s,
+                    newest.speed_rad_s,
+                    newest.clearance_m,
+                    newest.temperature_C,
+                    newest.power_W,
+                ),
+                credible,
+            )
         return self._interval(look, credible)
 
     def _amid(self, look: Look) -> Look:
@@ -155,9 +173,11 @@ class LoadEstimator:
             return look
         back = min(1.0, 0.5 * WINDOW_S / (look.time_s - before.time_s))
         return msgspec.structs.replace(
-            look, clearance_m=look.clearance_m + back * (before.clearance_m - look.clearance_m),
+            look,
+            clearance_m=look.clearance_m + back * (before.clearance_m - look.clearance_m),
             speed_rad_s=look.speed_rad_s + back * (before.speed_rad_s - look.speed_rad_s),
-            pressure_bar=look.pressure_bar + back * (before.pressure_bar - look.pressure_bar))
+            pressure_bar=look.pressure_bar + back * (before.pressure_bar - look.pressure_bar),
+        )
 
     def _interval(self, look: Look, credible: tuple[int, int]) -> LoadInterval:
         """Load of the two places, by the oil and clearance that make it smallest and largest."""
@@ -165,31 +185,51 @@ class LoadEstimator:
         narrow_m, wide_m = look.clearance_m - self._error_m, look.clearance_m + self._error_m
         oil, law = self.oil, self._viscosity.law(look.temperature_C) * look.speed_rad_s
         least = self._film.load[low] / (wide_m * wide_m) * self._low_share * law
-        most = self._film.load[high] / (narrow_m * narrow_m) * self._high_share * law if high < KNOTS else float("inf")
+        most = (
+            self._film.load[high] / (narrow_m * narrow_m) * self._high_share * law
+            if high < KNOTS
+            else float("inf")
+        )
         less_N, more_N = self._groove.swing_N(look.pressure_bar)
-        low_N, high_N = max(self._declared_N[0], least * oil.thinnest_wide - less_N), self._declared_N[1]
+        low_N, high_N = (
+            max(self._declared_N[0], least * oil.thinnest_wide - less_N),
+            self._declared_N[1],
+        )
         thick = self._oil.thickest(oil, look.temperature_C)
-        film_N, high_N = min(high_N, most * oil.thinnest + more_N), min(high_N, most * thick + more_N)
+        film_N, high_N = (
+            min(high_N, most * oil.thinnest + more_N),
+            min(high_N, most * thick + more_N),
+        )
         return LoadInterval(low_N, high_N, film_N, True) if low_N <= high_N else self.declared()
 
     def _credible(self, look: Look) -> tuple[int, int] | None:
         """Knots around the least and the most eccentric credible place; None if there is none.
 
-        A probe may show ``zero + gain p`` beside the true ``p``; a mean over part of a turn is off by what of the
-        orbit is left over; the build's clearance and the film's attitude move the place itself.
+        A probe may show ``zero + gain p`` beside the true ``p``; a mean over part of a turn is off
+        by what of the orbit is left over; the build's clearance and the film's attitude move the
+        place itself.
         """
         turns = max(1.0, look.speed_rad_s * WINDOW_S / (2.0 * pi))
         fixed_m = self._zero_m + look.peak_to_peak_m / (2.0 * pi * turns)
         moved_m = self._turned * look.clearance_m + self._error_m
         (c0, s0), (c1, s1) = self._probes
         a0, a1 = look.x_m * c0 + look.y_m * s0, look.x_m * c1 + look.y_m * s1
-        (p0, p1), c, gain, eccentricity = self._places, look.clearance_m, self._gain, self._film.eccentricity
+        (p0, p1), c, gain, eccentricity = (
+            self._places,
+            look.clearance_m,
+            self._gain,
+            self._film.eccentricity,
+        )
 
         def credible(k: int) -> bool:
             x0, x1, slack_m = c * p0[k], c * p1[k], fixed_m + moved_m * eccentricity[k]
-            return abs(a0 - x0) <= slack_m + gain * abs(x0) and abs(a1 - x1) <= slack_m + gain * abs(x1)
+            return abs(a0 - x0) <= slack_m + gain * abs(x0) and abs(
+                a1 - x1
+            ) <= slack_m + gain * abs(x1)
 
-        first, last = self._within(sqrt(look.x_m * look.x_m + look.y_m * look.y_m), c, fixed_m, moved_m + gain * c)
+        first, last = self._within(
+            sqrt(look.x_m * look.x_m + look.y_m * look.y_m), c, fixed_m, moved_m + gain * c
+        )
         low = next((k for k in range(first, last + 1) if credible(k)), None)
         if low is None:
             return None
@@ -199,7 +239,8 @@ class LoadEstimator:
     def _within(
         self, distance_m: float, clearance_m: float, fixed_m: float, per_eccentricity_m: float
     ) -> tuple[int, int]:  # fmt: skip
-        """Knots beyond which the distance alone makes a place incredible: both probes off by all that they may."""
+        """Knots beyond which the distance alone makes a place incredible: both probes off by all
+        that they may."""
         fixed_m, per_eccentricity_m = self._spread * fixed_m, self._spread * per_eccentricity_m
         least = (distance_m - fixed_m) / (clearance_m + per_eccentricity_m)
         near = clearance_m - per_eccentricity_m
@@ -210,11 +251,14 @@ class LoadEstimator:
     def _seen_by(self, cosine: float, sine: float) -> list[float]:
         """What a probe of that direction sees of the places of the curve, in clearances.
 
-        The journal lies at ``eps (sin(phi), -cos(phi))`` under a downward load, turning counter-clockwise.
+        The journal lies at ``eps (sin(phi), -cos(phi))`` under a downward load, turning
+        counter-clockwise.
         """
         film = self._film
-        return [e * (s * cosine - c * sine)
-                for e, s, c in zip(film.eccentricity, film.sine, film.cosine, strict=True)]
+        return [
+            e * (s * cosine - c * sine)
+            for e, s, c in zip(film.eccentricity, film.sine, film.cosine, strict=True)
+        ]
 
 
 def _direction(angle_deg: float) -> tuple[float, float]:

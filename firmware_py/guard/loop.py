@@ -79,7 +79,9 @@ class Guard:
         for frame in decision.frames_out:
             self._link.send(frame)
         self._tell(cycle, decision)
-        self._memory.note(now_ns, self._core.tripped, self._core.timers, self._core.barred, self._core.probation)
+        self._memory.note(
+            now_ns, self._core.tripped, self._core.timers, self._core.barred, self._core.probation
+        )
         self.seq += 1
 
     def close(self) -> None:
@@ -89,7 +91,8 @@ class Guard:
         self._server.close()
 
     def _read(self, now_ns: int) -> Cycle:
-        """What is waiting, up to the limits: advice from the brain alone, requests from the gate alone."""
+        """What is waiting, up to the limits: advice from the brain alone, requests from the gate
+        alone."""
         advice: Advice | None = None
         commands: list[CommandRequest] = []
         for role, record in self._server.poll(now_ns):
@@ -100,8 +103,18 @@ class Guard:
             elif role == "gate" and isinstance(record, EventAck):
                 self._outbox.acknowledge(record.seq)
         frames = self._link.receive(now_ns)
-        return Cycle(self.seq, now_ns, frames, advice, commands, self._server.connected("brain"),
-                     self._server.connected("gate"), self._link.up, self._memory.fault, self._link.fault)
+        return Cycle(
+            self.seq,
+            now_ns,
+            frames,
+            advice,
+            commands,
+            self._server.connected("brain"),
+            self._server.connected("gate"),
+            self._link.up,
+            self._memory.fault,
+            self._link.fault,
+        )
 
     def _tell(self, cycle: Cycle, decision: Decision) -> None:
         """Send what the rooms want to know; a slow reader loses its own, counted by the server."""
@@ -126,8 +139,11 @@ class Guard:
         counters = state.counters | self.timing.counters()
         counters |= {f"link_{name}": count for name, count in self._link.counters.items()}
         counters |= {f"room_{name}": count for name, count in self._server.counters.items()}
-        counters |= {"periods_skipped": self.skipped, "events_dropped": self._outbox.dropped,
-                     "trip_file_failures": self._memory.failures}
+        counters |= {
+            "periods_skipped": self.skipped,
+            "events_dropped": self._outbox.dropped,
+            "trip_file_failures": self._memory.failures,
+        }
         return msgspec.structs.replace(state, counters=counters)
 
 
@@ -149,11 +165,15 @@ def run(guard: Guard, clock: Clock, notifier: Notifier, running: Callable[[], bo
 
 def build(config: Config, runtime: Path, state: Path, peers: Mapping[str, int | None]) -> Guard:
     """The guard of ``config`` on its real link and sockets; ``peers`` tells who may call."""
-    server = RoomServer(runtime / "guard.sock", peers, ROOM_LIMITS)  # first: from here on this one is the guard
+    server = RoomServer(
+        runtime / "guard.sock", peers, ROOM_LIMITS
+    )  # first: from here on this one is the guard
     memory = Memory(state, prepare=_first_in_line)
     complain(memory)
     session = int.from_bytes(os.urandom(4), "little") | 1
-    core = GuardCore(config, codec_for(config), session, memory.latched, memory.start, memory.timers)
+    core = GuardCore(
+        config, codec_for(config), session, memory.latched, memory.start, memory.timers
+    )
     return Guard(core, open_link(config, "device"), server, memory)
 
 
@@ -164,7 +184,10 @@ def main(argv: list[str]) -> int:
     launch.add_peers(parser, "brain", "gate")
     started = launch.from_options(parser.parse_args(argv))
     stop: list[int] = []
-    for number in (signal.SIGTERM, signal.SIGINT):  # before the start is noted: who is told to stop has not crashed
+    for number in (
+        signal.SIGTERM,
+        signal.SIGINT,
+    ):  # before the start is noted: who is told to stop has not crashed
         signal.signal(number, lambda received, _frame: stop.append(received))
     state = Path(os.environ.get("STATE_DIRECTORY", started.runtime))
     guard = build(started.config, started.runtime, state, started.peers)
@@ -179,11 +202,14 @@ def _bounded(advice: Advice) -> Advice:
     reasons = advice.reasons
     if len(reasons) <= REASONS_MAX and all(len(text) <= REASON_CHARS_MAX for text in reasons):
         return advice
-    return msgspec.structs.replace(advice, reasons=[text[:REASON_CHARS_MAX] for text in reasons[:REASONS_MAX]])
+    return msgspec.structs.replace(
+        advice, reasons=[text[:REASON_CHARS_MAX] for text in reasons[:REASONS_MAX]]
+    )
 
 
 def _real_time() -> None:
-    """First in line for the processor where that is allowed, and no garbage collection in the loop."""
+    """First in line for the processor where that is allowed, and no garbage collection in the
+    loop."""
     _first_in_line()
     gc.collect()
     gc.freeze()
@@ -192,5 +218,7 @@ def _real_time() -> None:
 
 def _first_in_line() -> None:
     """The calling thread before all others, where that is allowed."""
-    with contextlib.suppress(PermissionError):  # on a laptop; the lateness histogram shows what that costs
+    with contextlib.suppress(
+        PermissionError
+    ):  # on a laptop; the lateness histogram shows what that costs
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(FIFO_PRIORITY))

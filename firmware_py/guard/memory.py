@@ -1,8 +1,10 @@
-"""What the guard remembers over its own death: latched trips, running danger timers, and how it was started.
+"""What the guard remembers over its own death: latched trips, running danger timers, and how it was
+started.
 
-Three files in its state folder, each JSON: ``trips.json`` (names), ``starts.json`` and ``timers.json``.  Times are
-``CLOCK_BOOTTIME`` (starts) and ``CLOCK_MONOTONIC`` (timers) beside the id of the host's boot: no calendar is asked.
-How long the guard was away does not count as danger: nobody saw it.
+Three files in its state folder, each JSON: ``trips.json`` (names), ``starts.json`` and
+``timers.json``.  Times are ``CLOCK_BOOTTIME`` (starts) and ``CLOCK_MONOTONIC`` (timers) beside the
+id of the host's boot: no calendar is asked. How long the guard was away does not count as danger:
+nobody saw it.
 """
 
 from __future__ import annotations
@@ -26,7 +28,8 @@ BOOT_VARIABLE: Final = "ORBITD_BOOT_ID"
 BOOT_FILE: Final = Path("/proc/sys/kernel/random/boot_id")
 
 TIMER_PERIOD_NS: Final = 100_000_000
-"""Running timers are handed to the disk at most so often; with the disk's own time a crash forgets some 0.2 s."""
+"""Running timers are handed to the disk at most so often; with the disk's own time a crash forgets
+some 0.2 s."""
 
 START_WAIT_S: Final = 0.2
 """A start waits at most so long for its own record to be on the disk."""
@@ -51,7 +54,8 @@ class StartRecord(msgspec.Struct):
 
 
 class TimerRecord(msgspec.Struct):
-    """``timers.json``: how long each danger limit had been exceeded at ``t_ns``, its delay not yet over."""
+    """``timers.json``: how long each danger limit had been exceeded at ``t_ns``, its delay not yet
+    over."""
 
     boot: str
     t_ns: int
@@ -59,7 +63,8 @@ class TimerRecord(msgspec.Struct):
 
 
 def boot_id() -> str:
-    """Id of this boot of the host; empty when it is not told (then only the clock tells boots apart)."""
+    """Id of this boot of the host; empty when it is not told (then only the clock tells boots
+    apart)."""
     if given := os.environ.get(BOOT_VARIABLE):
         return given.replace("-", "")
     try:
@@ -71,8 +76,9 @@ def boot_id() -> str:
 def begin(before: StartRecord | None, boot: str, now_ns: int) -> StartRecord:
     """The record of a run that begins at ``now_ns`` (``CLOCK_BOOTTIME``) after ``before``.
 
-    A *restart* is a start in the same boot of the host after a run that nobody told to stop; every other start is
-    cold.  The second restart within :data:`RESTART_WINDOW_NS` bars the permit, over cold starts and boots as well.
+    A *restart* is a start in the same boot of the host after a run that nobody told to stop; every
+    other start is cold.  The second restart within :data:`RESTART_WINDOW_NS` bars the permit, over
+    cold starts and boots as well.
     """
     if before is None:
         return StartRecord(boot, now_ns, running=True)
@@ -103,18 +109,29 @@ class Memory:
         What could not be read, for the log.
     """
 
-    def __init__(self, directory: Path, prepare: Callable[[], None] = lambda: None, *, boot: str | None = None,
-                 boottime_ns: int | None = None, monotonic_ns: int | None = None) -> None:
+    def __init__(
+        self,
+        directory: Path,
+        prepare: Callable[[], None] = lambda: None,
+        *,
+        boot: str | None = None,
+        boottime_ns: int | None = None,
+        monotonic_ns: int | None = None,
+    ) -> None:
         self._boot = boot_id() if boot is None else boot
         self._folder = directory
         self._keeper = Keeper(prepare=prepare)
         self.complaints: list[str] = []
         now_ns = time.clock_gettime_ns(time.CLOCK_BOOTTIME) if boottime_ns is None else boottime_ns
         self.latched = self._read_trips()
-        self.timers = self._read_timers(time.monotonic_ns() if monotonic_ns is None else monotonic_ns)
+        self.timers = self._read_timers(
+            time.monotonic_ns() if monotonic_ns is None else monotonic_ns
+        )
         self._record = self._begin(now_ns)
-        self.start = Start(bool(self._record.restarts_ns) and self._record.restarts_ns[-1] == now_ns,
-                           self._record.barred)
+        self.start = Start(
+            bool(self._record.restarts_ns) and self._record.restarts_ns[-1] == now_ns,
+            self._record.barred,
+        )
         self._trips_kept: list[str] | None = None
         self._timers_kept: dict[str, int] = dict(self.timers)
         self._timers_ns = 0
@@ -129,10 +146,13 @@ class Memory:
         """Failed writes."""
         return self._keeper.failures
 
-    def note(self, now_ns: int, tripped: list[str], timers: dict[str, int], barred: bool, probation: bool) -> None:
+    def note(
+        self, now_ns: int, tripped: list[str], timers: dict[str, int], barred: bool, probation: bool
+    ) -> None:
         """Keep what differs from what was kept last; returns at once.
 
-        Once neither ``barred`` nor on ``probation`` (a person has looked, or 10 min are over) restarts count anew.
+        Once neither ``barred`` nor on ``probation`` (a person has looked, or 10 min are over)
+        restarts count anew.
         """
         if tripped != self._trips_kept:
             self._trips_kept = list(tripped)
@@ -163,7 +183,11 @@ class Memory:
         record = begin(before, self._boot, now_ns)
         self._keep(STARTS, record)
         give_up_s = time.monotonic() + START_WAIT_S
-        while not self._keeper.kept(self._folder / STARTS) and not self.fault and time.monotonic() < give_up_s:
+        while (
+            not self._keeper.kept(self._folder / STARTS)
+            and not self.fault
+            and time.monotonic() < give_up_s
+        ):
             time.sleep(0.001)
         return record
 
@@ -171,7 +195,9 @@ class Memory:
         try:
             return self._read(TRIPS, Names) or []
         except SmallFileError as error:
-            self.complaints.append(f"{error}; which trips were latched is not known: look at the machine, then `reset`")
+            self.complaints.append(
+                f"{error}; which trips were latched is not known: look at the machine, then `reset`"
+            )
             return [UNREADABLE]
 
     def _read_timers(self, now_ns: int) -> dict[str, int]:
@@ -181,12 +207,17 @@ class Memory:
         except SmallFileError as error:
             self.complaints.append(f"{error}; danger delays begin anew")
             return {}
-        if record is None or record.boot != self._boot or not 0 <= now_ns - record.t_ns <= TIMER_AGE_MAX_NS:
+        if (
+            record is None
+            or record.boot != self._boot
+            or not 0 <= now_ns - record.t_ns <= TIMER_AGE_MAX_NS
+        ):
             return {}
         return record.over_ns
 
     def _read(self, name: str, kind: type[T]) -> T | None:
-        """Content of one file, None when there is none; SmallFileError when it is not what we write."""
+        """Content of one file, None when there is none; SmallFileError when it is not what we
+        write."""
         data = read_small(self._folder / name)
         if data is None:
             return None

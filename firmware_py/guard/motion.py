@@ -1,4 +1,5 @@
-"""What the shaft and the housing did over the last full turn: exact integer statistics of raw counts."""
+"""What the shaft and the housing did over the last full turn: exact integer statistics of raw
+counts."""
 
 from __future__ import annotations
 
@@ -17,14 +18,15 @@ WATCHED: Final = DISPLACEMENTS + ACCELERATIONS
 _WATCHED_MASK: Final = (1 << len(WATCHED)) - 1
 KEPT: Final = 3.0
 WINDOW_S: Final = 0.1
-"""The window is one full turn, and at least this long (API 670, 5th ed.: the rms time constant is of this order)."""
+"""The window is one full turn, and at least this long (API 670, 5th ed.: the rms time constant is
+of this order)."""
 
 
 class BlockSums(msgspec.Struct, array_like=True, gc=False):
     """Extremes, sums and squares of one block in counts; squares of the accelerations only.
 
-    ``unusable`` has the bits of channels that are not to be judged by this block; ``gap`` says that samples are
-    missing before it; ``t_ns`` is when it began.
+    ``unusable`` has the bits of channels that are not to be judged by this block; ``gap`` says that
+    samples are missing before it; ``t_ns`` is when it began.
     """
 
     count: int
@@ -38,10 +40,11 @@ class BlockSums(msgspec.Struct, array_like=True, gc=False):
 
 
 class Motion(msgspec.Struct, frozen=True):
-    """Statistics over the window; ``complete`` says that it covers a full turn of both displacements without a gap.
+    """Statistics over the window; ``complete`` says that it covers a full turn of both
+    displacements without a gap.
 
-    ``whole`` says the same of each of the five channels.  Before that, peak-to-peak and rms are too small, never
-    too large.
+    ``whole`` says the same of each of the five channels.  Before that, peak-to-peak and rms are too
+    small, never too large.
     """
 
     complete: bool
@@ -55,8 +58,9 @@ class Motion(msgspec.Struct, frozen=True):
 class MotionMeter:
     """Rolling statistics of displacement and acceleration.
 
-    Around a gap, or a block that is not to be judged, the window keeps what is good for up to :data:`KEPT` times its
-    length: a loss every few milliseconds must not make a vibration look small.
+    Around a gap, or a block that is not to be judged, the window keeps what is good for up to
+    :data:`KEPT` times its length: a loss every few milliseconds must not make a vibration look
+    small.
 
     Parameters
     ----------
@@ -92,7 +96,8 @@ class MotionMeter:
         return self._motion([window] * len(WATCHED), [total >= needed] * len(WATCHED), needed)
 
     def _newest(self, i: int, needed: float) -> tuple[list[BlockSums], bool]:
-        """Newest blocks of channel ``i`` that may be judged, and whether they cover the window without a hole."""
+        """Newest blocks of channel ``i`` that may be judged, and whether they cover the window
+        without a hole."""
         good, n, hole = list[BlockSums](), 0, False
         for b in reversed(self.window):
             if b.unusable >> i & 1:
@@ -106,17 +111,25 @@ class MotionMeter:
         return good, n >= needed and not hole
 
     def _motion(self, good: list[list[BlockSums]], whole: list[bool], needed: float) -> Motion:
-        """Of the good blocks of each channel; the mean position of those that are good on both probes."""
+        """Of the good blocks of each channel; the mean position of those that are good on both
+        probes."""
         both = [b for b in good[0] if not b.unusable >> DISPLACEMENTS[1] & 1]
         n = max(sum(b.count for b in both), 1)
-        a, b = (sum(block.sums[i] for block in both) / n * scale + offset
-                for i, (scale, offset) in zip(DISPLACEMENTS, self._offsets, strict=True))
+        a, b = (
+            sum(block.sums[i] for block in both) / n * scale + offset
+            for i, (scale, offset) in zip(DISPLACEMENTS, self._offsets, strict=True)
+        )
         (xa, xb), (ya, yb) = self._to_xy
 
         def span_um(i: int) -> float:
             blocks = good[i]
-            return (max(b.highs[i] for b in blocks) - min(b.lows[i] for b in blocks)) * self._scales[i] * 1e6 \
-                if blocks else 0.0
+            return (
+                (max(b.highs[i] for b in blocks) - min(b.lows[i] for b in blocks))
+                * self._scales[i]
+                * 1e6
+                if blocks
+                else 0.0
+            )
 
         def rms(i: int) -> float:
             """Of the alternating part; what is missing of the window counts as still."""
@@ -125,8 +138,11 @@ class MotionMeter:
             return sqrt(square / (n * max(float(n), needed))) * self._scales[i] if n else 0.0
 
         return Motion(
-            complete=whole[0] and whole[1], peak_to_peak_um=(span_um(0), span_um(1)),
-            rms_m_s2=(rms(2), rms(3), rms(4)), mean_x_m=xa * a + xb * b, mean_y_m=ya * a + yb * b,
+            complete=whole[0] and whole[1],
+            peak_to_peak_um=(span_um(0), span_um(1)),
+            rms_m_s2=(rms(2), rms(3), rms(4)),
+            mean_x_m=xa * a + xb * b,
+            mean_y_m=ya * a + yb * b,
             whole=(whole[0], whole[1], whole[2], whole[3], whole[4]),
         )
 
@@ -135,12 +151,21 @@ def _sums(block: Block) -> BlockSums:
     counts = np.frombuffer(block.samples, "<i2").reshape(-1, N_CHANNELS)[:, : 1 + ACCELERATIONS[-1]]
     wide = counts.astype(np.int64)
     lows, highs = counts[:, :2].min(axis=0).tolist(), counts[:, :2].max(axis=0).tolist()
-    return BlockSums(len(counts), tuple(lows), tuple(highs), tuple(wide.sum(axis=0).tolist()),
-                     tuple((wide[:, 2:] * wide[:, 2:]).sum(axis=0).tolist()),
-                     block.unusable & _WATCHED_MASK, bool(block.quality & Quality.GAP_BEFORE), block.t_acq_ns)
+    return BlockSums(
+        len(counts),
+        tuple(lows),
+        tuple(highs),
+        tuple(wide.sum(axis=0).tolist()),
+        tuple((wide[:, 2:] * wide[:, 2:]).sum(axis=0).tolist()),
+        block.unusable & _WATCHED_MASK,
+        bool(block.quality & Quality.GAP_BEFORE),
+        block.t_acq_ns,
+    )
 
 
-def probes_to_xy(first_deg: float, second_deg: float) -> tuple[tuple[float, float], tuple[float, float]]:
+def probes_to_xy(
+    first_deg: float, second_deg: float
+) -> tuple[tuple[float, float], tuple[float, float]]:
     """Matrix from two probe readings to (x, y); probes measure ``x cos(a) + y sin(a)``.
 
     Rounded to 12 digits, so that differences between math libraries cannot reach a decision.
@@ -148,4 +173,7 @@ def probes_to_xy(first_deg: float, second_deg: float) -> tuple[tuple[float, floa
     c1, s1 = cos(radians(first_deg)), sin(radians(first_deg))
     c2, s2 = cos(radians(second_deg)), sin(radians(second_deg))
     det = c1 * s2 - c2 * s1
-    return ((round(s2 / det, 12), round(-s1 / det, 12)), (round(-c2 / det, 12), round(c1 / det, 12)))
+    return (
+        (round(s2 / det, 12), round(-s1 / det, 12)),
+        (round(-c2 / det, 12), round(c1 / det, 12)),
+    )

@@ -1,8 +1,8 @@
 """How thick the oil is beside its law, from the shaft power while nothing moves.
 
-A batch of oil stays what it is, and so does the error of a thermometer: what one steady instant has shown holds for
-the next.  ``P = w T + windage`` with the film's friction ``T c / (mu w)`` at a credible place bounds the viscosity;
-best at high speed, where the bound on whirl needs it most.
+A batch of oil stays what it is, and so does the error of a thermometer: what one steady instant has
+shown holds for the next.  ``P = w T + windage`` with the film's friction ``T c / (mu w)`` at a
+credible place bounds the viscosity; best at high speed, where the bound on whirl needs it most.
 """
 
 from __future__ import annotations
@@ -24,10 +24,11 @@ STEADY_M: Final = 1e-6
 STEADY_C: Final = 0.25
 STEADY_POWER: Final = 0.1
 STEADY_W: Final = 2.0
-"""Power is that of the film where speed, clearance, temperature and power keep within these (of speed and power a share
-of the highest) for two windows of that length: nothing accelerates, moves or warms up, and readings of different age
-are of one state.  The first window lets the mean of the shaft's place and the slower readings follow; the means of
-the second are what counts, so that noise does not add up over a long time to what it never was."""
+"""Power is that of the film where speed, clearance, temperature and power keep within these (of
+speed and power a share of the highest) for two windows of that length: nothing accelerates, moves
+or warms up, and readings of different age are of one state.  The first window lets the mean of the
+shaft's place and the slower readings follow; the means of the second are what counts, so that noise
+does not add up over a long time to what it never was."""
 
 GAP_S: Final = 0.25
 """Looks further apart are not one window."""
@@ -79,8 +80,12 @@ class Window(msgspec.Struct):
         self.count, self.last_s = self.count + 1, now.time_s
         self.places = min(self.places[0], credible[0]), max(self.places[1], credible[1])
         (w0, c0, t0, p0), (w1, c1, t1, p1) = self.lows, self.highs
-        return (w1 - w0 <= STEADY_SPEED * w1 and c1 - c0 <= STEADY_M and t1 - t0 <= STEADY_C
-                and p1 - p0 <= STEADY_POWER * abs(p1) + STEADY_W)
+        return (
+            w1 - w0 <= STEADY_SPEED * w1
+            and c1 - c0 <= STEADY_M
+            and t1 - t0 <= STEADY_C
+            and p1 - p0 <= STEADY_POWER * abs(p1) + STEADY_W
+        )
 
     def mean(self) -> Steady:
         """Of all instants."""
@@ -89,7 +94,8 @@ class Window(msgspec.Struct):
 
 
 class OilInterval(msgspec.Struct, frozen=True):
-    """Viscosity over that of the law at the outlet's reading; ``thinnest_wide`` if the bearing is as wide as may be."""
+    """Viscosity over that of the law at the outlet's reading; ``thinnest_wide`` if the bearing is
+    as wide as may be."""
 
     thinnest: float
     thickest: float
@@ -112,17 +118,23 @@ class OilEstimator:
     Parameters
     ----------
     config
-        Oil, rotor and how well its film is known; nothing is learnt where the film's friction or temperature are not.
+        Oil, rotor and how well its film is known; nothing is learnt where the film's friction or
+        temperature are not.
     film
         Its film at rest.
     """
 
     def __init__(self, config: Config, film: StaticFilm) -> None:
         self._film, self._law = film, ViscosityTable(config.oil)
-        self._windage_W_s3, self._power_error_W = config.rotor.windage_W_s3, config.rotor.shaft_power_error_W
+        self._windage_W_s3, self._power_error_W = (
+            config.rotor.windage_W_s3,
+            config.rotor.shaft_power_error_W,
+        )
         self._friction_error = config.bearing.friction_error_share
         self._at_outlet, self._coldest_C = config.oil.film_at_outlet, config.oil.inlet_min_C
-        widest_m = (config.bearing.radial_clearance_max_um + config.bearing.radial_clearance_offset_um) * 1e-6
+        widest_m = (
+            config.bearing.radial_clearance_max_um + config.bearing.radial_clearance_offset_um
+        ) * 1e-6
         self._error_m = config.bearing.radial_clearance_error_um * 1e-6
         self._wider = (widest_m + self._error_m) / (widest_m - self._error_m)
         self._learns = self._at_outlet and self._friction_error < 1.0
@@ -144,35 +156,54 @@ class OilEstimator:
     def learn(self, state: OilState, now: Steady, credible: tuple[int, int]) -> None:
         """Narrow what is known by the power at a place between two knots of the film.
 
-        The same power in a wider bearing means thicker oil, and position then means less load all the same: the
-        smallest load is that of the widest bearing, as long as the oil gains no more on the way than the load loses
-        in the widest clearance, with its square.  A power that contradicts what is known is no news of the oil: all
-        is forgotten.
+        The same power in a wider bearing means thicker oil, and position then means less load all
+        the same: the smallest load is that of the widest bearing, as long as the oil gains no more
+        on the way than the load loses in the widest clearance, with its square.  A power that
+        contradicts what is known is no news of the oil: all is forgotten.
         """
         self.forget(state, now.time_s)
         window = self._steady(state, now, credible) if self._learns else None
         if window is None:
             return
         now, credible = window.mean(), window.places
-        w, wind_W = now.speed_rad_s, self._windage_W_s3 * now.speed_rad_s * now.speed_rad_s * now.speed_rad_s
+        w, wind_W = (
+            now.speed_rad_s,
+            self._windage_W_s3 * now.speed_rad_s * now.speed_rad_s * now.speed_rad_s,
+        )
         law = self._law.law(now.temperature_C) * w * w
         low_W = now.power_W - self._power_error_W - (1.0 + WINDAGE_ERROR) * wind_W
         high_W = now.power_W + self._power_error_W - (1.0 - WINDAGE_ERROR) * wind_W
         narrow_m, wide_m = now.clearance_m - self._error_m, now.clearance_m + self._error_m
-        low = low_W * narrow_m / (law * self._film.friction[credible[1]] * (1.0 + self._friction_error))
-        high = high_W * wide_m / (law * self._film.friction[credible[0]] * (1.0 - self._friction_error))
+        low = (
+            low_W
+            * narrow_m
+            / (law * self._film.friction[credible[1]] * (1.0 + self._friction_error))
+        )
+        high = (
+            high_W
+            * wide_m
+            / (law * self._film.friction[credible[0]] * (1.0 - self._friction_error))
+        )
         wide = low * min(wide_m / narrow_m, self._wider * self._wider)
         thinnest, thickest = max(state.thinnest, low), min(state.thickest, high)
         if thinnest > thickest:
             state.thinnest, state.thickest = self._law.thinnest, self._law.thickest
             state.thinnest_wide = self._law.thinnest
         else:
-            state.thinnest, state.thickest, state.thinnest_wide = thinnest, thickest, max(state.thinnest_wide, wide)
+            state.thinnest, state.thickest, state.thinnest_wide = (
+                thinnest,
+                thickest,
+                max(state.thinnest_wide, wide),
+            )
 
     def _steady(self, state: OilState, now: Steady, credible: tuple[int, int]) -> Window | None:
         """The window that ``now`` completes, if the one before it was steady too."""
         window = state.window
-        steady = window is not None and 0.0 <= now.time_s - window.last_s <= GAP_S and window.add(now, credible)
+        steady = (
+            window is not None
+            and 0.0 <= now.time_s - window.last_s <= GAP_S
+            and window.add(now, credible)
+        )
         if window is None or not steady:
             state.window = Window.of(now, credible, settled=False)
             return None

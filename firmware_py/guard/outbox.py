@@ -15,7 +15,8 @@ CAPACITY: Final = 1000
 class Outbox:
     """Unacknowledged events, oldest first; when full the oldest is lost, counted in ``dropped``.
 
-    They leave in their order, each only after those before it: an acknowledgement covers all up to its number.
+    They leave in their order, each only after those before it: an acknowledgement covers all up to
+    its number.
     """
 
     def __init__(self, capacity: int = CAPACITY) -> None:
@@ -41,7 +42,8 @@ class Outbox:
         self._sent = 0
 
     def tell(self, send: Callable[[Event], bool], limit: int) -> None:
-        """Send at most ``limit`` of those that were not sent yet; one that was not taken is tried again."""
+        """Send at most ``limit`` of those that were not sent yet; one that was not taken is tried
+        again."""
         for event in list(islice(self._waiting, self._sent, self._sent + limit)):
             if not send(event):
                 return

@@ -1,6 +1,8 @@
-"""Do the two displacement probes tell of one shaft?  Plausibility of the pair by static position, load and orbit.
+"""Do the two displacement probes tell of one shaft?  Plausibility of the pair by static position,
+load and orbit.
 
-Every second without a gap, a bad sample or a lost mark is judged as a whole.  Four things no shaft does:
+Every second without a gap, a bad sample or a lost mark is judged as a whole.  Four things no shaft
+does:
 
 ========  ==================================================================  =========================================
 kind      what is implausible                                                 smallest size that is found
@@ -8,37 +10,44 @@ kind      what is implausible                                                 sm
 outside   the mean position lies outside the clearance                        beyond clearance, its error and the zero
 position  no place of the film at rest, at any declared load and oil, is      each probe off by 2 um + 3 % of its
           credible for both probes (steady speed and clearance)               reading (0.5 um + 1 % once zeroed), and
-                                                                              what the clearance's error adds
-backward  the orbit runs against the rotation by more than runout can feign   orbit of about 8 um (1 um once zeroed and
+                                                                              what the clearance's
+                                                                              error adds
+backward  the orbit runs against the rotation by more than runout can feign   orbit of about 8 um (1
+um once zeroed and
                                                                               slow-rolled)
 copied    both channels carry one signal, its noise included                  0.3 um rms
 ========  ==================================================================  =========================================
 
-A kind stands after :data:`BAD_LEAST` windows without a good one between: 3 to 5 s while speed and clearance are steady,
-and as much later as they are not.  ``python -m models.control.pair_study --faults --builds 6 --seed 3000`` measures
-it under a random duty (unzeroed probes, half a minute for each fault):
+A kind stands after :data:`BAD_LEAST` windows without a good one between: 3 to 5 s while speed and
+clearance are steady, and as much later as they are not.  ``python -m models.control.pair_study
+--faults --builds 6 --seed 3000`` measures it under a random duty (unzeroed probes, half a minute
+for each fault):
 
-- Gain of x times 0.2: named in 5 of 6 builds, after 18 s (median) and 27 s at most; times 0.5: in 1 of 6.
-- Sign of y, or both signs: named in 6 of 6 builds, after 7 s (median) and 9 s at most; a step that is large enough ends
-  authority at once, for the channel looks like a bad contact.
-- With ``--builds 3``: gain of y times 2 and offsets of 10 um after 3 s; swapped, copied, 3 to 7 s; a drift of
-  1 um/s, 12 to 15 s.  Both gains times 0.5 after 3 to 15 s; times 0.2 in 2 of 3, after 3 to 4 s.
+- Gain of x times 0.2: named in 5 of 6 builds, after 18 s (median) and 27 s at most; times 0.5: in 1
+  of 6.
+- Sign of y, or both signs: named in 6 of 6 builds, after 7 s (median) and 9 s at most; a step that
+  is large enough ends authority at once, for the channel looks like a bad contact.
+- With ``--builds 3``: gain of y times 2 and offsets of 10 um after 3 s; swapped, copied, 3 to 7 s;
+  a drift of 1 um/s, 12 to 15 s.  Both gains times 0.5 after 3 to 15 s; times 0.2 in 2 of 3, after 3
+  to 4 s.
 
-What moves the mean along the curve is another load and cannot be seen: both gains, where the mean is near the middle or
-the loss is small; one gain, where its probe reads little.  Until it is named, and where it is not, the range does not
-widen by the smaller orbit (:mod:`~firmware_py.guard.vibration_hold`), as long as the speed stays, for two minutes.
+What moves the mean along the curve is another load and cannot be seen: both gains, where the mean
+is near the middle or the loss is small; one gain, where its probe reads little.  Until it is named,
+and where it is not, the range does not widen by the smaller orbit
+(:mod:`~firmware_py.guard.vibration_hold`), as long as the speed stays, for two minutes.
 
-A position off the curve stands from the first steady seconds on as well, but for one case: probes whose zero was never
-taken (``zeroed = false``), a mean below the middle that was off by at most :data:`ANOTHER_ZERO_M` in the very first
-window, has not moved since, and an orbit that is a forward circle, which order, single signs and unequal gains do not
-leave.  That may be a zero (or a direction of the load) other than configured: the load estimate
-rests on the declared range meanwhile, and nothing is said here.  An equal loss of gain of both probes from the first
-second on can hide in it.  Such a mean may be ten times the declared error of the zero off: nothing but this narrow
-case keeps it from being named, and the zero procedure closes it.
+A position off the curve stands from the first steady seconds on as well, but for one case: probes
+whose zero was never taken (``zeroed = false``), a mean below the middle that was off by at most
+:data:`ANOTHER_ZERO_M` in the very first window, has not moved since, and an orbit that is a forward
+circle, which order, single signs and unequal gains do not leave.  That may be a zero (or a
+direction of the load) other than configured: the load estimate rests on the declared range
+meanwhile, and nothing is said here.  An equal loss of gain of both probes from the first second on
+can hide in it.  Such a mean may be ten times the declared error of the zero off: nothing but this
+narrow case keeps it from being named, and the zero procedure closes it.
 
-A channel with a bad contact is judged in the seconds in which it is clean: a sign or order that changes at once looks
-like one first, and must be named before the channel counts as OK again.  All sums are integers, so that they are the
-same on every machine.
+A channel with a bad contact is judged in the seconds in which it is clean: a sign or order that
+changes at once looks like one first, and must be named before the channel counts as OK again.  All
+sums are integers, so that they are the same on every machine.
 """
 
 from __future__ import annotations
@@ -72,7 +81,8 @@ GOOD_LEAST: Final = 10
 
 STEADY_SPEED: Final = 0.03
 STEADY_M: Final = 5e-6
-"""Change of speed (share) and clearance in a window up to which the film is at rest; the latter is allowed for."""
+"""Change of speed (share) and clearance in a window up to which the film is at rest; the latter is
+allowed for."""
 
 BEYOND_C: Final = 15.0
 """Outside the declared temperatures by more than this, the outlet says nothing of the film."""
@@ -82,16 +92,19 @@ JUDGED: Final = (ChannelCause.OK, ChannelCause.INTERMITTENT)
 """Causes of a channel with which a block may be judged, if the block itself is clean."""
 RUNOUT_M: Final = 6e-6
 RUNOUT_ROLLED_M: Final = 0.5e-6
-"""Runout of a probe in one order, before and after slow roll; the latter beside what the configuration names."""
+"""Runout of a probe in one order, before and after slow roll; the latter beside what the
+configuration names."""
 FLAT_SHARE: Final = 0.5
 """Of the orbit's amplitude times runout: what runout makes of a flat orbit."""
 COPIED: Final = 0.98
 COPIED_LEAST_M: Final = 0.3e-6
-"""Correlation of the signals, and of their noise (second differences), and the least rms of a signal that is judged."""
+"""Correlation of the signals, and of their noise (second differences), and the least rms of a
+signal that is judged."""
 ROUND: Final = 0.9
 FORWARD: Final = 0.95
 ROUND_LEAST_M: Final = 0.3e-6
-"""Axis ratio, area over that of a forward ellipse, and least rms of an orbit that shows that both probes are right."""
+"""Axis ratio, area over that of a forward ellipse, and least rms of an orbit that shows that both
+probes are right."""
 ANOTHER_ZERO_M: Final = 25e-6
 """The farthest that a zero that was never taken may put the mean beside the curve."""
 MOVED_M: Final = 6e-6
@@ -140,9 +153,10 @@ class Kind(msgspec.Struct):
 class PairState(msgspec.Struct):
     """The window under way, and what earlier ones said.
 
-    ``sums`` are those of a, b, aa, bb, ab, the cross product of neighbours, and aa, bb, ab of second differences, of
-    counts ``a`` and ``b`` of the two probes; ``first`` and ``last`` are the ends of the window.  ``off_m`` is how far
-    beside the curve the mean was in the first window that was judged.
+    ``sums`` are those of a, b, aa, bb, ab, the cross product of neighbours, and aa, bb, ab of
+    second differences, of counts ``a`` and ``b`` of the two probes; ``first`` and ``last`` are the
+    ends of the window.  ``off_m`` is how far beside the curve the mean was in the first window that
+    was judged.
     """
 
     kinds: dict[str, Kind] = msgspec.field(default_factory=lambda: {kind: Kind() for kind in KINDS})
@@ -158,7 +172,8 @@ class PairState(msgspec.Struct):
 
 
 class Window(NamedTuple):
-    """What a window says, SI: means of the probes and of the shaft, rms of the axes, area over pi, correlations."""
+    """What a window says, SI: means of the probes and of the shaft, rms of the axes, area over pi,
+    correlations."""
 
     a_m: float
     b_m: float
@@ -191,20 +206,35 @@ class PairCheck:
         zeroed = self._zeroed = all(p.zeroed for p in probes)
         self._zero_m = ZEROED_ERROR_M if zeroed else ZERO_ERROR_M
         self._gain = ZEROED_GAIN_ERROR if zeroed else GAIN_ERROR
-        self._runout_m = max(p.slow_roll_um for p in probes) * 1e-6 + RUNOUT_ROLLED_M if zeroed else RUNOUT_M
-        self._offset_m, self._error_m = b.radial_clearance_offset_um * 1e-6, b.radial_clearance_error_um * 1e-6
-        self._range_m = (b.radial_clearance_min_um * 1e-6 - STEADY_M, b.radial_clearance_max_um * 1e-6 + STEADY_M)
+        self._runout_m = (
+            max(p.slow_roll_um for p in probes) * 1e-6 + RUNOUT_ROLLED_M if zeroed else RUNOUT_M
+        )
+        self._offset_m, self._error_m = (
+            b.radial_clearance_offset_um * 1e-6,
+            b.radial_clearance_error_um * 1e-6,
+        )
+        self._range_m = (
+            b.radial_clearance_min_um * 1e-6 - STEADY_M,
+            b.radial_clearance_max_um * 1e-6 + STEADY_M,
+        )
         self._range_C = (config.oil.inlet_min_C - BEYOND_C, config.oil.film_max_C + BEYOND_C)
         self._attitude = b.attitude_error_deg * pi / 180.0
         self._shares = (1.0 - b.load_error_share, 1.0 + b.load_error_share)
         low_N, high_N = Groove(config).film_loads_N
         self._loads_N = (low_N * (1.0 - LOAD_SHARE), high_N * (1.0 + LOAD_SHARE))
-        self._film, self._oil = static_film(b.journal_radius_m, b.length_m), ViscosityTable(config.oil)
+        self._film, self._oil = (
+            static_film(b.journal_radius_m, b.length_m),
+            ViscosityTable(config.oil),
+        )
         self._coldest_C = 200.0 if config.oil.film_at_outlet else config.oil.inlet_min_C
         # the inverse of the matrix from probes to xy: what each probe sees of the curve
         det = self._turned_over
-        self._curve = [(e * s, -e * c) for e, s, c in zip(
-            self._film.eccentricity, self._film.sine, self._film.cosine, strict=True)]
+        self._curve = [
+            (e * s, -e * c)
+            for e, s, c in zip(
+                self._film.eccentricity, self._film.sine, self._film.cosine, strict=True
+            )
+        ]
         self._seen = [((yb * x - xb * y) / det, (xa * y - ya * x) / det) for x, y in self._curve]
         self._period_s = config.sampling.period_us * 1e-6
         self._samples = round(WINDOW_S / self._period_s)
@@ -224,16 +254,33 @@ class PairCheck:
 
     def standing(self) -> list[Alarm]:
         """One alarm for each kind that stands."""
-        return [Alarm(f"disp_pair_{name}", int(Severity.FAULT), k.since_ns, k.value, k.limit, False,
-                      f"disp_x and disp_y contradict the machine ({name}); {NEXT_STEP}")
-                for name, k in self.state.kinds.items() if k.standing]
+        return [
+            Alarm(
+                f"disp_pair_{name}",
+                int(Severity.FAULT),
+                k.since_ns,
+                k.value,
+                k.limit,
+                False,
+                f"disp_x and disp_y contradict the machine ({name}); {NEXT_STEP}",
+            )
+            for name, k in self.state.kinds.items()
+            if k.standing
+        ]
 
     def step(self, block: Block, facts: Facts, peak_to_peak_m: float) -> list[Notice]:
         """Take in ``block``; judge when it ends a window."""
         s = self.state
-        broken = block.quality & (Quality.GAP_BEFORE | Quality.NO_MARK) or block.speed_rad_s < self._slowest_rad_s
+        broken = (
+            block.quality & (Quality.GAP_BEFORE | Quality.NO_MARK)
+            or block.speed_rad_s < self._slowest_rad_s
+        )
         bad = block.channel_ok & 3 != 3 or block.unusable & 3
-        if broken or bad or any(cause_of(block.channel_cause, i) not in JUDGED for i in DISPLACEMENTS):
+        if (
+            broken
+            or bad
+            or any(cause_of(block.channel_cause, i) not in JUDGED for i in DISPLACEMENTS)
+        ):
             s.n, s.sums = 0, []
             return []
         self._add(block, facts, peak_to_peak_m)
@@ -247,16 +294,33 @@ class PairCheck:
 
     def _add(self, block: Block, facts: Facts, peak_to_peak_m: float) -> None:
         s = self.state
-        rows = np.frombuffer(block.samples, "<i2").reshape(-1, N_CHANNELS)[:, : len(DISPLACEMENTS)].astype(np.int64)
+        rows = (
+            np.frombuffer(block.samples, "<i2")
+            .reshape(-1, N_CHANNELS)[:, : len(DISPLACEMENTS)]
+            .astype(np.int64)
+        )
         if not s.n:
             s.first, s.last, s.sums = rows[0].tolist(), [], [0] * 9
             s.start, s.start_rad_s, s.turns, s.p2p_m = facts, block.speed_rad_s, 0.0, 0.0
         joined = np.concatenate([np.array(s.last, np.int64), rows]) if s.last else rows
         (a, b), (c, d) = rows.T, joined.T
-        cross = c[:-1] * d[1:] - c[1:] * d[:-1] if len(s.last) < 2 else c[1:-1] * d[2:] - c[2:] * d[1:-1]
+        cross = (
+            c[:-1] * d[1:] - c[1:] * d[:-1]
+            if len(s.last) < 2
+            else c[1:-1] * d[2:] - c[2:] * d[1:-1]
+        )
         bends = joined[2:] - 2 * joined[1:-1] + joined[:-2]
-        new = (a.sum(), b.sum(), (a * a).sum(), (b * b).sum(), (a * b).sum(), cross.sum(),
-               (bends[:, 0] * bends[:, 0]).sum(), (bends[:, 1] * bends[:, 1]).sum(), (bends[:, 0] * bends[:, 1]).sum())
+        new = (
+            a.sum(),
+            b.sum(),
+            (a * a).sum(),
+            (b * b).sum(),
+            (a * b).sum(),
+            cross.sum(),
+            (bends[:, 0] * bends[:, 0]).sum(),
+            (bends[:, 1] * bends[:, 1]).sum(),
+            (bends[:, 0] * bends[:, 1]).sum(),
+        )
         s.sums = [total + int(more) for total, more in zip(s.sums, new, strict=True)]
         s.last = joined[-2:].tolist()
         s.n += len(rows)
@@ -267,8 +331,11 @@ class PairCheck:
         s, n = self.state, self.state.n
         a, b, aa, bb, ab, cross, daa, dbb, dab = s.sums
         (ka, oa), (kb, ob) = self._scales
-        va, vb, vab = ((n * aa - a * a) / (n * n) * ka * ka, (n * bb - b * b) / (n * n) * kb * kb,
-                       (n * ab - a * b) / (n * n) * ka * kb)
+        va, vb, vab = (
+            (n * aa - a * a) / (n * n) * ka * ka,
+            (n * bb - b * b) / (n * n) * kb * kb,
+            (n * ab - a * b) / (n * n) * ka * kb,
+        )
         (a1, b1), (a0, b0) = s.last[-1], s.first
         twice = (n * cross - a * (b1 - b0) + b * (a1 - a0)) / n * ka * kb * self._turned_over
         (xa, xb), (ya, yb) = self._to_xy
@@ -278,8 +345,17 @@ class PairCheck:
         half, apart = 0.5 * (xx + yy), sqrt(0.25 * (xx - yy) * (xx - yy) + xy * xy)
         a_m, b_m = a / n * ka + oa, b / n * kb + ob
         return Window(
-            a_m, b_m, xa * a_m + xb * b_m, ya * a_m + yb * b_m, sqrt(half + apart), sqrt(max(half - apart, 0.0)),
-            0.5 * twice / (pi * s.turns), sqrt(min(va, vb)), _share(vab, va, vb), _share(dab, daa, dbb))
+            a_m,
+            b_m,
+            xa * a_m + xb * b_m,
+            ya * a_m + yb * b_m,
+            sqrt(half + apart),
+            sqrt(max(half - apart, 0.0)),
+            0.5 * twice / (pi * s.turns),
+            sqrt(min(va, vb)),
+            _share(vab, va, vb),
+            _share(dab, daa, dbb),
+        )
 
     # ------------------------------------------------------------------ verdicts
 
@@ -299,22 +375,38 @@ class PairCheck:
         return notices
 
     def _backward(self, w: Window) -> Verdict:
-        limit = self._runout_m * (self._runout_m + FLAT_SHARE * sqrt(2.0) * w.major_m) * abs(self._turned_over)
-        return Verdict(-w.area_m2 * 1e12, limit * 1e12, "the orbit runs against the rotation, um2 over pi")
+        limit = (
+            self._runout_m
+            * (self._runout_m + FLAT_SHARE * sqrt(2.0) * w.major_m)
+            * abs(self._turned_over)
+        )
+        return Verdict(
+            -w.area_m2 * 1e12, limit * 1e12, "the orbit runs against the rotation, um2 over pi"
+        )
 
     def _outside(self, w: Window, facts: Facts) -> Verdict:
-        clearance_m = max(facts.clearance_m, self.state.start.clearance_m if self.state.start else 0.0)
-        limit = (clearance_m + self._offset_m + self._error_m) * (1.0 + self._gain) + sqrt(2.0) * self._zero_m
-        return Verdict(sqrt(w.x_m * w.x_m + w.y_m * w.y_m) * 1e6, limit * 1e6,
-                       "the mean position lies outside the clearance, um")
+        clearance_m = max(
+            facts.clearance_m, self.state.start.clearance_m if self.state.start else 0.0
+        )
+        limit = (clearance_m + self._offset_m + self._error_m) * (1.0 + self._gain) + sqrt(
+            2.0
+        ) * self._zero_m
+        return Verdict(
+            sqrt(w.x_m * w.x_m + w.y_m * w.y_m) * 1e6,
+            limit * 1e6,
+            "the mean position lies outside the clearance, um",
+        )
 
     def _position(self, w: Window, facts: Facts, speed_rad_s: float) -> Verdict | None:
-        """How far a probe is off the nearest place that is admissible, over what is allowed for; None: not at rest."""
+        """How far a probe is off the nearest place that is admissible, over what is allowed for;
+        None: not at rest."""
         s = self.state
         begun = s.start or facts
         moved_m = abs(facts.clearance_m - begun.clearance_m)
         clearance_m = 0.5 * (facts.clearance_m + begun.clearance_m) + self._offset_m
-        unsteady = abs(speed_rad_s - s.start_rad_s) > STEADY_SPEED * s.start_rad_s or moved_m > STEADY_M
+        unsteady = (
+            abs(speed_rad_s - s.start_rad_s) > STEADY_SPEED * s.start_rad_s or moved_m > STEADY_M
+        )
         if unsteady or clearance_m <= 0.0 or s.p2p_m > ORBIT_SHARE_MAX * clearance_m:
             return None
         first, last = self._admissible(clearance_m, speed_rad_s, facts.temperature_C)
@@ -324,15 +416,25 @@ class PairCheck:
         for k in range(first, last + 1):
             pa, pb = self._seen[k]
             slack_m = fixed_m + shifted_m * self._film.eccentricity[k]
-            off = max(abs(w.a_m - clearance_m * pa) / (slack_m + self._gain * clearance_m * abs(pa)),
-                      abs(w.b_m - clearance_m * pb) / (slack_m + self._gain * clearance_m * abs(pb)))
+            off = max(
+                abs(w.a_m - clearance_m * pa) / (slack_m + self._gain * clearance_m * abs(pa)),
+                abs(w.b_m - clearance_m * pb) / (slack_m + self._gain * clearance_m * abs(pb)),
+            )
             least = min(least, off)
         if self._another_zero(w, clearance_m, least > 1.0):
             least = 1.0
-        return Verdict(least, 1.0, (
-            "the mean position is none of the film at any declared load; its error over that allowed"))
+        return Verdict(
+            least,
+            1.0,
+            (
+                "the mean position is none of the film at any declared load; its error over that "
+                "allowed"
+            ),
+        )
 
-    def _admissible(self, clearance_m: float, speed_rad_s: float, temperature_C: float) -> tuple[int, int]:
+    def _admissible(
+        self, clearance_m: float, speed_rad_s: float, temperature_C: float
+    ) -> tuple[int, int]:
         """Knots of the film that carry a declared load in any credible oil and clearance."""
         warm = self._oil.law(temperature_C) * speed_rad_s
         cold = self._oil.law(min(temperature_C, self._coldest_C)) * speed_rad_s
@@ -346,18 +448,23 @@ class PairCheck:
         return max(first - 1, 0), min(max(last, first) + 1, KNOTS)
 
     def _another_zero(self, w: Window, clearance_m: float, off: bool) -> bool:
-        """Whether a mean off the curve is that of the first window, and the orbit shows that both probes are right.
+        """Whether a mean off the curve is that of the first window, and the orbit shows that both
+        probes are right.
 
         With both signs reversed an orbit is as forward, but the mean lies above the middle.
         """
         s = self.state
-        beside = min(((w.x_m - clearance_m * x, w.y_m - clearance_m * y) for x, y in self._curve),
-                     key=lambda d: d[0] * d[0] + d[1] * d[1])
+        beside = min(
+            ((w.x_m - clearance_m * x, w.y_m - clearance_m * y) for x, y in self._curve),
+            key=lambda d: d[0] * d[0] + d[1] * d[1],
+        )
         round_ = w.minor_m >= ROUND * w.major_m and w.minor_m >= ROUND_LEAST_M
         forward = w.area_m2 >= FORWARD * 2.0 * w.major_m * w.minor_m and w.y_m <= 0.0
         if s.off_m is None:
             near = beside[0] * beside[0] + beside[1] * beside[1] <= ANOTHER_ZERO_M * ANOTHER_ZERO_M
-            s.off_m = beside if off and round_ and forward and near and not self._zeroed else (0.0, 0.0)
+            s.off_m = (
+                beside if off and round_ and forward and near and not self._zeroed else (0.0, 0.0)
+            )
         dx, dy = beside[0] - s.off_m[0], beside[1] - s.off_m[1]
         known = s.off_m != (0.0, 0.0) and dx * dx + dy * dy <= MOVED_M * MOVED_M
         return off and known and round_ and forward
@@ -365,7 +472,11 @@ class PairCheck:
 
 def _copied(w: Window) -> Verdict:
     """Both correlations, as far as there is a signal."""
-    value = min(abs(w.correlation), abs(w.noise_correlation)) if w.least_rms_m >= COPIED_LEAST_M else 0.0
+    value = (
+        min(abs(w.correlation), abs(w.noise_correlation))
+        if w.least_rms_m >= COPIED_LEAST_M
+        else 0.0
+    )
     return Verdict(value, COPIED, "both channels carry one signal: correlation with its noise")
 
 
@@ -381,11 +492,29 @@ def _count(name: str, kind: Kind, found: Verdict, t_ns: int) -> list[Notice]:
         kind.value, kind.limit = found.value, found.limit
     if kind.bad >= BAD_LEAST and not kind.standing:
         kind.standing, kind.since_ns = True, t_ns
-        return [Notice(Severity.FAULT, f"disp_pair_{name}", (
-            f"disp_x and disp_y contradict the machine: {found.text} {found.value:.4g} above {found.limit:.4g} for "
-            f"{BAD_LEAST * WINDOW_S:g} s; {NEXT_STEP}"), found.value, found.limit)]
+        return [
+            Notice(
+                Severity.FAULT,
+                f"disp_pair_{name}",
+                (
+                    f"disp_x and disp_y contradict the machine: {found.text} {found.value:.4g} "
+                    f"above {found.limit:.4g} for "
+                    f"{BAD_LEAST * WINDOW_S:g} s; {NEXT_STEP}"
+                ),
+                found.value,
+                found.limit,
+            )
+        ]
     if kind.good >= GOOD_LEAST and kind.standing:
         kind.standing = False
-        return [Notice(Severity.INFO, f"disp_pair_{name}_ok", (
-            f"disp_x and disp_y agree with the machine again ({name}) since {GOOD_LEAST * WINDOW_S:g} s"))]
+        return [
+            Notice(
+                Severity.INFO,
+                f"disp_pair_{name}_ok",
+                (
+                    f"disp_x and disp_y agree with the machine again ({name}) since "
+                    f"{GOOD_LEAST * WINDOW_S:g} s"
+                ),
+            )
+        ]
     return []

@@ -2,12 +2,13 @@
 
 Displacement and acceleration, alert and danger, channel OK.
 
-Danger with its delay latches and trips; alert does not latch.  A channel that is not OK raises an alarm with its
-cause; one that is open or stuck leaves the vote, one that saturates counts as at least the end of its range, of the
-others what is good counts (:mod:`firmware_py.acquire.channel_ok`).  Timers hold while nothing can be said.
+Danger with its delay latches and trips; alert does not latch.  A channel that is not OK raises an
+alarm with its cause; one that is open or stuck leaves the vote, one that saturates counts as at
+least the end of its range, of the others what is good counts
+(:mod:`firmware_py.acquire.channel_ok`).  Timers hold while nothing can be said.
 
-The displacement set points are capped by a share of the *smaller* of reported and commanded radial clearance: a
-vibration that was harmless in a wide bearing is not in a narrow one.
+The displacement set points are capped by a share of the *smaller* of reported and commanded radial
+clearance: a vibration that was harmless in a wide bearing is not in a narrow one.
 """
 
 from __future__ import annotations
@@ -32,17 +33,21 @@ QUIET: Final = Motion(False, (0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0)
 OUT_OF_VOTE: Final = frozenset({ChannelCause.OPEN, ChannelCause.STUCK})
 UNKNOWN: Final = "not OK"
 CAUSES: Final = {
-    ChannelCause.OPEN: "is open: at the end of its range without an alternating part; its trip is defeated",
+    ChannelCause.OPEN: "is open: at the end of its range without an alternating part; its trip is "
+    "defeated",
     ChannelCause.STUCK: "is stuck: it does not move by one count; its trip is defeated",
-    ChannelCause.INTERMITTENT: "is intermittent: it steps, drops out or touches the end of its range out of step with "
-                               "the shaft; what is clean still counts, and it is OK after 30 s without",
-    ChannelCause.SATURATED: "is saturated: it touches the end of its range in step with the shaft and counts as that",
+    ChannelCause.INTERMITTENT: "is intermittent: it steps, drops out or touches the end of its "
+    "range out of step with "
+    "the shaft; what is clean still counts, and it is OK after 30 s without",
+    ChannelCause.SATURATED: "is saturated: it touches the end of its range in step with the shaft "
+    "and counts as that",
     ChannelCause.BEYOND: "lies beyond its range; it counts as measured",
 }
 
 
 class ProtectionState(msgspec.Struct):
-    """Alarms by name, channels that are not OK or saturated, the window of the last turn and what it said."""
+    """Alarms by name, channels that are not OK or saturated, the window of the last turn and what
+    it said."""
 
     alarms: dict[str, AlarmState]
     not_ok: dict[str, AlarmState]
@@ -83,12 +88,22 @@ class Protection:
             for severity in (Severity.ALERT, Severity.DANGER):
                 name = f"{CHANNELS[i]}_{severity.name.lower()}"
                 alarms[name] = AlarmState(name, int(severity), severity is Severity.DANGER)
-        for name in latched:  # even one that this version does not judge stands until somebody resets it
-            alarms.setdefault(name, AlarmState(name, int(Severity.DANGER), latching=True)).standing = True
-        not_ok = {name: AlarmState(f"{name}_not_ok", int(Severity.FAULT), False) for name in CHANNELS}
-        self._rails = [abs(c.ok_high - c.ok_low) / 2 * (1e6 if i in DISPLACEMENTS else 1.0)
-                       for i, c in enumerate(config.channel)]
-        self._state = ProtectionState(alarms, not_ok, self._meter.window, saturated=self._no_saturated())
+        for (
+            name
+        ) in latched:  # even one that this version does not judge stands until somebody resets it
+            alarms.setdefault(
+                name, AlarmState(name, int(Severity.DANGER), latching=True)
+            ).standing = True
+        not_ok = {
+            name: AlarmState(f"{name}_not_ok", int(Severity.FAULT), False) for name in CHANNELS
+        }
+        self._rails = [
+            abs(c.ok_high - c.ok_low) / 2 * (1e6 if i in DISPLACEMENTS else 1.0)
+            for i, c in enumerate(config.channel)
+        ]
+        self._state = ProtectionState(
+            alarms, not_ok, self._meter.window, saturated=self._no_saturated()
+        )
         self.tripped = self._latched()
 
     @property
@@ -99,13 +114,18 @@ class Protection:
     @state.setter
     def state(self, state: ProtectionState) -> None:
         self._state = state
-        state.saturated = self._no_saturated() | state.saturated  # a snapshot of an earlier version has none
+        state.saturated = (
+            self._no_saturated() | state.saturated
+        )  # a snapshot of an earlier version has none
         self._meter.window = state.window
         self.tripped = self._latched()
 
     @staticmethod
     def _no_saturated() -> dict[str, AlarmState]:
-        return {CHANNELS[i]: AlarmState(f"{CHANNELS[i]}_saturated", int(Severity.FAULT), False) for i in WATCHED}
+        return {
+            CHANNELS[i]: AlarmState(f"{CHANNELS[i]}_saturated", int(Severity.FAULT), False)
+            for i in WATCHED
+        }
 
     def step(self, blocks: list[Block], clearance_um: float) -> list[Notice]:
         """Judge new blocks at the smaller of reported and commanded radial clearance."""
@@ -127,16 +147,21 @@ class Protection:
         return self._state.motion
 
     def _latched(self) -> list[str]:
-        """Names of latched danger alarms (kept in ``tripped``, which is asked for in every cycle)."""
+        """Names of latched danger alarms (kept in ``tripped``, which is asked for in every
+        cycle)."""
         return [a.name for a in self._state.alarms.values() if a.latching and a.standing]
 
     def timers(self) -> dict[str, int]:
         """How long each danger limit has been exceeded whose delay is not over, ns."""
-        return {a.name: a.over_ns for a in self._state.alarms.values()
-                if a.latching and not a.standing and a.over_ns != QUIET_NS}
+        return {
+            a.name: a.over_ns
+            for a in self._state.alarms.values()
+            if a.latching and not a.standing and a.over_ns != QUIET_NS
+        }
 
     def resume(self, timers: dict[str, int]) -> None:
-        """Go on counting delays that ran when the guard last ended; names of another version are left out."""
+        """Go on counting delays that ran when the guard last ended; names of another version are
+        left out."""
         for name, over_ns in timers.items():
             if (alarm := self._state.alarms.get(name)) is not None and alarm.latching:
                 alarm.over_ns = over_ns
@@ -145,28 +170,45 @@ class Protection:
     def displacement_ok(self) -> bool:
         """Whether both shaft displacements are OK: what they measure is where the shaft is."""
         s = self._state
-        return not any(s.not_ok[CHANNELS[i]].standing or s.saturated[CHANNELS[i]].standing for i in DISPLACEMENTS)
+        return not any(
+            s.not_ok[CHANNELS[i]].standing or s.saturated[CHANNELS[i]].standing
+            for i in DISPLACEMENTS
+        )
 
     @property
     def causes(self) -> dict[str, str]:
         """Why each channel that is not OK is not."""
         s = self._state
-        return {name: ChannelCause(s.causes[i]).name.lower() if s.causes[i] else UNKNOWN
-                for i, name in enumerate(CHANNELS)
-                if s.not_ok[name].standing or (name in s.saturated and s.saturated[name].standing)}
+        return {
+            name: ChannelCause(s.causes[i]).name.lower() if s.causes[i] else UNKNOWN
+            for i, name in enumerate(CHANNELS)
+            if s.not_ok[name].standing or (name in s.saturated and s.saturated[name].standing)
+        }
 
     def standing(self) -> list[Alarm]:
         """Every alarm that stands now."""
         s = self._state
-        limits = [msgspec.structs.replace(a.record(), text=_text(a)) for a in s.alarms.values() if a.standing]
-        bad = [(a.record(), f"channel {name} {CAUSES.get(ChannelCause(s.causes[i]), 'is ' + UNKNOWN)}")
-               for i, name in enumerate(CHANNELS) for a in (s.not_ok[name], s.saturated.get(name)) if a and a.standing]
+        limits = [
+            msgspec.structs.replace(a.record(), text=_text(a))
+            for a in s.alarms.values()
+            if a.standing
+        ]
+        bad = [
+            (a.record(), f"channel {name} {CAUSES.get(ChannelCause(s.causes[i]), 'is ' + UNKNOWN)}")
+            for i, name in enumerate(CHANNELS)
+            for a in (s.not_ok[name], s.saturated.get(name))
+            if a and a.standing
+        ]
         return limits + [msgspec.structs.replace(record, text=text) for record, text in bad]
 
     def reset(self) -> list[str]:
         """Clear the latches; the reasons why some stay."""
-        reasons = [f"{a.name} still exceeded: {a.value:.4g} above {a.limit:.4g}; stop the machine or remove the cause"
-                   for a in self._state.alarms.values() if a.latching and not a.reset()]
+        reasons = [
+            f"{a.name} still exceeded: {a.value:.4g} above {a.limit:.4g}; stop the machine or "
+            f"remove the cause"
+            for a in self._state.alarms.values()
+            if a.latching and not a.reset()
+        ]
         self.tripped = self._latched()
         return reasons
 
@@ -186,8 +228,16 @@ class Protection:
             saturated = cause == ChannelCause.SATURATED and name in s.saturated
             bad = not saturated and (cause != ChannelCause.OK or not block.channel_ok >> i & 1)
             if bad and (not s.not_ok[name].standing or s.causes[i] != cause):
-                notices.append(Notice(Severity.FAULT, s.not_ok[name].name, (
-                    f"channel {name} {CAUSES.get(cause, 'is ' + UNKNOWN)}; check sensor, cable and driver")))
+                notices.append(
+                    Notice(
+                        Severity.FAULT,
+                        s.not_ok[name].name,
+                        (
+                            f"channel {name} {CAUSES.get(cause, 'is ' + UNKNOWN)}; check sensor, "
+                            f"cable and driver"
+                        ),
+                    )
+                )
             elif saturated and not s.saturated[name].standing:
                 notices.append(self._saturated(i, name))
             elif not bad and not saturated and name in self.causes:
@@ -198,16 +248,37 @@ class Protection:
                 _stand(s.saturated[name], saturated, t_ns, self._rails[i])
 
     def _saturated(self, i: int, name: str) -> Notice:
-        """A vibration reaches the end of the range: it counts as that, and a limit beyond it cannot be reached."""
-        danger = self._limits.displacement_danger_um if i in DISPLACEMENTS else self._limits.acceleration_danger_m_s2
+        """A vibration reaches the end of the range: it counts as that, and a limit beyond it cannot
+        be reached."""
+        danger = (
+            self._limits.displacement_danger_um
+            if i in DISPLACEMENTS
+            else self._limits.acceleration_danger_m_s2
+        )
         rail, unit = self._rails[i], _unit(i)
-        beyond = "" if rail > danger else f"; the danger limit {danger:.4g} lies beyond what it can show: lower one"
-        return Notice(Severity.FAULT, f"{name}_saturated", (
-            f"channel {name} touches the end of its range in step with the shaft: its vibration is at least "
-            f"{rail:.4g} {unit} and counts as that{beyond}; reduce the vibration or fit a wider range"), rail, danger)
+        beyond = (
+            ""
+            if rail > danger
+            else f"; the danger limit {danger:.4g} lies beyond what it can show: lower one"
+        )
+        return Notice(
+            Severity.FAULT,
+            f"{name}_saturated",
+            (
+                f"channel {name} touches the end of its range in step with the shaft: its "
+                f"vibration is at least "
+                f"{rail:.4g} {unit} and counts as that{beyond}; reduce the vibration or fit a "
+                f"wider range"
+            ),
+            rail,
+            danger,
+        )
 
-    def _judge_vibration(self, block: Block, clearance_um: float, t_ns: int, notices: list[Notice]) -> None:
-        """Judge the time of ``block`` alone: what lies between two blocks is a gap, in which the timers hold."""
+    def _judge_vibration(
+        self, block: Block, clearance_um: float, t_ns: int, notices: list[Notice]
+    ) -> None:
+        """Judge the time of ``block`` alone: what lies between two blocks is a gap, in which the
+        timers hold."""
         motion, lim = self._state.motion, self._limits
         measured = motion.peak_to_peak_um + motion.rms_m_s2
         displacement = self.set_points_um(clearance_um)
@@ -219,17 +290,35 @@ class Protection:
             unknown = cause == ChannelCause.OK and not block.channel_ok >> i & 1
             silent = cause in OUT_OF_VOTE or unknown or (block.unusable >> i & 1 and not saturated)
             value = max(value, self._rails[i]) if saturated else value
-            for kind, limit, delay_ns in zip(("alert", "danger"), limits, self._delays_ns, strict=True):
+            for kind, limit, delay_ns in zip(
+                ("alert", "danger"), limits, self._delays_ns, strict=True
+            ):
                 alarm = self._state.alarms[f"{CHANNELS[i]}_{kind}"]
                 alarm.hold(block.t_acq_ns)
                 if silent:
                     alarm.hold(t_ns)
-                elif alarm.judge(value, limit, t_ns, delay_ns=delay_ns, hysteresis=lim.hysteresis_share,
-                                 complete=whole and not saturated):
+                elif alarm.judge(
+                    value,
+                    limit,
+                    t_ns,
+                    delay_ns=delay_ns,
+                    hysteresis=lim.hysteresis_share,
+                    complete=whole and not saturated,
+                ):
                     least = "at least " if saturated else ""
-                    notices.append(Notice(Severity(alarm.severity), alarm.name, (
-                        f"{CHANNELS[i]} above {limit:.4g} {_unit(i)} for {delay_ns * 1e-9:g} s without a return; "
-                        f"now {least}{value:.4g}"), value, limit))
+                    notices.append(
+                        Notice(
+                            Severity(alarm.severity),
+                            alarm.name,
+                            (
+                                f"{CHANNELS[i]} above {limit:.4g} {_unit(i)} for "
+                                f"{delay_ns * 1e-9:g} s without a return; "
+                                f"now {least}{value:.4g}"
+                            ),
+                            value,
+                            limit,
+                        )
+                    )
 
 
 def _text(alarm: AlarmState) -> str:
@@ -241,7 +330,9 @@ def _text(alarm: AlarmState) -> str:
     channel = alarm.name.rpartition("_")[0]
     now = f"{alarm.value:.4g} {_unit(CHANNELS.index(channel))}, limit {alarm.limit:.4g}"
     if alarm.latching:
-        return f"{channel} passed its danger limit and is now at {now}; find the cause, then `reset`"
+        return (
+            f"{channel} passed its danger limit and is now at {now}; find the cause, then `reset`"
+        )
     return f"{channel} at {now}; reduce speed or load and look at the diagnosis"
 
 

@@ -1,9 +1,10 @@
 """Slow readings (RIG_STATUS): which of them may be believed, and what is wrong with the others.
 
-Every reading has a row with its range, its greatest rate, and what it is held against.  A reading outside its range,
-faster than its rate, or frozen while what drives it moves, is *not OK*; it is believed again after it has been
-plausible for ``readings.clean_s``.  A message that is older than ``readings.age_max_ms`` says nothing at all.  What the
-loss of a reading does stands in :mod:`firmware_py.guard.failsafe`.
+Every reading has a row with its range, its greatest rate, and what it is held against.  A reading
+outside its range, faster than its rate, or frozen while what drives it moves, is *not OK*; it is
+believed again after it has been plausible for ``readings.clean_s``.  A message that is older than
+``readings.age_max_ms`` says nothing at all.  What the loss of a reading does stands in
+:mod:`firmware_py.guard.failsafe`.
 
 ============== ===================================== ============================ ===========================
 reading        range                                 greatest rate                held against
@@ -31,16 +32,19 @@ from firmware_py.records import CHANNELS, N_CHANNELS, Alarm, Block, NodeState, R
 OIL, CLEARANCE, POWER, PRESSURE = "oil_outlet", "clearance_actual", "shaft_power", "pressure_actual"
 
 CLEARANCE_NOISE_UM: Final = 3.0
-"""Two readings of a clearance at rest may differ by so much: 0.2 um rms of noise, backlash, an end stop that gives."""
+"""Two readings of a clearance at rest may differ by so much: 0.2 um rms of noise, backlash, an end
+stop that gives."""
 
 RATE_MARGIN: Final = 3.0
 """The actuator may be so much faster than declared: what it declares is the least that it does."""
 
 OIL_NOISE_C: Final = 2.0
-"""Two readings of one temperature may differ by so much: a thermometer of 0.5 degC a step, and pick-up."""
+"""Two readings of one temperature may differ by so much: a thermometer of 0.5 degC a step, and
+pick-up."""
 
 POWER_MARGIN: Final = 10.0
-"""The torque meter also shows what accelerates the rotor and what a rub takes: so many times the film's friction."""
+"""The torque meter also shows what accelerates the rotor and what a rub takes: so many times the
+film's friction."""
 
 PRESSURE_MARGIN: Final = 2.0
 """A relief valve that sticks lets the pressure rise to about twice what the feed may set."""
@@ -48,8 +52,9 @@ PRESSURE_MARGIN: Final = 2.0
 FROZEN_NS: Final = 60_000_000_000
 FROZEN_SPEED_SHARE: Final = 0.2
 FROZEN_HEAT_C: Final = 2.0
-"""A reading that repeats itself exactly for so long, while the speed moved by that share (power, which goes with its
-square), or the friction by what warms the oil by so much, no longer measures."""
+"""A reading that repeats itself exactly for so long, while the speed moved by that share (power,
+which goes with its square), or the friction by what warms the oil by so much, no longer
+measures."""
 
 MISMATCH_NS: Final = 2_000_000_000
 """Two readings of the pressure may differ for so long: one is filtered, and the other 50 ms old."""
@@ -63,7 +68,8 @@ TICKS: Final = 1 << 32
 
 
 class Row(msgspec.Struct, frozen=True):
-    """What a reading can be: its range, its greatest rate per second, and how far two readings at rest may differ."""
+    """What a reading can be: its range, its greatest rate per second, and how far two readings at
+    rest may differ."""
 
     field: str
     unit: str
@@ -84,7 +90,8 @@ class Known(NamedTuple):
 
 
 class ReadingState(msgspec.Struct):
-    """One reading: the newest value, the last that was believed, until when it is doubted, and since when it froze."""
+    """One reading: the newest value, the last that was believed, until when it is doubted, and
+    since when it froze."""
 
     value: float = 0.0
     believed: float | None = None
@@ -97,7 +104,8 @@ class ReadingState(msgspec.Struct):
 class ReadingsState(msgspec.Struct):
     """What the stage remembers (for snapshots).
 
-    ``alarms`` goes by the name of the reading, ``causes`` (what a person is told while it stands) by the alarm's.
+    ``alarms`` goes by the name of the reading, ``causes`` (what a person is told while it stands)
+    by the alarm's.
     """
 
     readings: dict[str, ReadingState]
@@ -132,15 +140,31 @@ class Readings:
         most_W = r.shaft_power_max_W or power_max_W(config)
         most_bar = r.pressure_max_bar or PRESSURE_MARGIN * f.pressure_max_bar
         self.rows = {
-            OIL: Row("oil_outlet_C", "degC", "readings.oil_outlet_min_C .. oil_outlet_max_C", r.oil_outlet_min_C,
-                     r.oil_outlet_max_C, r.oil_outlet_rate_C_s, OIL_NOISE_C),
-            CLEARANCE: Row("clearance_actual_um", "um", "bearing.radial_clearance_min_um .. radial_clearance_max_um",
-                           self._clearances_um[0] - CLEARANCE_NOISE_UM, self._clearances_um[1] + CLEARANCE_NOISE_UM,
-                           RATE_MARGIN * config.actuator.rate_um_s, CLEARANCE_NOISE_UM),
+            OIL: Row(
+                "oil_outlet_C",
+                "degC",
+                "readings.oil_outlet_min_C .. oil_outlet_max_C",
+                r.oil_outlet_min_C,
+                r.oil_outlet_max_C,
+                r.oil_outlet_rate_C_s,
+                OIL_NOISE_C,
+            ),
+            CLEARANCE: Row(
+                "clearance_actual_um",
+                "um",
+                "bearing.radial_clearance_min_um .. radial_clearance_max_um",
+                self._clearances_um[0] - CLEARANCE_NOISE_UM,
+                self._clearances_um[1] + CLEARANCE_NOISE_UM,
+                RATE_MARGIN * config.actuator.rate_um_s,
+                CLEARANCE_NOISE_UM,
+            ),
             POWER: Row("shaft_power_W", "W", "readings.shaft_power_max_W", -most_W, most_W),
             PRESSURE: Row("pressure_actual_bar", "bar", "readings.pressure_max_bar", 0.0, most_bar),
         }
-        alarms = {name: AlarmState(f"{name}_not_ok", int(Severity.FAULT), latching=False) for name in self.rows}
+        alarms = {
+            name: AlarmState(f"{name}_not_ok", int(Severity.FAULT), latching=False)
+            for name in self.rows
+        }
         alarms["stale"] = AlarmState("readings_stale", int(Severity.FAULT), latching=False)
         alarms["mismatch"] = AlarmState("pressure_mismatch", int(Severity.FAULT), latching=False)
         self.state = ReadingsState({name: ReadingState() for name in self.rows}, alarms)
@@ -149,19 +173,35 @@ class Readings:
 
     def step(self, blocks: list[Block], status: RigStatus | None, heard_ns: int, node: NodeState | None,
              speed_rad_s: float, now_ns: int) -> list[Notice]:  # fmt: skip
-        """Judge ``status``, which was heard at ``heard_ns`` (None: not yet, or the node has just started again)."""
+        """Judge ``status``, which was heard at ``heard_ns`` (None: not yet, or the node has just
+        started again)."""
         s, notices = self.state, list[Notice]()
         if blocks and now_ns - s.supply_ns >= SUPPLY_PERIOD_NS:
             self._average(blocks[-1], now_ns)
         if status is None:
-            s.tick_us, s.heard_ns, s.fresh, s.readings[CLEARANCE].believed = -1, NEVER_NS, False, None
+            s.tick_us, s.heard_ns, s.fresh, s.readings[CLEARANCE].believed = (
+                -1,
+                NEVER_NS,
+                False,
+                None,
+            )
             return notices
         age_ns = now_ns - heard_ns
         s.fresh = abs(age_ns) <= self._age_max_ns
-        self._tell("stale", "" if s.fresh else (
-            f"the rig's slow readings are {age_ns * 1e-6:.0f} ms old (limit readings.age_max_ms = "
-            f"{self._age_max_ns * 1e-6:.0f}); check that the node sends RIG_STATUS"), age_ns * 1e-6,
-            self._age_max_ns * 1e-6, now_ns, notices)
+        self._tell(
+            "stale",
+            ""
+            if s.fresh
+            else (
+                f"the rig's slow readings are {age_ns * 1e-6:.0f} ms old (limit "
+                f"readings.age_max_ms = "
+                f"{self._age_max_ns * 1e-6:.0f}); check that the node sends RIG_STATUS"
+            ),
+            age_ns * 1e-6,
+            self._age_max_ns * 1e-6,
+            now_ns,
+            notices,
+        )
         if heard_ns != s.heard_ns or status.tick_us != s.tick_us:
             passed_s = (status.tick_us - s.tick_us) % TICKS * 1e-6 if s.tick_us >= 0 else None
             s.tick_us, s.heard_ns = status.tick_us, heard_ns
@@ -174,10 +214,15 @@ class Readings:
         target_um = node.target_clearance_um if node else None
         for name, row in self.rows.items():
             state, value = self.state.readings[name], float(getattr(status, row.field))
-            cause, limit = _implausible(row, state.value, value, passed_s, target_um if name == CLEARANCE else None)
+            cause, limit = _implausible(
+                row, state.value, value, passed_s, target_um if name == CLEARANCE else None
+            )
             driver = speed_rad_s if name == POWER else status.shaft_power_W
             if not cause and self._frozen(name, value, driver, now_ns):
-                cause, limit = f"has stood still for {FROZEN_NS * 1e-9:g} s while what drives it moved", value
+                cause, limit = (
+                    f"has stood still for {FROZEN_NS * 1e-9:g} s while what drives it moved",
+                    value,
+                )
             state.value = value
             if cause:
                 state.doubted_ns = now_ns
@@ -209,10 +254,19 @@ class Readings:
         if s.apart_ns == NEVER_NS:
             self._tell("mismatch", "", 0.0, limit_bar, now_ns, notices)
         elif now_ns - s.apart_ns >= MISMATCH_NS:
-            self._tell("mismatch", (
-                f"{PRESSURE} = {slow_bar:.3f} bar, but the channel supply_pressure shows {fast_bar:.3f} (limit "
-                f"readings.pressure_mismatch_bar = {limit_bar:g} for {MISMATCH_NS * 1e-9:g} s); check both sensors"),
-                abs((slow_bar or 0.0) - (fast_bar or 0.0)), limit_bar, now_ns, notices)
+            self._tell(
+                "mismatch",
+                (
+                    f"{PRESSURE} = {slow_bar:.3f} bar, but the channel supply_pressure shows "
+                    f"{fast_bar:.3f} (limit "
+                    f"readings.pressure_mismatch_bar = {limit_bar:g} for {MISMATCH_NS * 1e-9:g} "
+                    f"s); check both sensors"
+                ),
+                abs((slow_bar or 0.0) - (fast_bar or 0.0)),
+                limit_bar,
+                now_ns,
+                notices,
+            )
 
     def _average(self, block: Block, now_ns: int) -> None:
         """Mean of the channel ``supply_pressure`` over ``block``; None while it is not OK."""
@@ -222,7 +276,9 @@ class Readings:
             counts = np.frombuffer(block.samples, "<i2")[SUPPLY::N_CHANNELS]
             s.supply_bar = int(counts.sum(dtype=np.int64)) / len(counts) * scale + offset
 
-    def _tell(self, name: str, cause: str, value: float, limit: float, now_ns: int, notices: list[Notice]) -> None:
+    def _tell(
+        self, name: str, cause: str, value: float, limit: float, now_ns: int, notices: list[Notice]
+    ) -> None:
         """Begin or end the alarm of ``name``; ``cause`` empty means OK."""
         alarm = self.state.alarms[name]
         if cause:
@@ -234,7 +290,11 @@ class Readings:
         elif alarm.standing:
             alarm.standing = False
             self.state.causes.pop(alarm.name, None)
-            notices.append(Notice(Severity.INFO, f"{alarm.name}_ended", f"{name} is plausible again", value, limit))
+            notices.append(
+                Notice(
+                    Severity.INFO, f"{alarm.name}_ended", f"{name} is plausible again", value, limit
+                )
+            )
 
     # ------------------------------------------------------------------ what may be believed
 
@@ -251,7 +311,8 @@ class Readings:
     def smaller_clearance_um(self, node: NodeState | None) -> float:
         """The smaller of measured and commanded radial clearance, for the caps of protection.
 
-        A measured one that is not OK neither lifts the cap nor closes it: the last that was believed counts instead.
+        A measured one that is not OK neither lifts the cap nor closes it: the last that was
+        believed counts instead.
         """
         low_um, high_um = self._clearances_um
         measured_um = self.state.readings[CLEARANCE].believed
@@ -260,7 +321,8 @@ class Readings:
         return min(max(smaller_um, low_um), high_um)
 
     def narrowest_um(self, smaller_um: float) -> float:
-        """The clearance in which vibration was measured: :meth:`smaller_clearance_um`, or the narrowest there is."""
+        """The clearance in which vibration was measured: :meth:`smaller_clearance_um`, or the
+        narrowest there is."""
         return self._clearances_um[0] if self.value(CLEARANCE) is None else smaller_um
 
     @property
@@ -269,10 +331,20 @@ class Readings:
         return self.state.causes
 
     def known(self) -> Known | None:
-        """All that an estimate of the load rests on; None while a part is not OK, or the oil colder than declared."""
-        oil_C, clearance_um, pressure_bar = self.value(OIL), self.value(CLEARANCE), self.value(PRESSURE)
-        if oil_C is None or clearance_um is None or pressure_bar is None or oil_C < self._coldest_C \
-                or self.state.alarms["mismatch"].standing:
+        """All that an estimate of the load rests on; None while a part is not OK, or the oil colder
+        than declared."""
+        oil_C, clearance_um, pressure_bar = (
+            self.value(OIL),
+            self.value(CLEARANCE),
+            self.value(PRESSURE),
+        )
+        if (
+            oil_C is None
+            or clearance_um is None
+            or pressure_bar is None
+            or oil_C < self._coldest_C
+            or self.state.alarms["mismatch"].standing
+        ):
             return None
         return Known(oil_C, clearance_um, pressure_bar, self.value(POWER))
 
@@ -284,14 +356,18 @@ class Readings:
     def standing(self) -> list[Alarm]:
         """Every alarm that stands now."""
         s = self.state
-        return [msgspec.structs.replace(alarm.record(), text=s.causes.get(alarm.name, ""))
-                for alarm in s.alarms.values() if alarm.standing]
+        return [
+            msgspec.structs.replace(alarm.record(), text=s.causes.get(alarm.name, ""))
+            for alarm in s.alarms.values()
+            if alarm.standing
+        ]
 
 
 def _implausible(
     row: Row, before: float, value: float, passed_s: float | None, target: float | None
 ) -> tuple[str, float]:  # fmt: skip
-    """Why ``value`` cannot be, after ``before`` so long ago, and the limit; an empty reason when it can.
+    """Why ``value`` cannot be, after ``before`` so long ago, and the limit; an empty reason when it
+    can.
 
     What lands between where it was and its ``target`` has arrived there, however fast.
     """
@@ -302,16 +378,20 @@ def _implausible(
         return "", row.high
     most, moved = row.noise + row.rate * passed_s, abs(value - before)
     arrived = target is not None and (
-        min(before, target) - row.noise <= value <= max(before, target) + row.noise)
+        min(before, target) - row.noise <= value <= max(before, target) + row.noise
+    )
     if moved > most and not arrived:
         return f"moved by {moved:.4g} in {passed_s:.3g} s, more than {most:.4g}", most
     return "", row.high
 
 
 def power_max_W(config: Config) -> float:
-    """The most that a torque meter can credibly show: Petroff's friction at its worst, :data:`POWER_MARGIN` times."""
+    """The most that a torque meter can credibly show: Petroff's friction at its worst,
+    :data:`POWER_MARGIN` times."""
     b, w = config.bearing, config.operating.speed_max_rpm * pi / 30
-    petroff_m4 = 2.0 * pi * b.journal_radius_m * b.journal_radius_m * b.journal_radius_m * b.length_m
+    petroff_m4 = (
+        2.0 * pi * b.journal_radius_m * b.journal_radius_m * b.journal_radius_m * b.length_m
+    )
     oil = ViscosityTable(config.oil)
     thickest = oil.law(config.oil.inlet_min_C) * oil.thickest
     film_W = petroff_m4 * thickest * w * w / (b.radial_clearance_min_um * 1e-6)

@@ -1,7 +1,7 @@
 """The way of the target: never faster than the actuator, no dither, and not too many reversals.
 
-What people or the policy wish is followed within these bounds.  What the guard itself asks for is not bounded: the
-retreat value, and a narrower admissible interval, are taken at once.
+What people or the policy wish is followed within these bounds.  What the guard itself asks for is
+not bounded: the retreat value, and a narrower admissible interval, are taken at once.
 """
 
 from __future__ import annotations
@@ -18,11 +18,12 @@ from firmware_py.records import Alarm
 
 DEAD_BAND_UM: Final = 0.5
 DEAD_BAND_BAR: Final = 0.02
-"""The target turns back only by more than this: the actuator's backlash, and noise of what the wish rests on."""
+"""The target turns back only by more than this: the actuator's backlash, and noise of what the wish
+rests on."""
 
 EASE_NS: Final = 1_000_000_000
-"""What the admissible range has pushed back goes the other way again after so long without a push: an end of the range
-that follows a noisy vibration would else move the actuator at every look."""
+"""What the admissible range has pushed back goes the other way again after so long without a push:
+an end of the range that follows a noisy vibration would else move the actuator at every look."""
 
 MINUTE_NS: Final = 60_000_000_000
 BUCKETS: Final = 60
@@ -35,7 +36,8 @@ Range = tuple[float, float]
 
 
 class AxisState(msgspec.Struct):
-    """Where one target stands, which way it went last (0: nowhere yet), and when the range last pushed it."""
+    """Where one target stands, which way it went last (0: nowhere yet), and when the range last
+    pushed it."""
 
     value: float
     direction: int = 0
@@ -67,10 +69,16 @@ class Slew:
     def __init__(self, config: Config, safe: Target) -> None:
         a, f = config.actuator, config.feed
         self._safe = safe
-        self._rates = (a.rate_um_s, (f.pressure_max_bar - f.pressure_min_bar) / a.pressure_time_constant_s)
+        self._rates = (
+            a.rate_um_s,
+            (f.pressure_max_bar - f.pressure_min_bar) / a.pressure_time_constant_s,
+        )
         self._most = a.reversals_per_minute_max
         self.state = SlewState(
-            AxisState(safe.clearance_um), AxisState(safe.pressure_bar), Supervised("target_reverses"))
+            AxisState(safe.clearance_um),
+            AxisState(safe.pressure_bar),
+            Supervised("target_reverses"),
+        )
 
     @property
     def stands(self) -> bool:
@@ -89,13 +97,19 @@ class Slew:
     def start(self) -> None:
         """The device has just been armed: the actuator stands at its boot value."""
         s = self.state
-        s.clearance, s.pressure = AxisState(self._safe.clearance_um), AxisState(self._safe.pressure_bar)
+        s.clearance, s.pressure = (
+            AxisState(self._safe.clearance_um),
+            AxisState(self._safe.pressure_bar),
+        )
 
     def retreat(self, now_ns: int) -> Target:
         """The retreat value, at once."""
         s = self.state
-        self._count(_jump(s.clearance, self._safe.clearance_um, DEAD_BAND_UM)
-                    + _jump(s.pressure, self._safe.pressure_bar, DEAD_BAND_BAR), now_ns)
+        self._count(
+            _jump(s.clearance, self._safe.clearance_um, DEAD_BAND_UM)
+            + _jump(s.pressure, self._safe.pressure_bar, DEAD_BAND_BAR),
+            now_ns,
+        )
         s.last_ns = now_ns
         return self._safe
 
@@ -128,10 +142,19 @@ class Slew:
         while s.reversals and now_ns - s.reversals[0][0] * (MINUTE_NS // BUCKETS) > MINUTE_NS:
             s.total -= s.reversals.pop(0)[1]
         if not s.alarm.standing and s.total > self._most:
-            return [s.alarm.begin(now_ns, (
-                f"the target has turned back {s.total} times within a minute (limit "
-                f"actuator.reversals_per_minute_max = {self._most}): authority is lost and a set point holds; look at "
-                "who sets it"), float(s.total), float(self._most))]
+            return [
+                s.alarm.begin(
+                    now_ns,
+                    (
+                        f"the target has turned back {s.total} times within a minute (limit "
+                        f"actuator.reversals_per_minute_max = {self._most}): authority is lost and "
+                        f"a set point holds; look at "
+                        "who sets it"
+                    ),
+                    float(s.total),
+                    float(self._most),
+                )
+            ]
         if s.alarm.standing and s.total <= CALM_SHARE * self._most:
             return [s.alarm.end(now_ns)]
         return []
@@ -157,7 +180,8 @@ def _jump(axis: AxisState, to: float, band: float) -> int:
 
 
 def _step(axis: AxisState, to: float, most: float, band: float) -> int:
-    """Go there by at most ``most``, unless it lies back by less than the dead band; 1 when that was a reversal."""
+    """Go there by at most ``most``, unless it lies back by less than the dead band; 1 when that was
+    a reversal."""
     away = to - axis.value
     if away * axis.direction < 0 and -band <= away <= band:
         return 0

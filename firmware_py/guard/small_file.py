@@ -1,9 +1,10 @@
 """Small files that survive a power cut, written beside the loop that must not wait for a disk.
 
-A write goes to a new file, which is synchronised, renamed over the old one, and made durable by synchronising the
-folder.  One thread does that (an fsync takes 1 to 100 ms and more); the loop only hands over the newest content.
-The thread runs at the loop's own priority: one of lower priority could hold the interpreter's lock while others
-have the processor.  It needs the lock for some 0.1 ms per write, and writes at most ten times a second.
+A write goes to a new file, which is synchronised, renamed over the old one, and made durable by
+synchronising the folder.  One thread does that (an fsync takes 1 to 100 ms and more); the loop only
+hands over the newest content. The thread runs at the loop's own priority: one of lower priority
+could hold the interpreter's lock while others have the processor.  It needs the lock for some 0.1
+ms per write, and writes at most ten times a second.
 """
 
 from __future__ import annotations
@@ -41,7 +42,8 @@ def read_small(path: Path) -> bytes | None:
     Raises
     ------
     SmallFileError
-        Unreadable, not a regular file (a link, folder or pipe in its place), or larger than :data:`BYTES_MAX`.
+        Unreadable, not a regular file (a link, folder or pipe in its place), or larger than
+        :data:`BYTES_MAX`.
     """
     try:
         handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW | os.O_CLOEXEC)
@@ -113,12 +115,15 @@ class Keeper:
 
     Notes
     -----
-    ``fault`` is the cause while a write fails, empty otherwise; ``failures`` counts.  A failed write is tried again
-    after :data:`RETRY_S`, for ever: what is latched stays in memory.
+    ``fault`` is the cause while a write fails, empty otherwise; ``failures`` counts.  A failed
+    write is tried again after :data:`RETRY_S`, for ever: what is latched stays in memory.
     """
 
-    def __init__(self, write: Callable[[Path, bytes], None] = write_durable,
-                 prepare: Callable[[], None] = lambda: None) -> None:
+    def __init__(
+        self,
+        write: Callable[[Path, bytes], None] = write_durable,
+        prepare: Callable[[], None] = lambda: None,
+    ) -> None:
         self.fault = ""
         self.failures = 0
         self._write = write
@@ -153,8 +158,11 @@ class Keeper:
         while not ending:
             delay_s = RETRY_S[min(tries, len(RETRY_S)) - 1] if tries else CHECK_S
             ending = self._collect(waiting, delay_s)
-            waiting |= {path: data for path, data in self._wanted.items()
-                        if path not in waiting and not self._as_kept(path)}
+            waiting |= {
+                path: data
+                for path, data in self._wanted.items()
+                if path not in waiting and not self._as_kept(path)
+            }
             tries = tries + 1 if self._write_all(waiting) else 0
             if not ending:
                 time.sleep(PAUSE_S)
@@ -192,4 +200,7 @@ class Keeper:
         except OSError:
             return False
         return before is not None and (now.st_ino, now.st_size, now.st_mtime_ns) == (
-            before.st_ino, before.st_size, before.st_mtime_ns)
+            before.st_ino,
+            before.st_size,
+            before.st_mtime_ns,
+        )

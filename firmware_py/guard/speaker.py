@@ -12,7 +12,8 @@ from firmware_py.records import Command, DeviceHeartbeat, RawFrame, Rejected, Wi
 
 HEARTBEAT_PERIOD_NS: Final = 50_000_000
 HURRY_GAP_NS: Final = 5_000_000
-"""A request may bring a message forward to so long after the one before: requests must not fill the bus."""
+"""A request may bring a message forward to so long after the one before: requests must not fill the
+bus."""
 
 
 class Codec(Protocol):
@@ -56,12 +57,15 @@ class Speaker:
         self.state = SpeakerState()
 
     def hurry(self, *, urgent: bool) -> None:
-        """Something has changed: say everything now when ``urgent``, else as soon as requests may."""
+        """Something has changed: say everything now when ``urgent``, else as soon as requests
+        may."""
         s, gap_ns = self.state, 0 if urgent else HURRY_GAP_NS
         s.heartbeat_due_ns = min(s.heartbeat_due_ns, s.heartbeat_sent_ns + gap_ns)
         s.command_due_ns = min(s.command_due_ns, s.command_sent_ns + gap_ns)
 
-    def heartbeat(self, now_ns: int, mode: int, arm_state: int, run_permit: bool, trip_request: bool) -> list[RawFrame]:
+    def heartbeat(
+        self, now_ns: int, mode: int, arm_state: int, run_permit: bool, trip_request: bool
+    ) -> list[RawFrame]:
         """The heartbeat, when it is due."""
         s = self.state
         if now_ns < s.heartbeat_due_ns:
@@ -69,7 +73,9 @@ class Speaker:
         s.heartbeat_sent_ns = now_ns
         s.heartbeat_due_ns = _next(s.heartbeat_due_ns, HEARTBEAT_PERIOD_NS, now_ns)
         s.heartbeat_counter = (s.heartbeat_counter + 1) & 0xFFFF
-        message = DeviceHeartbeat(s.heartbeat_counter, self._session, mode, arm_state, run_permit, trip_request)
+        message = DeviceHeartbeat(
+            s.heartbeat_counter, self._session, mode, arm_state, run_permit, trip_request
+        )
         return [self._codec.encode(message, now_ns)]
 
     def command_due(self, now_ns: int) -> bool:
@@ -84,7 +90,9 @@ class Speaker:
         s.command_sent_ns = now_ns
         s.command_due_ns = _next(s.command_due_ns, self._command_period_ns, now_ns)
         s.command_counter = (s.command_counter + 1) & 0xFFFF
-        message = Command(s.command_counter, self._session, echo_tick_us, target.clearance_um, target.pressure_bar)
+        message = Command(
+            s.command_counter, self._session, echo_tick_us, target.clearance_um, target.pressure_bar
+        )
         return [self._codec.encode(message, now_ns)]
 
 

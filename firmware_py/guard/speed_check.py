@@ -1,9 +1,9 @@
 """Can a shaft turn as the marks say?  Doubt begins at once, and ends slowly.
 
 An implausible mark ends authority (the speed is unknown to the envelope) and still counts for the
-speed-high trip.  The doubt ends when the marks have been clean for :data:`CLEAN_NS` and something speaks for
-them: the speed came back to its former course, or the orbit turns at the told speed.  It also ends when
-the shaft stands, and when a person resets it.
+speed-high trip.  The doubt ends when the marks have been clean for :data:`CLEAN_NS` and something
+speaks for them: the speed came back to its former course, or the orbit turns at the told speed.  It
+also ends when the shaft stands, and when a person resets it.
 """
 
 from __future__ import annotations
@@ -28,12 +28,16 @@ WINDOWS: Final = 3
 """Windows in a row in which the orbit agrees with the marks, or contradicts them."""
 
 _CAUSES: Final = {
-    "ramp": "the marks tell {value:.0f} rpm, operating.speed_ramp_max_rpm_s lets it reach {limit:.0f}: edges too many "
-            "or missing, or a broken coupling; check mark sensor and machine",
-    "count": "tick and number of the once-per-turn mark contradict each other; check the mark input of the node",
-    "ahead": "the once-per-turn mark is later than the frame that tells it; check the clock of the node",
-    "orbit": "the marks tell {value:.0f} rpm, the shaft moves {limit:.0f} times a minute: edges too many or missing, "
-             "or whirl; check mark sensor and machine",
+    "ramp": "the marks tell {value:.0f} rpm, operating.speed_ramp_max_rpm_s lets it reach "
+    "{limit:.0f}: edges too many "
+    "or missing, or a broken coupling; check mark sensor and machine",
+    "count": "tick and number of the once-per-turn mark contradict each other; check the mark "
+    "input of the node",
+    "ahead": "the once-per-turn mark is later than the frame that tells it; check the clock of the "
+    "node",
+    "orbit": "the marks tell {value:.0f} rpm, the shaft moves {limit:.0f} times a minute: edges "
+    "too many or missing, "
+    "or whirl; check mark sensor and machine",
     "standing": "the marks tell a standing shaft, but it vibrates; check mark sensor and machine",
 }
 
@@ -41,8 +45,8 @@ _CAUSES: Final = {
 class SpeedCheckState(msgspec.Struct):
     """The alarm, what speaks for the marks, and what the orbit said lately.
 
-    ``cause`` is empty while the marks are plausible.  ``confirmed``: since the marks were lost last, the orbit has
-    agreed with them, so that a later contradiction is a whirl.
+    ``cause`` is empty while the marks are plausible.  ``confirmed``: since the marks were lost
+    last, the orbit has agreed with them, so that a later contradiction is a whirl.
     """
 
     orbit: OrbitState = msgspec.field(default_factory=OrbitState)
@@ -81,13 +85,17 @@ class SpeedCheck:
     def state(self, state: SpeedCheckState) -> None:
         self._state, self._orbit.state = state, state.orbit
 
-    def step(self, turns: list[Turn], blocks: list[Block], speed: SpeedState, now_ns: int) -> list[Notice]:
+    def step(
+        self, turns: list[Turn], blocks: list[Block], speed: SpeedState, now_ns: int
+    ) -> list[Notice]:
         """Judge new marks and blocks."""
         s = self._state
         notices: list[Notice] = []
         for turn in turns:
             if turn.doubt:
-                notices += self._doubt(turn.doubt, turn.speed_rad_s * 30 / pi, turn.limit_rad_s * 30 / pi, now_ns)
+                notices += self._doubt(
+                    turn.doubt, turn.speed_rad_s * 30 / pi, turn.limit_rad_s * 30 / pi, now_ns
+                )
             s.returned = s.returned or turn.returned
         if speed.lost:
             s.confirmed, s.agreed = False, 0
@@ -130,7 +138,8 @@ class SpeedCheck:
         return [Notice(Severity.FAULT, NAME, text, value_rpm, limit_rpm)]
 
     def _look(self, evidence: Evidence, speed: SpeedState, now_ns: int) -> list[Notice]:
-        """What the orbit says.  Once it has agreed, only a shaft that is told to stand can be contradicted."""
+        """What the orbit says.  Once it has agreed, only a shaft that is told to stand can be
+        contradicted."""
         s = self._state
         if evidence == Evidence.AGREES:
             s.agreed, s.contradicted = s.agreed + 1, 0

@@ -1,18 +1,18 @@
 """Speed-high trip: the shaft turns faster than it may, by every speed that the marks tell.
 
-One mark, one processor and no self-test: this is a trip of the monitoring system, and takes the place of
-no hard-wired one.  Doubt is asymmetric: a speed that no shaft can reach counts here as well, because a
-broken coupling or a load rejection looks like this.
+One mark, one processor and no self-test: this is a trip of the monitoring system, and takes the
+place of no hard-wired one.  Doubt is asymmetric: a speed that no shaft can reach counts here as
+well, because a broken coupling or a load rejection looks like this.
 
-A false edge must not trip a healthy machine.  One edge too many in a turn makes two readings too high,
-a burst of edges several, but all within one turn.  So the alarm begins when :data:`READINGS` readings in a
-row are above the limit and together last as long as :data:`TURNS` turns at the limit.  A plausible reading
-below it ends the run; an implausible one (a missing edge) only takes off as long as it lasted, and so does
-the time in which the mark is lost (after a second edge close behind the first, no shaft could slow as the
-wait for the next one says).
+A false edge must not trip a healthy machine.  One edge too many in a turn makes two readings too
+high, a burst of edges several, but all within one turn.  So the alarm begins when :data:`READINGS`
+readings in a row are above the limit and together last as long as :data:`TURNS` turns at the limit.
+A plausible reading below it ends the run; an implausible one (a missing edge) only takes off as
+long as it lasted, and so does the time in which the mark is lost (after a second edge close behind
+the first, no shaft could slow as the wait for the next one says).
 
-Latency from passing the limit to the trip in the heartbeat of the same guard cycle: at most ``TURNS + 2``
-turns at the limit (27 ms at 13200 rpm), one sample frame and one guard cycle.
+Latency from passing the limit to the trip in the heartbeat of the same guard cycle: at most ``TURNS
++ 2`` turns at the limit (27 ms at 13200 rpm), one sample frame and one guard cycle.
 """
 
 from __future__ import annotations
@@ -30,7 +30,8 @@ from firmware_py.records import Alarm, Severity
 NAME: Final = "speed_high"
 
 DEFAULT_SHARE: Final = 1.1
-"""Of operating.speed_max_rpm, where limits.speed_high_rpm is 0: usual for trips of turbomachinery."""
+"""Of operating.speed_max_rpm, where limits.speed_high_rpm is 0: usual for trips of
+turbomachinery."""
 
 READINGS: Final = 3
 """Readings in a row above the limit: one false edge makes two."""
@@ -40,7 +41,8 @@ TURNS: Final = 4
 
 
 class SpeedHighState(msgspec.Struct):
-    """The latch, whether the limit is exceeded now, the run of readings above it, and when it was last looked at."""
+    """The latch, whether the limit is exceeded now, the run of readings above it, and when it was
+    last looked at."""
 
     standing: bool = False
     since_ns: int = 0
@@ -73,18 +75,27 @@ class SpeedHigh:
         self.state = SpeedHighState(standing=latched)
 
     def step(self, turns: list[Turn], now_ns: int, lost: bool = False) -> list[Notice]:
-        """Judge what new marks say; ``lost``: the mark has been lost since the last step, or since before it."""
+        """Judge what new marks say; ``lost``: the mark has been lost since the last step, or since
+        before it."""
         s = self.state
         passed_us, s.step_ns = (now_ns - s.step_ns) // 1000, now_ns
         if lost and s.lasted_us:
             s.lasted_us = max(0, s.lasted_us - passed_us)
             s.readings = s.readings if s.lasted_us else 0
         return [
-            Notice(Severity.DANGER, NAME, (
-                f"shaft speed {self.state.speed_rpm:.0f} rpm above {self._limit_rpm:.0f} (limits.speed_high_rpm) for "
-                f"{self.state.lasted_us * 1e-3:.0f} ms; find the cause, then `reset`"),
-                self.state.speed_rpm, self._limit_rpm)
-            for turn in turns if turn.interval_us and self._begins(turn, now_ns)
+            Notice(
+                Severity.DANGER,
+                NAME,
+                (
+                    f"shaft speed {self.state.speed_rpm:.0f} rpm above {self._limit_rpm:.0f} "
+                    f"(limits.speed_high_rpm) for "
+                    f"{self.state.lasted_us * 1e-3:.0f} ms; find the cause, then `reset`"
+                ),
+                self.state.speed_rpm,
+                self._limit_rpm,
+            )
+            for turn in turns
+            if turn.interval_us and self._begins(turn, now_ns)
         ]
 
     def _begins(self, turn: Turn, now_ns: int) -> bool:
@@ -116,14 +127,34 @@ class SpeedHigh:
         s = self.state
         if not s.standing:
             return []
-        text = (f"the shaft was faster than {self._limit_rpm:.0f} rpm (limits.speed_high_rpm), now {s.speed_rpm:.0f}; "
-                "find the cause, then `reset`")
-        return [Alarm(NAME, int(Severity.DANGER), s.since_ns, s.speed_rpm, self._limit_rpm, latched=True, text=text)]
+        text = (
+            f"the shaft was faster than {self._limit_rpm:.0f} rpm (limits.speed_high_rpm), now "
+            f"{s.speed_rpm:.0f}; "
+            "find the cause, then `reset`"
+        )
+        return [
+            Alarm(
+                NAME,
+                int(Severity.DANGER),
+                s.since_ns,
+                s.speed_rpm,
+                self._limit_rpm,
+                latched=True,
+                text=text,
+            )
+        ]
 
     def reset(self, speed_lost: bool) -> list[str]:
-        """Clear the latch, or the reason why it stays.  A speed that nobody knows exceeds nothing."""
+        """Clear the latch, or the reason why it stays.  A speed that nobody knows exceeds
+        nothing."""
         s = self.state
         s.exceeded = s.exceeded and not speed_lost
         s.standing = s.standing and s.exceeded
-        return [] if not s.standing else [
-            f"{NAME} still exceeded: {s.speed_rpm:.0f} rpm above {self._limit_rpm:.0f}; stop the machine"]
+        return (
+            []
+            if not s.standing
+            else [
+                f"{NAME} still exceeded: {s.speed_rpm:.0f} rpm above {self._limit_rpm:.0f}; stop "
+                f"the machine"
+            ]
+        )

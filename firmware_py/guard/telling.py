@@ -1,7 +1,8 @@
 """An event is a change: what comes again and again is told once, with a count.
 
-Each name may be told :data:`BURST` times in a row and then once in :data:`EVERY_NS`; what is held back is told with the
-number of times that it happened.  Danger is never held back: its alarms latch and cannot flutter.
+Each name may be told :data:`BURST` times in a row and then once in :data:`EVERY_NS`; what is held
+back is told with the number of times that it happened.  Danger is never held back: its alarms latch
+and cannot flutter.
 """
 
 from __future__ import annotations

@@ -1,4 +1,5 @@
-"""An absolute grid of cycles: whole periods are skipped on an overrun, and lateness is kept as a histogram."""
+"""An absolute grid of cycles: whole periods are skipped on an overrun, and lateness is kept as a
+histogram."""
 
 from __future__ import annotations
 
@@ -39,7 +40,8 @@ class Grid:
 
 
 class Lateness:
-    """How late cycles begin: a histogram with 20 us bins up to 10 ms; the last bin holds the rest."""
+    """How late cycles begin: a histogram with 20 us bins up to 10 ms; the last bin holds the
+    rest."""
 
     def __init__(self, late_ns: int) -> None:
         self._late_ns = late_ns
@@ -68,5 +70,10 @@ class Lateness:
 
     def counters(self) -> dict[str, int]:
         """For the guard's state."""
-        return {"cycles": self.cycles, "cycles_late": self.late, "lateness_p50_us": self.percentile_us(0.5),
-                "lateness_p99_us": self.percentile_us(0.99), "lateness_max_us": self.max_ns // 1000}
+        return {
+            "cycles": self.cycles,
+            "cycles_late": self.late,
+            "lateness_p50_us": self.percentile_us(0.5),
+            "lateness_p99_us": self.percentile_us(0.99),
+            "lateness_max_us": self.max_ns // 1000,
+        }

@@ -1,4 +1,5 @@
-"""Oil viscosity against temperature with the same bits on every machine (libm's ``exp`` is not that)."""
+"""Oil viscosity against temperature with the same bits on every machine (libm's ``exp`` is not
+that)."""
 
 from __future__ import annotations
 
@@ -17,7 +18,8 @@ COLD_C: Final = TEMPERATURE_ERROR_C + 1.0
 
 
 def decay(exponent: float) -> float:
-    """``exp(-exponent)`` for ``0 <= exponent <= 1`` by its Taylor series, in a fixed order of + * /."""
+    """``exp(-exponent)`` for ``0 <= exponent <= 1`` by its Taylor series, in a fixed order of + *
+    /."""
     term = total = 1.0
     for n in range(1, 25):
         term = term * exponent / n
@@ -26,13 +28,14 @@ def decay(exponent: float) -> float:
 
 
 class ViscosityTable:
-    """``mu = mu_40 exp(-k (T - 40))``, linear between whole degrees, and what an oil may differ from it.
+    """``mu = mu_40 exp(-k (T - 40))``, linear between whole degrees, and what an oil may differ
+    from it.
 
     Attributes
     ----------
     thinnest, thickest
-        Viscosity of any credible batch at any credible temperature over the law's at the reading: the batch, and the
-        thermometer; film that is colder than its outlet is not in them.
+        Viscosity of any credible batch at any credible temperature over the law's at the reading:
+        the batch, and the thermometer; film that is colder than its outlet is not in them.
     """
 
     def __init__(self, oil: Oil) -> None:

@@ -1,22 +1,44 @@
 """The records that move through the device, in the order in which a sample meets them.
 
-Every record is a frozen ``msgspec.Struct``.  Those that cross a process border are tagged, so one byte
-string tells its own type; :func:`encode` and :func:`decode` are the only two ways across.
+Every record is a frozen ``msgspec.Struct``.  Those that cross a process border are tagged, so one
+byte string tells its own type; :func:`encode` and :func:`decode` are the only two ways across.
 
-Times are monotonic nanoseconds of the host (``*_ns``) or microsecond ticks of the node (``*_tick_us``,
-32 bit, wrapping).  Units stand in the names; values inside the stages are SI floats.
+Times are monotonic nanoseconds of the host (``*_ns``) or microsecond ticks of the node
+(``*_tick_us``, 32 bit, wrapping).  Units stand in the names; values inside the stages are SI
+floats.
 """
 
 from __future__ import annotations
 
 import msgspec
 
-from firmware_py.records.acquired import Block, ChannelCause, Quality, RigReading, cause_bits, cause_of
+from firmware_py.records.acquired import (
+    Block,
+    ChannelCause,
+    Quality,
+    RigReading,
+    cause_bits,
+    cause_of,
+)
 from firmware_py.records.base import CHANNELS, INSTANTS_PER_FRAME, N_CHANNELS, Record
 from firmware_py.records.brain import Advice, BrainState, Diagnosis, Forecast
-from firmware_py.records.command import BRAIN_VERBS, VERBS, CommandReply, CommandRequest, EventAck, Hello, PlannedRamp
+from firmware_py.records.command import (
+    BRAIN_VERBS,
+    VERBS,
+    CommandReply,
+    CommandRequest,
+    EventAck,
+    Hello,
+    PlannedRamp,
+)
 from firmware_py.records.guard import Alarm, Event, GuardState, Severity
-from firmware_py.records.normal import COMMISSION_ACTIONS, Baseline, Belonging, CommissionState, Normal
+from firmware_py.records.normal import (
+    COMMISSION_ACTIONS,
+    Baseline,
+    Belonging,
+    CommissionState,
+    Normal,
+)
 from firmware_py.records.replay import Cycle, CycleRecord, Decision, Snapshot, WindowRecord
 from firmware_py.records.wire import (
     ArmState,

@@ -36,7 +36,8 @@ def cause_bits(channel: int, cause: ChannelCause) -> int:
 
 
 def cause_of(word: int, channel: int) -> ChannelCause:
-    """The cause of a channel in ``Block.channel_cause``; one of a later version counts as a bad contact."""
+    """The cause of a channel in ``Block.channel_cause``; one of a later version counts as a bad
+    contact."""
     value = word >> (4 * channel) & 0xF
     return ChannelCause(value) if value <= max(ChannelCause) else ChannelCause.INTERMITTENT
 
@@ -44,12 +45,13 @@ def cause_of(word: int, channel: int) -> ChannelCause:
 class Block(Record, frozen=True, tag=True):
     """A gap-free run of samples, time-stamped on the host's clock (ISO 13374 DA).
 
-    ``samples`` holds ``n x 8`` little-endian ``int16``, row = instant.  ``t_acq_ns`` is the mapped host
-    time of the first row, ``period_ns`` the sample period on the host's clock.  ``mark_ticks_us`` are the
-    (unwrapped) node ticks of the once-per-turn marks that fell inside the block; ``tick_us`` is the
-    unwrapped node tick of the first row.  Bit ``i`` of ``channel_ok`` is channel ``i``: what the diagnosis goes by.
-    ``channel_cause`` holds a :class:`ChannelCause` in four bits a channel: what protection goes by; bit ``i`` of
-    ``unusable`` says that this block of channel ``i`` is not to be judged at all.
+    ``samples`` holds ``n x 8`` little-endian ``int16``, row = instant.  ``t_acq_ns`` is the mapped
+    host time of the first row, ``period_ns`` the sample period on the host's clock.
+    ``mark_ticks_us`` are the (unwrapped) node ticks of the once-per-turn marks that fell inside the
+    block; ``tick_us`` is the unwrapped node tick of the first row.  Bit ``i`` of ``channel_ok`` is
+    channel ``i``: what the diagnosis goes by. ``channel_cause`` holds a :class:`ChannelCause` in
+    four bits a channel: what protection goes by; bit ``i`` of ``unusable`` says that this block of
+    channel ``i`` is not to be judged at all.
     """
 
     seq: int
@@ -67,9 +69,13 @@ class Block(Record, frozen=True, tag=True):
     unusable: int = 0
 
     def __post_init__(self) -> None:
-        """Refuse what is no whole number of instants; in a decoder this is a ``ValidationError``."""
+        """Refuse what is no whole number of instants; in a decoder this is a
+        ``ValidationError``."""
         if not self.samples or len(self.samples) % (2 * N_CHANNELS):
-            raise ValueError(f"{len(self.samples)} bytes of samples are no whole instants of {N_CHANNELS} channels")
+            raise ValueError(
+                f"{len(self.samples)} bytes of samples are no whole instants of {N_CHANNELS} "
+                f"channels"
+            )
 
 
 class RigReading(Record, frozen=True, tag=True):

@@ -22,12 +22,13 @@ class Diagnosis(Record, frozen=True, tag=True):
 
 
 class Forecast(Record, frozen=True, tag=True):
-    """What the predictor expects ``horizon_s`` ahead for the present and the advised clearance (PA).
+    """What the predictor expects ``horizon_s`` ahead for the present and the advised clearance
+    (PA).
 
-    Each quantity is ``(low, expected, high)``; ``conditional_on`` says which future was assumed.  ``now_*`` are
-    virtual sensors: what the film model says of this moment (the bearing force is ``load_N``).
-    ``time_to_limit_s`` is until film or peak-to-peak of a growing fault passes its limit at the present clearance
-    (60: not within a minute).
+    Each quantity is ``(low, expected, high)``; ``conditional_on`` says which future was assumed.
+    ``now_*`` are virtual sensors: what the film model says of this moment (the bearing force is
+    ``load_N``). ``time_to_limit_s`` is until film or peak-to-peak of a growing fault passes its
+    limit at the present clearance (60: not within a minute).
     """
 
     seq: int
@@ -68,7 +69,8 @@ class Advice(Record, frozen=True, tag=True):
 
 
 class BrainState(Record, frozen=True, tag=True):
-    """What the brain counts: windows cut and dropped, answers refused, proposals overruled (once a second)."""
+    """What the brain counts: windows cut and dropped, answers refused, proposals overruled (once a
+    second)."""
 
     seq: int
     t_ns: int

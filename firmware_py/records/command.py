@@ -8,7 +8,8 @@ from firmware_py.records.base import Record
 
 
 class PlannedRamp(Record, frozen=True):
-    """A ramp of the machine told ahead: start and end in seconds from now, speed and static load at its end."""
+    """A ramp of the machine told ahead: start and end in seconds from now, speed and static load at
+    its end."""
 
     start_s: float
     end_s: float
@@ -33,7 +34,8 @@ class CommandRequest(Record, frozen=True, tag=True):
 VERBS: Final = ("mode", "arm", "disarm", "reset", "set_clearance", "set_pressure", "announce")
 """What the guard answers."""
 BRAIN_VERBS: Final = ("commission",)
-"""What the brain answers; ``commission`` takes one of :data:`~firmware_py.records.COMMISSION_ACTIONS`."""
+"""What the brain answers; ``commission`` takes one of
+:data:`~firmware_py.records.COMMISSION_ACTIONS`."""
 
 
 class CommandReply(Record, frozen=True, tag=True):

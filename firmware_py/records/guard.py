@@ -41,7 +41,8 @@ class Event(Record, frozen=True, tag=True):
 
 
 class Alarm(Record, frozen=True, tag=True):
-    """An alarm that stands now (published as a full cyclic list); ``text`` says more than the name, where it can."""
+    """An alarm that stands now (published as a full cyclic list); ``text`` says more than the name,
+    where it can."""
 
     name: str
     severity: Level
@@ -78,4 +79,5 @@ class GuardState(Record, frozen=True, tag=True):
     permit_reasons: list[str] = msgspec.field(default_factory=list)
     """Why ``run_permit`` is withheld; empty while it is granted."""
     channel_causes: dict[str, str] = msgspec.field(default_factory=dict)
-    """Channels that are not OK, and why: ``open``, ``stuck``, ``saturated``, ``intermittent``, ``beyond``."""
+    """Channels that are not OK, and why: ``open``, ``stuck``, ``saturated``, ``intermittent``,
+    ``beyond``."""

@@ -12,10 +12,12 @@ COMMISSION_ACTIONS: Final = ("start", "stop", "cancel", "forget")
 
 
 class Baseline(Record, frozen=True):
-    """The healthy first order of the orbit, without the probes' runout, as a function of the operating point.
+    """The healthy first order of the orbit, without the probes' runout, as a function of the
+    operating point.
 
-    ``x + jy`` forward, phase from the mark: real and imaginary ``weights_um`` of the constant, of speed and its square,
-    of clearance and eccentricity, each about ``centre`` in units of ``spread``; ``scatter_um`` is what it leaves.
+    ``x + jy`` forward, phase from the mark: real and imaginary ``weights_um`` of the constant, of
+    speed and its square, of clearance and eccentricity, each about ``centre`` in units of
+    ``spread``; ``scatter_um`` is what it leaves.
     """
 
     centre: list[float]
@@ -25,7 +27,8 @@ class Baseline(Record, frozen=True):
 
 
 class Belonging(Record, frozen=True):
-    """What a normal state was learned with: hashes of classifier, feature names and configuration, and the rig."""
+    """What a normal state was learned with: hashes of classifier, feature names and configuration,
+    and the rig."""
 
     classifier: str
     features: str
@@ -34,12 +37,13 @@ class Belonging(Record, frozen=True):
 
 
 class Normal(Record, frozen=True, tag=True):
-    """The healthy state of one machine, learned from its own windows (:class:`firmware_py.brain.normal.Learner`).
+    """The healthy state of one machine, learned from its own windows
+    (:class:`firmware_py.brain.normal.Learner`).
 
-    ``offset`` and ``variance``: where its whitened residuals lie (the classifier's output ``normal``), and how far one
-    decision may lie from there; ``scale``: this machine's scatter beside the fleet's, for each part; ``quiet``:
-    log-odds that each head must exceed, because it said as much of the healthy machine.  ``ranges``: the operating
-    points that it was learned over.
+    ``offset`` and ``variance``: where its whitened residuals lie (the classifier's output
+    ``normal``), and how far one decision may lie from there; ``scale``: this machine's scatter
+    beside the fleet's, for each part; ``quiet``: log-odds that each head must exceed, because it
+    said as much of the healthy machine.  ``ranges``: the operating points that it was learned over.
     """
 
     belongs: Belonging
@@ -56,10 +60,11 @@ class Normal(Record, frozen=True, tag=True):
 
 
 class CommissionState(Record, frozen=True, tag=True):
-    """How commissioning stands: ``phase`` is ``none``, ``gathering``, ``commissioned`` or ``refused`` (with ``text``).
+    """How commissioning stands: ``phase`` is ``none``, ``gathering``, ``commissioned`` or
+    ``refused`` (with ``text``).
 
-    While gathering: decisions kept, operating points among them, steps of speed seen of those in the declared range,
-    and why windows were left out.
+    While gathering: decisions kept, operating points among them, steps of speed seen of those in
+    the declared range, and why windows were left out.
     """
 
     seq: int

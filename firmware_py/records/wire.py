@@ -45,7 +45,8 @@ class NodeMode(enum.IntEnum):
 
 
 class NodeState(Record, frozen=True, tag=True):
-    """The actuator node's own account: whom it follows, where it goes, what it refused (every 50 ms)."""
+    """The actuator node's own account: whom it follows, where it goes, what it refused (every 50
+    ms)."""
 
     counter: int
     tick_us: int
@@ -77,8 +78,8 @@ class NodeInfo(Record, frozen=True, tag=True):
 class Command(Record, frozen=True, tag=True):
     """Target for the actuator node.
 
-    Refused when ``echo_tick_us`` is older than the time to live in the node's clock; obeyed, it expires one
-    time to live later.
+    Refused when ``echo_tick_us`` is older than the time to live in the node's clock; obeyed, it
+    expires one time to live later.
     """
 
     counter: int

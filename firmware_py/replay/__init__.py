@@ -1,4 +1,5 @@
-"""Replay: a recording through the same stages again, every decision and every diagnosis compared."""
+"""Replay: a recording through the same stages again, every decision and every diagnosis
+compared."""
 
 from firmware_py.replay.command import main
 

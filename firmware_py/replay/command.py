@@ -33,7 +33,8 @@ class Report(msgspec.Struct):
 
 
 def main(argv: list[str]) -> int:
-    """Replay the file; 0 when all that is whole agreed, 1 when not, 2 when nothing in it can be replayed."""
+    """Replay the file; 0 when all that is whole agreed, 1 when not, 2 when nothing in it can be
+    replayed."""
     parser = argparse.ArgumentParser(prog="orbitd replay", description=__doc__)
     parser.add_argument("file", type=Path, help="MCAP file of the flight recorder")
     parser.add_argument("--json", action="store_true", help="the report as JSON")
@@ -49,13 +50,18 @@ def replay(path: Path) -> Report:
     Raises
     ------
     RecordingError
-        It is no recording, nothing in it can be replayed, or this version does not know its configuration or records.
+        It is no recording, nothing in it can be replayed, or this version does not know its
+        configuration or records.
     """
     recording = Recording(path)
     config = _config(recording)
     left_out = _why_no_diagnoses(recording, config)
     decisions = DecisionReplay(config)
-    diagnoses = None if left_out else DiagnosisReplay(recording, config, load_models(config), cpu_features())
+    diagnoses = (
+        None
+        if left_out
+        else DiagnosisReplay(recording, config, load_models(config), cpu_features())
+    )
     first_ns = last_ns = 0
     for cycle in decisions.run(recording):
         first_ns, last_ns = first_ns or cycle.cycle.now_ns, cycle.cycle.now_ns
@@ -66,25 +72,40 @@ def replay(path: Path) -> Report:
         raise RecordingError("; ".join([_why_nothing(path, decisions.report), *damage.notes]))
     judged = diagnoses.finish() if diagnoses else None
     return Report(
-        file=path.name, ok=decisions.report.ok and (judged is None or judged.ok), interrupted=recording.interrupted,
-        seconds=(last_ns - first_ns) * 1e-9, decisions=decisions.report, diagnoses=judged, diagnoses_left_out=left_out,
-        skipped_bytes=damage.skipped_bytes, damage=damage.notes)
+        file=path.name,
+        ok=decisions.report.ok and (judged is None or judged.ok),
+        interrupted=recording.interrupted,
+        seconds=(last_ns - first_ns) * 1e-9,
+        decisions=decisions.report,
+        diagnoses=judged,
+        diagnoses_left_out=left_out,
+        skipped_bytes=damage.skipped_bytes,
+        damage=damage.notes,
+    )
 
 
 def _why_nothing(path: Path, report: DecisionReport) -> str:
     if report.cycles_outside_segments:
-        return (f"{path.name}: none of its {report.cycles_outside_segments} guard cycles follows a snapshot of the "
-                "guard; use a longer recording, there is a snapshot every second")
-    return (f"{path.name}: no guard cycle is in it: recorder.raw_frames was off, the guard did not run, or the file "
-            "ends before; use another recording")
+        return (
+            f"{path.name}: none of its {report.cycles_outside_segments} guard cycles follows a "
+            f"snapshot of the "
+            "guard; use a longer recording, there is a snapshot every second"
+        )
+    return (
+        f"{path.name}: no guard cycle is in it: recorder.raw_frames was off, the guard did not "
+        f"run, or the file "
+        "ends before; use another recording"
+    )
 
 
 def _config(recording: Recording) -> Config:
     try:
         return decode(recording.metadata["config"], recording.path)
     except (KeyError, ConfigError) as error:
-        raise RecordingError(f"{recording.path.name}: its configuration does not fit this version ({error}); use "
-                             f"orbitd {recording.metadata.get('orbitd')} that wrote it") from error
+        raise RecordingError(
+            f"{recording.path.name}: its configuration does not fit this version ({error}); use "
+            f"orbitd {recording.metadata.get('orbitd')} that wrote it"
+        ) from error
 
 
 def _why_no_diagnoses(recording: Recording, config: Config) -> str:
@@ -99,19 +120,35 @@ def _why_no_diagnoses(recording: Recording, config: Config) -> str:
 def words(report: Report) -> list[str]:
     """The report for a person."""
     d = report.decisions
-    lines = [f"{report.file}: {report.seconds:.1f} s{', interrupted' if report.interrupted else ''}",
-             f"decisions   {d.cycles} cycles in {d.segments} segments, {d.different} different; "
-             f"{d.snapshots_compared} states compared, {d.snapshots_different} different; "
-             f"{d.cycles_missing} cycles missing, {d.cycles_outside_segments} outside segments"]
-    lines.append(_diagnosis_words(report.diagnoses) if report.diagnoses
-                 else f"diagnoses   not compared: {report.diagnoses_left_out}")
-    firsts: list[Any] = [d.first_difference, report.diagnoses.first_difference if report.diagnoses else ""]
+    lines = [
+        f"{report.file}: {report.seconds:.1f} s{', interrupted' if report.interrupted else ''}",
+        f"decisions   {d.cycles} cycles in {d.segments} segments, {d.different} different; "
+        f"{d.snapshots_compared} states compared, {d.snapshots_different} different; "
+        f"{d.cycles_missing} cycles missing, {d.cycles_outside_segments} outside segments",
+    ]
+    lines.append(
+        _diagnosis_words(report.diagnoses)
+        if report.diagnoses
+        else f"diagnoses   not compared: {report.diagnoses_left_out}"
+    )
+    firsts: list[Any] = [
+        d.first_difference,
+        report.diagnoses.first_difference if report.diagnoses else "",
+    ]
     lines += [f"damage      {note}" for note in report.damage]
-    return [*lines, *(f"first difference: {text}" for text in firsts if text),
-            f"same decisions{' and diagnoses' if report.diagnoses else ''}" if report.ok else "NOT the same"]
+    return [
+        *lines,
+        *(f"first difference: {text}" for text in firsts if text),
+        f"same decisions{' and diagnoses' if report.diagnoses else ''}"
+        if report.ok
+        else "NOT the same",
+    ]
 
 
 def _diagnosis_words(report: DiagnosisReport) -> str:
     how = "bit by bit" if report.exact else "verdict and probability (other CPU features)"
-    return (f"diagnoses   {report.compared} of {report.recorded} compared {how}, {report.different} different, "
-            f"{report.windows_not_found} windows not found, {report.set_aside} set aside")
+    return (
+        f"diagnoses   {report.compared} of {report.recorded} compared {how}, {report.different} "
+        f"different, "
+        f"{report.windows_not_found} windows not found, {report.set_aside} set aside"
+    )

@@ -1,8 +1,8 @@
 """The guard's half of a replay: recorded cycles in, the same frames and events out, bit by bit.
 
-A segment starts at a :class:`Snapshot` and lasts while the cycle numbers follow one another; the guard is
-restored there, fed the recorded cycles, and compared with what it did.  Snapshots inside a segment are
-compared with the replayed guard's own state.
+A segment starts at a :class:`Snapshot` and lasts while the cycle numbers follow one another; the
+guard is restored there, fed the recorded cycles, and compared with what it did.  Snapshots inside a
+segment are compared with the replayed guard's own state.
 """
 
 from __future__ import annotations
@@ -75,14 +75,21 @@ class DecisionReplay:
             record = decode_exact(message, CycleRecord)
             seq = record.cycle.seq
             follows = core is not None and seq == expected
-            starts_here = pending is not None and (pending.seq, pending.now_ns) == (seq, record.cycle.now_ns)
+            starts_here = pending is not None and (pending.seq, pending.now_ns) == (
+                seq,
+                record.cycle.now_ns,
+            )
             if expected is not None and not follows and seq > expected:
                 self.report.cycles_missing += seq - expected
             expected = seq + 1
             if follows and core and pending and starts_here:
                 self._compare_state(core, pending)
             elif not follows:
-                core = self._restored(pending, session.of(pending)) if pending and starts_here else None
+                core = (
+                    self._restored(pending, session.of(pending))
+                    if pending and starts_here
+                    else None
+                )
             if core is None:
                 self.report.cycles_outside_segments += 1
                 continue
@@ -96,8 +103,10 @@ class DecisionReplay:
         try:
             core.restore(snapshot)
         except msgspec.DecodeError as error:
-            raise RecordingError(f"the guard's state before cycle {snapshot.seq} does not fit this version "
-                                 f"({error}); use the orbitd that wrote it") from error
+            raise RecordingError(
+                f"the guard's state before cycle {snapshot.seq} does not fit this version "
+                f"({error}); use the orbitd that wrote it"
+            ) from error
         return core
 
     def _compare(self, record: CycleRecord, decision: Decision) -> None:
@@ -107,8 +116,10 @@ class DecisionReplay:
             return
         report.different += 1
         field = "frames_out" if record.frames_out != decision.frames_out else "events"
-        self._note(f"cycle {record.cycle.seq}: {field}: recorded {getattr(record, field)}, "
-                   f"replayed {getattr(decision, field)}")
+        self._note(
+            f"cycle {record.cycle.seq}: {field}: recorded {getattr(record, field)}, "
+            f"replayed {getattr(decision, field)}"
+        )
 
     def _compare_state(self, core: GuardCore, snapshot: Snapshot) -> None:
         report = self.report
@@ -124,7 +135,8 @@ class DecisionReplay:
 
 
 class _Sessions:
-    """The guard's session nonce in force at each snapshot, read from the heartbeats that it sent."""
+    """The guard's session nonce in force at each snapshot, read from the heartbeats that it
+    sent."""
 
     def __init__(self, recording: Recording, config: Config) -> None:
         codec = codec_for(config)

@@ -1,10 +1,12 @@
-"""The brain's half of a replay: the recorded windows cut again from the replayed blocks, and diagnosed.
+"""The brain's half of a replay: the recorded windows cut again from the replayed blocks, and
+diagnosed.
 
-The brain stored the end of each window that it decided on; dropped windows are therefore left out here
-too.  It also stored which normal state of the machine each decision was judged against, and the recording holds that
-state.  A run of windows lies on a grid that starts ``MIN_SECONDS`` before its first window's end, so the same
-windower, fed from that sample on, cuts the same windows.  Where the recording begins in the middle of a run
-the first diagnoses rest on windows that nobody stored; they are set aside, counted.
+The brain stored the end of each window that it decided on; dropped windows are therefore left out
+here too.  It also stored which normal state of the machine each decision was judged against, and
+the recording holds that state.  A run of windows lies on a grid that starts ``MIN_SECONDS`` before
+its first window's end, so the same windower, fed from that sample on, cuts the same windows.  Where
+the recording begins in the middle of a run the first diagnoses rest on windows that nobody stored;
+they are set aside, counted.
 """
 
 from __future__ import annotations
@@ -21,19 +23,34 @@ from firmware_py.brain.prediction import slow_roll_forward
 from firmware_py.brain.store import Models
 from firmware_py.config import Config
 from firmware_py.recording import TOPICS, Recording, RecordingError, Stored, decode_exact
-from firmware_py.records import N_CHANNELS, Block, Decision, Diagnosis, Normal, RigReading, WindowRecord
+from firmware_py.records import (
+    N_CHANNELS,
+    Block,
+    Decision,
+    Diagnosis,
+    Normal,
+    RigReading,
+    WindowRecord,
+)
 
 PROBABILITY_TOLERANCE: Final = 0.02
-"""Between machines of different vector extensions: the same verdict, and probabilities this close."""
+"""Between machines of different vector extensions: the same verdict, and probabilities this
+close."""
 
 HISTORY_NS: Final = 3_000_000_000
 """Samples remembered here: the longest window and a hop, rounded up."""
 
 SETTLED_AFTER_NS: Final = 8_000_000_000
-"""From here on a recording that begins in mid-run holds all: two seconds of samples, six of votes."""
+"""From here on a recording that begins in mid-run holds all: two seconds of samples, six of
+votes."""
 
-_REACHING_BACK: Final = ("held_s", "confirmed", "shaft_1x_move_um", "shaft_1x_baseline_um",
-                         "shaft_1x_baseline_phase_deg")
+_REACHING_BACK: Final = (
+    "held_s",
+    "confirmed",
+    "shaft_1x_move_um",
+    "shaft_1x_baseline_um",
+    "shaft_1x_baseline_phase_deg",
+)
 """Evidence that reaches back before the recording."""
 
 
@@ -69,7 +86,9 @@ class DiagnosisReplay:
         Of this machine: bit-exact where the recording has the same.
     """
 
-    def __init__(self, recording: Recording, config: Config, models: Models, cpu_features: str) -> None:
+    def __init__(
+        self, recording: Recording, config: Config, models: Models, cpu_features: str
+    ) -> None:
         self.report = DiagnosisReport()
         self._config = config
         self._models = models
@@ -81,7 +100,8 @@ class DiagnosisReplay:
         self._restart()
 
     def _pair(self, recording: Recording, cpu_features: str) -> None:
-        """Each stored window with its stored diagnosis, by the block that closed it; every normal state by its name."""
+        """Each stored window with its stored diagnosis, by the block that closed it; every normal
+        state by its name."""
         told: dict[int, dict[str, Any]] = {}
         for message in recording.messages():
             if message.topic == TOPICS[Diagnosis].name:
@@ -94,7 +114,9 @@ class DiagnosisReplay:
                 window = decode_exact(message, WindowRecord)
                 paired = told.get(window.diagnosis_seq)
                 if paired is not None and paired["t_acq_ns"] == window.last_t_acq_ns:
-                    self._due[window.last_block_seq].append((window, told.pop(window.diagnosis_seq)))
+                    self._due[window.last_block_seq].append(
+                        (window, told.pop(window.diagnosis_seq))
+                    )
                     self.report.recorded += 1
                     self.report.exact &= window.cpu_features == cpu_features
 
@@ -132,7 +154,9 @@ class DiagnosisReplay:
         while self._history[-1].t_acq_ns - self._history[0].t_acq_ns > HISTORY_NS:
             self._history.popleft()
 
-    def _judge(self, record: WindowRecord, told: dict[str, Any], block: Block, windows: list[Window]) -> None:
+    def _judge(
+        self, record: WindowRecord, told: dict[str, Any], block: Block, windows: list[Window]
+    ) -> None:
         """Find the window of ``record``, diagnose it and compare with ``told``."""
         first = told["seq"] == 1
         found = [window for window in windows if window.end_ns == record.last_t_acq_ns]
@@ -155,7 +179,10 @@ class DiagnosisReplay:
     def _begin_run(self, record: WindowRecord, block: Block, first: bool) -> list[Window]:
         """A windower whose grid fits ``record``, fed with what is remembered; its last windows."""
         period_us = block.sample_period_us
-        end_us = block.tick_us + round((record.last_t_acq_ns - block.t_acq_ns) / block.period_ns) * period_us
+        end_us = (
+            block.tick_us
+            + round((record.last_t_acq_ns - block.t_acq_ns) / block.period_ns) * period_us
+        )
         start_us = end_us - round(MIN_SECONDS * self._rate_hz) * period_us
         oldest_us = next(item.tick_us for item in self._history if isinstance(item, Block))
         if first or self._diagnoser is None:
@@ -169,7 +196,10 @@ class DiagnosisReplay:
         windows: list[Window] = []
         begun = False
         for item in self._history:
-            if isinstance(item, Block) and item.tick_us + _rows(item) * item.sample_period_us > start_us:
+            if (
+                isinstance(item, Block)
+                and item.tick_us + _rows(item) * item.sample_period_us > start_us
+            ):
                 windows = windower.step(item if begun else _from_tick(item, start_us))
                 begun = True
             elif isinstance(item, RigReading) and begun:
@@ -181,21 +211,31 @@ class DiagnosisReplay:
             each.pop("seq")
             for name in () if self._whole else _REACHING_BACK:
                 each["evidence"].pop(name, None)
-        same = told == found if self.report.exact else (
-            told["verdict"] == found["verdict"]
-            and abs(told["probability"] - found["probability"]) <= PROBABILITY_TOLERANCE)
+        same = (
+            told == found
+            if self.report.exact
+            else (
+                told["verdict"] == found["verdict"]
+                and abs(told["probability"] - found["probability"]) <= PROBABILITY_TOLERANCE
+            )
+        )
         if not same:
             self.report.different += 1
-            self.report.first_difference = self.report.first_difference or f"recorded {told}, replayed {found}"
+            self.report.first_difference = (
+                self.report.first_difference or f"recorded {told}, replayed {found}"
+            )
 
 
 def _decoded(message: Stored) -> dict[str, Any]:
-    """A stored diagnosis as plain fields: its numbers are compared as they were written, nan as null."""
+    """A stored diagnosis as plain fields: its numbers are compared as they were written, nan as
+    null."""
     try:
         fields: dict[str, Any] = msgspec.json.decode(message.data, type=dict[str, Any])
         return fields if {"seq", "t_acq_ns"} <= fields.keys() else {"seq": 0, "t_acq_ns": 0}
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        raise RecordingError(f"a diagnosis in the recording is no JSON of this version ({error})") from error
+        raise RecordingError(
+            f"a diagnosis in the recording is no JSON of this version ({error})"
+        ) from error
 
 
 def _rows(block: Block) -> int:
@@ -206,5 +246,8 @@ def _from_tick(block: Block, start_us: int) -> Block:
     """``block`` without the rows before the node tick ``start_us``."""
     skip = max(0, (start_us - block.tick_us) // block.sample_period_us)
     return msgspec.structs.replace(
-        block, samples=block.samples[2 * N_CHANNELS * skip:], t_acq_ns=block.t_acq_ns + skip * block.period_ns,
-        tick_us=block.tick_us + skip * block.sample_period_us)
+        block,
+        samples=block.samples[2 * N_CHANNELS * skip :],
+        t_acq_ns=block.t_acq_ns + skip * block.period_ns,
+        tick_us=block.tick_us + skip * block.sample_period_us,
+    )

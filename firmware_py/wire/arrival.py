@@ -1,7 +1,7 @@
 """Calendar stamps of received frames on the monotonic clock, as far as they can be believed.
 
-Kernel, hub and python-can stamp frames with calendar time, which may be set at any moment.  A stamp is
-used only for the age of a frame, and only where two monotonic facts do not contradict it:
+Kernel, hub and python-can stamp frames with calendar time, which may be set at any moment.  A stamp
+is used only for the age of a frame, and only where two monotonic facts do not contradict it:
 
 - A frame cannot have arrived before the queue was last seen empty.
 - The calendar went forward by as much as the monotonic clock since the last reading.
@@ -14,7 +14,8 @@ from __future__ import annotations
 from typing import Final
 
 STEP_NS: Final = 1_000_000
-"""The calendar was set when it differs by more than this from the monotonic clock between two readings.
+"""The calendar was set when it differs by more than this from the monotonic clock between two
+readings.
 
 A calendar that is slewed at its fastest (10 %) stays below it at 1000 readings a second.
 """

@@ -18,18 +18,21 @@ from firmware_py.wire.can_health import CanHealth
 from firmware_py.wire.hub_bus import OrbitdHubBus
 
 BATCH: Final = 32
-"""Frames in one call, four times what the bus can carry in a millisecond; the rest waits in the kernel."""
+"""Frames in one call, four times what the bus can carry in a millisecond; the rest waits in the
+kernel."""
 
 RETRY_NS: Final = 500_000_000
 START_WAIT_S: Final = 5.0
 RECEIVE_BUFFER_BYTES: Final = 4 << 20
 EXTENDED_ID: Final = 1 << 31
-"""Set in ``RawFrame.frame_id`` of a 29-bit identifier, so that it never passes for an 11-bit one."""
+"""Set in ``RawFrame.frame_id`` of a 29-bit identifier, so that it never passes for an 11-bit
+one."""
 
 _ADVICE: Final = {
     errno.ENODEV: "plug the adapter in or correct bus.channel",
     errno.ENETDOWN: "bring the interface up: ip link set CHANNEL up",
-    errno.EAFNOSUPPORT: 'load the kernel modules can and can_raw, or set bus.interface = "orbitd_hub"',
+    errno.EAFNOSUPPORT: "load the kernel modules can and can_raw, or set bus.interface = "
+    '"orbitd_hub"',
 }
 
 OpenBus = Callable[[float], can.BusABC]
@@ -44,7 +47,9 @@ def bus_opener(interface: str, channel: str) -> OpenBus:
 
 
 def _open_socketcan(channel: str) -> can.BusABC:
-    logging.getLogger("can.interfaces.socketcan").setLevel(logging.CRITICAL)  # ``fault`` says it once
+    logging.getLogger("can.interfaces.socketcan").setLevel(
+        logging.CRITICAL
+    )  # ``fault`` says it once
     bus = can.Bus(channel, interface="socketcan", fd=True, ignore_config=True)
     with socket.socket(fileno=os.dup(bus.fileno())) as raw:
         raw.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
@@ -56,8 +61,8 @@ class CanLink:
 
     Frames are stamped with the time at which the kernel (or the hub) took them, on the clock of
     ``now_ns``, or with the moment of reading where that cannot be believed
-    (:mod:`firmware_py.wire.arrival`; counted in ``stamps_refused``).  A bus that fails is closed, named in
-    ``fault``, and tried again every 0.5 s.
+    (:mod:`firmware_py.wire.arrival`; counted in ``stamps_refused``).  A bus that fails is closed,
+    named in ``fault``, and tried again every 0.5 s.
     """
 
     def __init__(self, open_bus: OpenBus) -> None:
@@ -69,8 +74,13 @@ class CanLink:
         self._absent = ""
         self._now_ns = 0
         self.counters = {
-            "frames_in": 0, "frames_out": 0, "send_failed": 0, "error_frames": 0, "queue_overflow": 0,
-            "link_lost": 0, "stamps_refused": 0,
+            "frames_in": 0,
+            "frames_out": 0,
+            "send_failed": 0,
+            "error_frames": 0,
+            "queue_overflow": 0,
+            "link_lost": 0,
+            "stamps_refused": 0,
         }
         self.health = CanHealth(self.counters)
         self._open(START_WAIT_S)
@@ -123,7 +133,9 @@ class CanLink:
                     self.health.error_frame(message.arbitration_id, bytes(message.data), now_ns)
                 continue
             frame_id = message.arbitration_id | (EXTENDED_ID if message.is_extended_id else 0)
-            frames.append(RawFrame(stamps.arrival_ns(message.timestamp), frame_id, bytes(message.data)))
+            frames.append(
+                RawFrame(stamps.arrival_ns(message.timestamp), frame_id, bytes(message.data))
+            )
         self.counters["stamps_refused"] = stamps.refused
         if isinstance(bus, OrbitdHubBus):
             self.counters["queue_overflow"] += (bus.lost - self._hub_lost) & 0xFFFFFFFF
@@ -155,8 +167,16 @@ class CanLink:
         try:
             if self._bus is None:
                 raise can.CanOperationError("link down")
-            self._bus.send(can.Message(arbitration_id=frame.frame_id, is_extended_id=False, is_fd=True,
-                                       bitrate_switch=True, data=frame.data), timeout=0)
+            self._bus.send(
+                can.Message(
+                    arbitration_id=frame.frame_id,
+                    is_extended_id=False,
+                    is_fd=True,
+                    bitrate_switch=True,
+                    data=frame.data,
+                ),
+                timeout=0,
+            )
         except can.CanError as error:
             self.counters["send_failed"] += 1
             self.health.refused(error.error_code, self._now_ns)

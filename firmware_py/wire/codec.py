@@ -1,8 +1,9 @@
-"""CAN FD payloads <-> records, exactly as ``orbitd.dbc`` lays them out (a test holds the two together).
+"""CAN FD payloads <-> records, exactly as ``orbitd.dbc`` lays them out (a test holds the two
+together).
 
 Every payload is little endian and starts with CRC and counter (:mod:`firmware_py.wire.protection`).
-Decoding is total: any bytes give a record or :class:`Rejected`.  Encoding a value that does not fit its
-field is a programming error and raises ``ValueError``.
+Decoding is total: any bytes give a record or :class:`Rejected`.  Encoding a value that does not fit
+its field is a programming error and raises ``ValueError``.
 """
 
 from __future__ import annotations
@@ -58,7 +59,9 @@ def _layout(record: type, frame_id: FrameId, data_id: int, size: int) -> _Layout
     conversion = CONVERSIONS[record]
     used = Struct("<" + conversion.layout).size + protection.CRC_BYTES
     body = Struct(f"<{conversion.layout}{size - used}x")
-    return _Layout(int(frame_id), protection.seed(data_id), body, size, conversion.read, conversion.write)
+    return _Layout(
+        int(frame_id), protection.seed(data_id), body, size, conversion.read, conversion.write
+    )
 
 
 _BY_TYPE: Final[dict[type, _Layout]] = {
@@ -76,7 +79,8 @@ class CanCodec:
     """The codec of ``orbitd.dbc``; it holds no state."""
 
     def decode(self, frame: RawFrame) -> WireMessage | Rejected:
-        """The record in ``frame``, or :class:`Rejected` with reason unknown_id, length, crc or range."""
+        """The record in ``frame``, or :class:`Rejected` with reason unknown_id, length, crc or
+        range."""
         layout = _BY_ID.get(frame.frame_id)
         if layout is None:
             return Rejected("unknown_id", frame.frame_id)

@@ -1,8 +1,8 @@
 """Records <-> the integer fields that both wires carry: one conversion, whatever the transport.
 
-A field tuple holds counts in the order of ``orbitd.dbc`` (and of ``orbitd.xml``), counter first.  Reading
-is total: fields that name no state give None.  Writing a value that does not fit is a programming error
-and raises ``ValueError``.
+A field tuple holds counts in the order of ``orbitd.dbc`` (and of ``orbitd.xml``), counter first.
+Reading is total: fields that name no state give None.  Writing a value that does not fit is a
+programming error and raises ``ValueError``.
 """
 
 from __future__ import annotations
@@ -27,7 +27,8 @@ from firmware_py.records import (
 )
 
 SCHEMA: Final = 1
-"""Version of the interface that ``orbitd.dbc`` and ``orbitd.xml`` describe (``NodeInfo.schema``)."""
+"""Version of the interface that ``orbitd.dbc`` and ``orbitd.xml`` describe
+(``NodeInfo.schema``)."""
 
 
 class SampleFlag(enum.IntFlag):
@@ -53,7 +54,9 @@ RATE_UM_S: Final = 0.1
 def _counts(value: float, resolution: float, low: int = 0, high: int = 0xFFFF) -> int:
     """``value`` in counts of ``resolution``; ValueError when it is not finite or does not fit."""
     if not (math.isfinite(value) and low <= (counts := round(value / resolution)) <= high):
-        raise ValueError(f"{value} does not fit a field of {low * resolution:g} .. {high * resolution:g}")
+        raise ValueError(
+            f"{value} does not fit a field of {low * resolution:g} .. {high * resolution:g}"
+        )
     return counts
 
 
@@ -76,43 +79,94 @@ def _write_samples(m: SampleFrame) -> Fields:
 
 def _read_status(f: Fields) -> RigStatus:
     counter, tick, power, oil, clearance, pressure = cast(tuple[int, ...], f)
-    return RigStatus(counter, tick, power * POWER_W, oil * TEMPERATURE_C, clearance * CLEARANCE_UM,
-                     pressure * PRESSURE_BAR)
+    return RigStatus(
+        counter,
+        tick,
+        power * POWER_W,
+        oil * TEMPERATURE_C,
+        clearance * CLEARANCE_UM,
+        pressure * PRESSURE_BAR,
+    )
 
 
 def _write_status(m: RigStatus) -> Fields:
-    return (m.counter, m.tick_us, _counts(m.shaft_power_W, POWER_W, -(2**31), 2**31 - 1),
-            _counts(m.oil_outlet_C, TEMPERATURE_C, -(2**15), 2**15 - 1),
-            _counts(m.clearance_actual_um, CLEARANCE_UM), _counts(m.pressure_actual_bar, PRESSURE_BAR))
+    return (
+        m.counter,
+        m.tick_us,
+        _counts(m.shaft_power_W, POWER_W, -(2**31), 2**31 - 1),
+        _counts(m.oil_outlet_C, TEMPERATURE_C, -(2**15), 2**15 - 1),
+        _counts(m.clearance_actual_um, CLEARANCE_UM),
+        _counts(m.pressure_actual_bar, PRESSURE_BAR),
+    )
 
 
 def _read_state(f: Fields) -> NodeState | None:
-    counter, tick, session, command, mode, arrived, clearance, pressure, *refused = cast(tuple[int, ...], f)
+    counter, tick, session, command, mode, arrived, clearance, pressure, *refused = cast(
+        tuple[int, ...], f
+    )
     if mode > max(NodeMode) or arrived > 1:
         return None
-    return NodeState(counter, tick, mode, session, command, clearance * CLEARANCE_UM, pressure * PRESSURE_BAR,
-                     bool(arrived), *refused)
+    return NodeState(
+        counter,
+        tick,
+        mode,
+        session,
+        command,
+        clearance * CLEARANCE_UM,
+        pressure * PRESSURE_BAR,
+        bool(arrived),
+        *refused,
+    )
 
 
 def _write_state(m: NodeState) -> Fields:
-    return (m.counter, m.tick_us, m.session, m.command_counter, NodeMode(m.mode), bool(m.at_target),
-            _counts(m.target_clearance_um, CLEARANCE_UM), _counts(m.target_pressure_bar, PRESSURE_BAR),
-            m.refused_stale, m.refused_check, m.refused_session, m.refused_range)
+    return (
+        m.counter,
+        m.tick_us,
+        m.session,
+        m.command_counter,
+        NodeMode(m.mode),
+        bool(m.at_target),
+        _counts(m.target_clearance_um, CLEARANCE_UM),
+        _counts(m.target_pressure_bar, PRESSURE_BAR),
+        m.refused_stale,
+        m.refused_check,
+        m.refused_session,
+        m.refused_range,
+    )
 
 
 def _read_info(f: Fields) -> NodeInfo | None:
-    counter, tick, schema, period, clearance, pressure, time_to_live, rate = cast(tuple[int, ...], f)
+    counter, tick, schema, period, clearance, pressure, time_to_live, rate = cast(
+        tuple[int, ...], f
+    )
     if not (period and time_to_live):
         return None
-    return NodeInfo(counter, tick, schema, period, clearance * CLEARANCE_UM, pressure * PRESSURE_BAR,
-                    time_to_live, rate * RATE_UM_S)
+    return NodeInfo(
+        counter,
+        tick,
+        schema,
+        period,
+        clearance * CLEARANCE_UM,
+        pressure * PRESSURE_BAR,
+        time_to_live,
+        rate * RATE_UM_S,
+    )
 
 
 def _write_info(m: NodeInfo) -> Fields:
     if not (m.sample_period_us and m.time_to_live_ms):
         raise ValueError("sample_period_us and time_to_live_ms are at least 1")
-    return (m.counter, m.tick_us, m.schema, m.sample_period_us, _counts(m.boot_clearance_um, CLEARANCE_UM),
-            _counts(m.boot_pressure_bar, PRESSURE_BAR), m.time_to_live_ms, _counts(m.rate_um_s, RATE_UM_S))
+    return (
+        m.counter,
+        m.tick_us,
+        m.schema,
+        m.sample_period_us,
+        _counts(m.boot_clearance_um, CLEARANCE_UM),
+        _counts(m.boot_pressure_bar, PRESSURE_BAR),
+        m.time_to_live_ms,
+        _counts(m.rate_um_s, RATE_UM_S),
+    )
 
 
 def _read_command(f: Fields) -> Command:
@@ -121,16 +175,22 @@ def _read_command(f: Fields) -> Command:
 
 
 def _write_command(m: Command) -> Fields:
-    return (m.counter, m.session, m.echo_tick_us, _counts(m.clearance_um, CLEARANCE_UM),
-            _counts(m.pressure_bar, PRESSURE_BAR))
+    return (
+        m.counter,
+        m.session,
+        m.echo_tick_us,
+        _counts(m.clearance_um, CLEARANCE_UM),
+        _counts(m.pressure_bar, PRESSURE_BAR),
+    )
 
 
 def _read_heartbeat(f: Fields) -> DeviceHeartbeat | None:
     counter, session, mode, arm_state, flags = cast(tuple[int, ...], f)
     if mode > max(Mode) or arm_state > max(ArmState):
         return None
-    return DeviceHeartbeat(counter, session, mode, arm_state, bool(flags & RUN_PERMIT),
-                           bool(flags & TRIP_REQUEST))
+    return DeviceHeartbeat(
+        counter, session, mode, arm_state, bool(flags & RUN_PERMIT), bool(flags & TRIP_REQUEST)
+    )
 
 
 def _write_heartbeat(m: DeviceHeartbeat) -> Fields:
@@ -140,7 +200,8 @@ def _write_heartbeat(m: DeviceHeartbeat) -> Fields:
 
 @dataclass(frozen=True, slots=True)
 class Conversion:
-    """Between one record type and its fields; ``layout`` is their :mod:`struct` format, counter first."""
+    """Between one record type and its fields; ``layout`` is their :mod:`struct` format, counter
+    first."""
 
     layout: str
     read: Callable[[Fields], WireMessage | None]

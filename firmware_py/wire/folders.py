@@ -1,8 +1,10 @@
-"""Whether the folders on the way to a socket keep other users out, and whether a socket's server may be trusted.
+"""Whether the folders on the way to a socket keep other users out, and whether a socket's server
+may be trusted.
 
-Who may write to any folder on the way can put a socket of his own in place of ours.  A folder is safe when it is root's
-or this user's and nobody else may write to it.  A sticky folder may be shared (``/tmp``, ``/run/orbitd`` of the
-service): what lies in it belongs to whoever made it, and that is looked at one step further down.
+Who may write to any folder on the way can put a socket of his own in place of ours.  A folder is
+safe when it is root's or this user's and nobody else may write to it.  A sticky folder may be
+shared (``/tmp``, ``/run/orbitd`` of the service): what lies in it belongs to whoever made it, and
+that is looked at one step further down.
 """
 
 from __future__ import annotations
@@ -17,7 +19,8 @@ from pathlib import Path
 
 
 def unsafe(path: Path) -> str:
-    """Why ``path`` or a folder on the way to it is not safe, empty when all are; ``path`` exists."""
+    """Why ``path`` or a folder on the way to it is not safe, empty when all are; ``path``
+    exists."""
     seen: set[Path] = set()
     for start in (Path(os.path.abspath(path)), Path(os.path.realpath(path))):
         for folder in (*reversed(start.parents), start):
@@ -48,8 +51,11 @@ def _reason(folder: Path, found: os.stat_result) -> str:
     if found.st_mode & stat.S_IWOTH:
         return f"{folder} has mode {stat.filemode(found.st_mode)}: everybody may put sockets there"
     if found.st_mode & stat.S_IWGRP and found.st_uid != 0 and not _own_group(found.st_gid):
-        return (f"{folder} has mode {stat.filemode(found.st_mode)}: the members of group {found.st_gid} could put "
-                f"sockets there; chmod g-w {folder}")
+        return (
+            f"{folder} has mode {stat.filemode(found.st_mode)}: the members of group "
+            f"{found.st_gid} could put "
+            f"sockets there; chmod g-w {folder}"
+        )
     return ""
 
 
@@ -63,7 +69,8 @@ def _own_group(gid: int) -> bool:
 
 
 def shared(folder: Path) -> bool:
-    """Whether an administrator made ``folder`` for several users: root's, and writable to a group."""
+    """Whether an administrator made ``folder`` for several users: root's, and writable to a
+    group."""
     found = folder.stat()
     return found.st_uid == 0 and bool(found.st_mode & stat.S_IWGRP)
 
@@ -76,7 +83,8 @@ def peer_uid(sock: socket.socket) -> int:
 
 
 def foreign_server(sock: socket.socket, path: Path, expected: int | None = None) -> str:
-    """Why the server of ``path``, to which ``sock`` is connected, is not to be trusted; empty when it is.
+    """Why the server of ``path``, to which ``sock`` is connected, is not to be trusted; empty when
+    it is.
 
     It is root, this user or ``expected``; in a folder that is shared, whoever owns the socket.
     """

@@ -13,11 +13,12 @@ receive, one packet per frame::
     data
 
 The hub never blocks a sender.  Each receiver has one bounded queue (the socket's buffer, then
-``QUEUE_FRAMES`` here); when it is full that receiver loses the newest frame and its ``lost`` counts.
+``QUEUE_FRAMES`` here); when it is full that receiver loses the newest frame and its ``lost``
+counts.
 
-It imports nothing but the standard library, and ends by itself when its last client has been gone for
-``LINGER_S``.  The lock decides who may start a hub or remove its socket; a starting hub inherits the lock
-and releases it once it listens, so nobody ever waits for a hub while holding it.
+It imports nothing but the standard library, and ends by itself when its last client has been gone
+for ``LINGER_S``.  The lock decides who may start a hub or remove its socket; a starting hub
+inherits the lock and releases it once it listens, so nobody ever waits for a hub while holding it.
 """
 
 from __future__ import annotations
@@ -71,7 +72,8 @@ class Client:
         self.lost = 0
 
     def deliver(self, packet: memoryview) -> bool:
-        """Send or queue ``packet``, else count it as lost; True when the queue has just begun to fill."""
+        """Send or queue ``packet``, else count it as lost; True when the queue has just begun to
+        fill."""
         LOST.pack_into(packet, LOST_OFFSET, self.lost & 0xFFFFFFFF)
         if not self.waiting:
             try:
@@ -162,7 +164,8 @@ class Hub:
             self._remove(descriptor)
 
     def _receive(self, sender: Client) -> bool:
-        """Pass on at most BATCH frames of ``sender``; False when it has left or sends what is no frame."""
+        """Pass on at most BATCH frames of ``sender``; False when it has left or sends what is no
+        frame."""
         for _ in range(BATCH):
             try:
                 size = sender.sock.recv_into(self._view)
@@ -197,7 +200,9 @@ class Hub:
 def serve(path: Path, lock_path: Path, listener: socket.socket) -> None:
     """Run until nobody has been on the bus for ``LINGER_S``."""
     folder = path.parent.stat()
-    shared = folder.st_uid == 0 and bool(folder.st_mode & stat.S_IWGRP)  # made by an administrator for a group
+    shared = folder.st_uid == 0 and bool(
+        folder.st_mode & stat.S_IWGRP
+    )  # made by an administrator for a group
     hub = Hub(listener, open_to_all=shared)
     ours = _inode(path)
     last_client_s = looked_s = time.monotonic()
@@ -211,8 +216,11 @@ def serve(path: Path, lock_path: Path, listener: socket.socket) -> None:
             return
 
 
-def _look(hub: Hub, path: Path, lock_path: Path, ours: tuple[int, int] | None) -> tuple[int, int] | None:
-    """Listen again when somebody removed the socket; give way when another hub has taken its place."""
+def _look(
+    hub: Hub, path: Path, lock_path: Path, ours: tuple[int, int] | None
+) -> tuple[int, int] | None:
+    """Listen again when somebody removed the socket; give way when another hub has taken its
+    place."""
     if ours is not None and _inode(path) == ours:
         return ours
     try:

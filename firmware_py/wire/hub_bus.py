@@ -2,8 +2,8 @@
 
     can.Bus(interface="orbitd_hub", channel="orbitd0", fd=True)
 
-The first bus of a channel starts the hub (:mod:`firmware_py.wire.hub`).  The hub's death looks like an
-unplugged adapter: ``recv`` and ``send`` raise :class:`can.CanOperationError`.
+The first bus of a channel starts the hub (:mod:`firmware_py.wire.hub`).  The hub's death looks like
+an unplugged adapter: ``recv`` and ``send`` raise :class:`can.CanOperationError`.
 """
 
 from __future__ import annotations
@@ -67,7 +67,9 @@ class OrbitdHubBus(can.BusABC):
         **kwargs: object,
     ) -> None:
         if not re.fullmatch(r"[\w.-]{1,80}", channel, re.ASCII):
-            raise can.CanInitializationError(f"channel {channel!r}: use 1 to 80 of letters, digits, _ . -")
+            raise can.CanInitializationError(
+                f"channel {channel!r}: use 1 to 80 of letters, digits, _ . -"
+            )
         self._own = OWN if receive_own_messages else 0
         self._socket = connect(bus_directory(directory) / f"{channel}.sock", timeout_s)
         self._buffer = bytearray(MAX_PACKET)
@@ -96,7 +98,9 @@ class OrbitdHubBus(can.BusABC):
         try:
             self._socket.send(header + msg.data)
         except BlockingIOError as error:
-            raise can.CanOperationError("the hub is behind: frame not sent", errno.EAGAIN) from error
+            raise can.CanOperationError(
+                "the hub is behind: frame not sent", errno.EAGAIN
+            ) from error
         except OSError as error:
             raise can.CanOperationError(f"hub lost: {error.strerror}", error.errno) from error
 
@@ -132,7 +136,7 @@ class OrbitdHubBus(can.BusABC):
             is_remote_frame=bool(flags & REMOTE),
             is_rx=not flags & OWN,
             dlc=length,
-            data=self._buffer[HEADER.size:size],
+            data=self._buffer[HEADER.size : size],
         )
 
     def shutdown(self) -> None:

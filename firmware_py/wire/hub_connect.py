@@ -37,22 +37,28 @@ def bus_directory(given: str | Path | None) -> Path:
 
 
 def connect(path: Path, timeout_s: float) -> socket.socket:
-    """A connection that the hub at ``path`` has welcomed; the hub is started when it does not run."""
+    """A connection that the hub at ``path`` has welcomed; the hub is started when it does not
+    run."""
     deadline = time.monotonic() + timeout_s
     while True:
         try:
             connection = _try_connect(path)
         except OSError as error:
-            raise can.CanInitializationError(f"{path}: {error.strerror or error}", error.errno) from error
+            raise can.CanInitializationError(
+                f"{path}: {error.strerror or error}", error.errno
+            ) from error
         if connection:
             return connection
         if time.monotonic() >= deadline:
-            raise can.CanInitializationError(f"no hub at {path} after {timeout_s:g} s", errno.ENOTCONN)
+            raise can.CanInitializationError(
+                f"no hub at {path} after {timeout_s:g} s", errno.ENOTCONN
+            )
         time.sleep(0.005)
 
 
 def _try_connect(path: Path) -> socket.socket | None:
-    """A connection to a running hub; else starts one, unless somebody is at it, and returns None."""
+    """A connection to a running hub; else starts one, unless somebody is at it, and returns
+    None."""
     connection = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     dialled = _dial(connection, path)
     if dialled and (reason := foreign_server(connection, path)):
@@ -97,6 +103,10 @@ def _start_hub(path: Path, lock: int) -> None:
     command = [sys.executable, "-IS", hub.__file__, str(path), str(lock)]
     subprocess.run(
         ["/bin/sh", "-c", '"$@" &', "sh", *command],
-        pass_fds=[lock], start_new_session=True, check=True,
-        stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        pass_fds=[lock],
+        start_new_session=True,
+        check=True,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
     )

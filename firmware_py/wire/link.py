@@ -11,7 +11,8 @@ from firmware_py.wire.codec import CanCodec
 
 
 class Codec(Protocol):
-    """Wire bytes <-> records; stateless and total (any bytes give a record or :class:`Rejected`)."""
+    """Wire bytes <-> records; stateless and total (any bytes give a record or
+    :class:`Rejected`)."""
 
     def decode(self, frame: RawFrame) -> WireMessage | Rejected:
         """The record in ``frame``."""
@@ -21,7 +22,8 @@ class Codec(Protocol):
 
 
 class Link(Protocol):
-    """A bus or port that may come and go; nothing of that raises out of :meth:`receive` or :meth:`send`."""
+    """A bus or port that may come and go; nothing of that raises out of :meth:`receive` or
+    :meth:`send`."""
 
     counters: dict[str, int]
 
@@ -58,8 +60,8 @@ def codec_for(config: Config) -> Codec:
 def open_link(config: Config, role: Literal["device", "rig"]) -> Link:
     """The configured link; when the bus or port is absent it says so in ``fault`` and keeps trying.
 
-    On CAN both roles attach to the same channel.  A serial line has two ends: the rig's port is named by
-    its own configuration.
+    On CAN both roles attach to the same channel.  A serial line has two ends: the rig's port is
+    named by its own configuration.
     """
     if config.bus.link == "serial":
         from firmware_py.wire.serial_link import SerialLink

@@ -1,8 +1,9 @@
-"""MAVLink packets <-> records, exactly as ``orbitd.xml`` lays them out (a test holds the two together).
+"""MAVLink packets <-> records, exactly as ``orbitd.xml`` lays them out (a test holds the two
+together).
 
-MAVLink puts the larger fields of a payload first and keeps the order among equals; otherwise the fields
-are those of the CAN messages, count for count.  ``RawFrame.frame_id`` is the message id, ``data`` the
-whole packet.
+MAVLink puts the larger fields of a payload first and keeps the order among equals; otherwise the
+fields are those of the CAN messages, count for count.  ``RawFrame.frame_id`` is the message id,
+``data`` the whole packet.
 """
 
 from __future__ import annotations
@@ -39,7 +40,8 @@ _SIZES: Final = {"I": 4, "i": 4, "H": 2, "h": 2, "B": 1, "48s": 2}
 
 @dataclass(frozen=True, slots=True)
 class _Layout:
-    """One message: ids, payload layout, the order of the payload, and the way to and from its record."""
+    """One message: ids, payload layout, the order of the payload, and the way to and from its
+    record."""
 
     message_id: int
     sender: tuple[int, int]
@@ -56,8 +58,15 @@ def _layout(record: type, message_id: int, sender: tuple[int, int]) -> _Layout:
     order = sorted(range(len(formats)), key=lambda i: -_SIZES[formats[i]])
     back = sorted(range(len(order)), key=lambda i: order[i])
     payload = Struct("<" + "".join(formats[i] for i in order))
-    return _Layout(message_id, sender, payload, itemgetter(*order), itemgetter(*back),
-                   conversion.read, conversion.write)
+    return _Layout(
+        message_id,
+        sender,
+        payload,
+        itemgetter(*order),
+        itemgetter(*back),
+        conversion.read,
+        conversion.write,
+    )
 
 
 _BY_TYPE: Final[dict[type, _Layout]] = {
@@ -75,22 +84,25 @@ class MavCodec:
     """The codec of ``orbitd.xml``; it holds no state."""
 
     def decode(self, frame: RawFrame) -> WireMessage | Rejected:
-        """The record in ``frame``, or :class:`Rejected`: unknown_id, malformed, length, crc or range."""
+        """The record in ``frame``, or :class:`Rejected`: unknown_id, malformed, length, crc or
+        range."""
         layout = _BY_ID.get(frame.frame_id)
         if layout is None:
             return Rejected("unknown_id", frame.frame_id)
         refusal = _refusal(frame, layout)
         if refusal:
             return Rejected(refusal, frame.frame_id)
-        payload = frame.data[mav_packet.HEADER_BYTES:-mav_packet.CRC_BYTES].ljust(layout.payload.size, b"\0")
+        payload = frame.data[mav_packet.HEADER_BYTES : -mav_packet.CRC_BYTES].ljust(
+            layout.payload.size, b"\0"
+        )
         record = layout.read(layout.from_payload(layout.payload.unpack(payload)))
         return Rejected("range", frame.frame_id) if record is None else record
 
     def encode(self, message: WireMessage, now_ns: int = 0) -> RawFrame:
         """The packet that carries ``message``, stamped ``now_ns``.
 
-        The header's sequence number is the low byte of the message's own counter, by which losses are
-        counted: the codec holds no state.
+        The header's sequence number is the low byte of the message's own counter, by which losses
+        are counted: the codec holds no state.
 
         Raises
         ------

@@ -1,11 +1,12 @@
 """MAVLink 2 packets: build one, judge one, and find them in a stream of bytes.
 
-Packet: ``FD``, payload length, two flag bytes, sequence, system, component, message id (3 bytes), payload
-without its trailing zeros, CRC.  Source: https://mavlink.io/en/guide/serialization.html.  Unsigned packets
-only: a set incompatibility flag changes the layout, and such a packet must be dropped.
+Packet: ``FD``, payload length, two flag bytes, sequence, system, component, message id (3 bytes),
+payload without its trailing zeros, CRC.  Source: https://mavlink.io/en/guide/serialization.html.
+Unsigned packets only: a set incompatibility flag changes the layout, and such a packet must be
+dropped.
 
-The generated ``mav_dialect`` module says the same (tests compare); it takes 25 ms to import, reads an
-environment variable meanwhile, and needs ten times as long per packet.
+The generated ``mav_dialect`` module says the same (tests compare); it takes 25 ms to import, reads
+an environment variable meanwhile, and needs ten times as long per packet.
 """
 
 from __future__ import annotations
@@ -20,10 +21,25 @@ CRC_BYTES: Final = 2
 OVERHEAD_BYTES: Final = HEADER_BYTES + CRC_BYTES
 
 CRC_EXTRA: Final = {
-    0: 50, 2: 137, 20: 214, 21: 159, 22: 220, 23: 168, 76: 152, 77: 143, 251: 170, 253: 83,
-    52001: 215, 52002: 203, 52003: 138, 52004: 197, 52005: 186, 52006: 148,
+    0: 50,
+    2: 137,
+    20: 214,
+    21: 159,
+    22: 220,
+    23: 168,
+    76: 152,
+    77: 143,
+    251: 170,
+    253: 83,
+    52001: 215,
+    52002: 203,
+    52003: 138,
+    52004: 197,
+    52005: 186,
+    52006: 148,
 }
-"""Seed of each message of ``orbitd.xml``: a packet of a differently defined message fails its CRC."""
+"""Seed of each message of ``orbitd.xml``: a packet of a differently defined message fails its
+CRC."""
 
 _HEADER: Final = Struct("<BBBBBBBHB")
 _EXTRA_BYTE: Final = {message_id: bytes([extra]) for message_id, extra in CRC_EXTRA.items()}
@@ -39,8 +55,17 @@ def _crc(covered: bytes) -> bytes:
 def build(message_id: int, payload: bytes, sequence: int, system: int, component: int) -> bytes:
     """The packet of a message of :data:`CRC_EXTRA`; trailing zeros of ``payload`` are cut off."""
     short = payload.rstrip(b"\0") or b"\0"
-    header = _HEADER.pack(MAGIC, len(short), 0, 0, sequence & 0xFF, system, component,
-                          message_id & 0xFFFF, message_id >> 16)
+    header = _HEADER.pack(
+        MAGIC,
+        len(short),
+        0,
+        0,
+        sequence & 0xFF,
+        system,
+        component,
+        message_id & 0xFFFF,
+        message_id >> 16,
+    )
     packet = header + short
     return packet + _crc(packet[1:] + _EXTRA_BYTE[message_id])
 
@@ -58,8 +83,8 @@ def is_intact(packet: bytes, message_id: int) -> bool:
 class Framer:
     """Cuts a stream of bytes into intact packets of known messages; everything else is counted.
 
-    A start byte whose packet fails is taken for garbage, and the search goes on at the very next byte:
-    a damaged or invented length cannot swallow the good packets behind it.
+    A start byte whose packet fails is taken for garbage, and the search goes on at the very next
+    byte: a damaged or invented length cannot swallow the good packets behind it.
 
     Attributes
     ----------

@@ -30,7 +30,8 @@ class NoBusError(OrbitdError):
 
 @dataclass
 class Tally:
-    """One message: how often it came, what its counter says is missing or came twice, its newest record."""
+    """One message: how often it came, what its counter says is missing or came twice, its newest
+    record."""
 
     frame_id: int
     last: WireMessage
@@ -67,7 +68,9 @@ class Monitor:
             if isinstance(message, Rejected):
                 self.rejected[message.reason] += 1
             else:
-                self.tallies.setdefault(frame.frame_id, Tally(frame.frame_id, message)).take(message)
+                self.tallies.setdefault(frame.frame_id, Tally(frame.frame_id, message)).take(
+                    message
+                )
 
     def report(self, seconds: float) -> dict[str, Any]:
         """Everything seen in ``seconds``, ready for JSON."""
@@ -75,9 +78,15 @@ class Monitor:
             "seconds": round(seconds, 3),
             "bus_load": round(self.busy_s / seconds, 4),
             "messages": [
-                {"id": t.frame_id, "name": type(t.last).__name__, "frames": t.frames,
-                 "per_s": round(t.frames / seconds, 1), "lost": t.lost, "not_newer": t.not_newer,
-                 "last": values(t.last, self.config)}
+                {
+                    "id": t.frame_id,
+                    "name": type(t.last).__name__,
+                    "frames": t.frames,
+                    "per_s": round(t.frames / seconds, 1),
+                    "lost": t.lost,
+                    "not_newer": t.not_newer,
+                    "last": values(t.last, self.config),
+                }
                 for _, t in sorted(self.tallies.items())
             ],
             "rejected": dict(self.rejected),
@@ -85,7 +94,8 @@ class Monitor:
 
 
 def values(message: WireMessage, config: Config) -> dict[str, Any]:
-    """The fields of ``message`` by name; of samples, the first instant of each channel in its SI unit."""
+    """The fields of ``message`` by name; of samples, the first instant of each channel in its SI
+    unit."""
     fields = msgspec.structs.asdict(message)
     if isinstance(message, SampleFrame):
         counts = FIRST_INSTANT.unpack_from(fields.pop("samples"))
@@ -97,9 +107,9 @@ def values(message: WireMessage, config: Config) -> dict[str, Any]:
 def wire_seconds(bus: Bus, size: int) -> float:
     """Time that a frame of ``size`` data bytes holds the wire, without dynamic stuff bits.
 
-    CAN FD after ISO 11898-1: 30 bits at the nominal rate; at the data rate 5 bits of flag and length, the
-    data, the stuff count and the CRC of 17 or 21 bits, with a fixed stuff bit before every fourth of both.
-    A serial byte takes ten bits.
+    CAN FD after ISO 11898-1: 30 bits at the nominal rate; at the data rate 5 bits of flag and
+    length, the data, the stuff count and the CRC of 17 or 21 bits, with a fixed stuff bit before
+    every fourth of both. A serial byte takes ten bits.
     """
     if bus.link == "serial":
         return size * 10 / bus.serial_baud
@@ -108,7 +118,8 @@ def wire_seconds(bus: Bus, size: int) -> float:
 
 
 def monitor(config: Config, seconds: float, as_json: bool) -> int:
-    """Watch the configured bus for ``seconds`` and show it: a live table, or one JSON object at the end.
+    """Watch the configured bus for ``seconds`` and show it: a live table, or one JSON object at the
+    end.
 
     Returns
     -------
@@ -139,7 +150,8 @@ def monitor(config: Config, seconds: float, as_json: bool) -> int:
 
 
 def dump(config: Config, seconds: float, as_json: bool) -> int:
-    """Print every frame of the configured bus for ``seconds``, one line each; exit codes as :func:`monitor`."""
+    """Print every frame of the configured bus for ``seconds``, one line each; exit codes as
+    :func:`monitor`."""
     codec, link = codec_for(config), open_link(config, "device")
     started, heard = time.monotonic(), 0
     try:
@@ -155,8 +167,12 @@ def dump(config: Config, seconds: float, as_json: bool) -> int:
     return 0 if heard else 3
 
 
-def _line(frame: RawFrame, message: WireMessage | Rejected, at_s: float, config: Config, as_json: bool) -> str:
-    fields = {"reason": message.reason} if isinstance(message, Rejected) else values(message, config)
+def _line(
+    frame: RawFrame, message: WireMessage | Rejected, at_s: float, config: Config, as_json: bool
+) -> str:
+    fields = (
+        {"reason": message.reason} if isinstance(message, Rejected) else values(message, config)
+    )
     name = type(message).__name__
     if as_json:
         return json.dumps({"t_s": round(at_s, 6), "id": frame.frame_id, "name": name, **fields})
@@ -174,19 +190,33 @@ def _watch(seen: Monitor, link: Link, started: float, seconds: float, live: Live
 
 
 def _table(report: dict[str, Any]) -> Group:
-    rejected = ", ".join(f"{count} {reason}" for reason, count in report["rejected"].items()) or "none"
-    table = Table(title=f"{report['seconds']:.1f} s, bus load {100 * report['bus_load']:.1f} %, rejected: {rejected}",
-                  box=None, title_justify="left")
+    rejected = (
+        ", ".join(f"{count} {reason}" for reason, count in report["rejected"].items()) or "none"
+    )
+    table = Table(
+        title=f"{report['seconds']:.1f} s, bus load {100 * report['bus_load']:.1f} %, rejected: "
+        f"{rejected}",
+        box=None,
+        title_justify="left",
+    )
     for title in ("id", "message", "frames", "per s", "lost", "not newer"):
         table.add_column(title, justify="left" if title in ("id", "message") else "right")
     newest = []
     for m in report["messages"]:
-        table.add_row(f"{m['id']:#05x}", m["name"], str(m["frames"]), f"{m['per_s']:.1f}", str(m["lost"]),
-                      str(m["not_newer"]))
+        table.add_row(
+            f"{m['id']:#05x}",
+            m["name"],
+            str(m["frames"]),
+            f"{m['per_s']:.1f}",
+            str(m["lost"]),
+            str(m["not_newer"]),
+        )
         newest.append(f"\n{m['name']}  " + _shown(m["last"]))
     return Group(table, *newest)
 
 
 def _shown(fields: dict[str, Any]) -> str:
-    return "  ".join(f"{name}={value:.5g}" if isinstance(value, float) else f"{name}={value}"
-                     for name, value in fields.items())
+    return "  ".join(
+        f"{name}={value:.5g}" if isinstance(value, float) else f"{name}={value}"
+        for name, value in fields.items()
+    )

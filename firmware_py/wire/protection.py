@@ -1,8 +1,8 @@
 """End-to-end protection of the CAN messages: CRC-16/CCITT over a data id that is never transmitted.
 
 The data id differs per message, so a payload that arrives under another identifier fails its CRC.
-Polynomial 0x1021, start 0xFFFF, not reflected, no final xor (``binascii.crc_hqx``); coverage is the data
-id (two bytes, little endian), then payload bytes 2 to the last.  Bytes 0 and 1 hold the CRC.
+Polynomial 0x1021, start 0xFFFF, not reflected, no final xor (``binascii.crc_hqx``); coverage is the
+data id (two bytes, little endian), then payload bytes 2 to the last.  Bytes 0 and 1 hold the CRC.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """A null-modem cable in software: two pseudo terminals, what goes into one comes out of the other.
 
 ``python -m firmware_py.wire.pty_cable DIRECTORY`` lays it between ``DIRECTORY/device`` and
-``DIRECTORY/rig`` and holds it until it is stopped; its end looks like an unplugged adapter on both sides.
-An end that nobody reads loses bytes, as a UART does.
+``DIRECTORY/rig`` and holds it until it is stopped; its end looks like an unplugged adapter on both
+sides. An end that nobody reads loses bytes, as a UART does.
 """
 
 from __future__ import annotations
@@ -51,10 +51,11 @@ class _End:
             return b""
 
     def write(self, data: bytes) -> None:
-        """Pass on ``data``; what the terminal does not take waits, what exceeds the queue is lost."""
+        """Pass on ``data``; what the terminal does not take waits, what exceeds the queue is
+        lost."""
         waiting = (self.outgoing + data)[:QUEUE_BYTES]
         try:
-            self.outgoing = waiting[os.write(self.master, waiting):]
+            self.outgoing = waiting[os.write(self.master, waiting) :]
         except BlockingIOError:
             self.outgoing = waiting
 
@@ -86,7 +87,10 @@ def _stop(number: int, frame: FrameType | None) -> None:
 def main(argv: list[str]) -> int:
     """Lay the cable in the directory ``argv[0]``."""
     if len(argv) != 1 or not Path(argv[0]).is_dir():
-        print("usage: python -m firmware_py.wire.pty_cable DIRECTORY (an existing one)", file=sys.stderr)
+        print(
+            "usage: python -m firmware_py.wire.pty_cable DIRECTORY (an existing one)",
+            file=sys.stderr,
+        )
         return 2
     signal.signal(signal.SIGTERM, _stop)
     signal.signal(signal.SIGINT, _stop)

@@ -1,4 +1,5 @@
-"""Unix ``SOCK_SEQPACKET`` sockets underneath the rooms: one packet is one record, nothing ever blocks."""
+"""Unix ``SOCK_SEQPACKET`` sockets underneath the rooms: one packet is one record, nothing ever
+blocks."""
 
 from __future__ import annotations
 
@@ -50,8 +51,13 @@ class RoomBusyError(RoomError):
 class Peer:
     """One connected socket: records in, records out, every loss counted under ``<what>_<role>``."""
 
-    def __init__(self, sock: socket.socket, counters: Counter[str], role: str = "newcomer",
-                 limit: Limit = ANY_PEER) -> None:
+    def __init__(
+        self,
+        sock: socket.socket,
+        counters: Counter[str],
+        role: str = "newcomer",
+        limit: Limit = ANY_PEER,
+    ) -> None:
         sock.setblocking(False)
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SOCKET_BUFFER_BYTES)
         self.sock = sock
@@ -67,7 +73,8 @@ class Peer:
         self._buffer = memoryview(bytearray(limit.record_bytes))
 
     def receive(self) -> list[RoomRecord]:
-        """What is waiting, up to the peer's limit; ``alive`` turns False at the end of the connection."""
+        """What is waiting, up to the peer's limit; ``alive`` turns False at the end of the
+        connection."""
         records: list[RoomRecord] = []
         for _ in range(self._limit.records):
             try:
@@ -112,7 +119,8 @@ class Peer:
 
 
 def held(path: Path, descriptor: int) -> bool:
-    """Whether ``path`` still names the file behind ``descriptor``: nobody removed or replaced it."""
+    """Whether ``path`` still names the file behind ``descriptor``: nobody removed or replaced
+    it."""
     try:
         there, ours = path.lstat(), os.fstat(descriptor)
     except OSError:
@@ -126,27 +134,33 @@ def lock_of(path: Path) -> Path:
 
 
 def own(path: Path) -> int:
-    """File descriptor of the lock that says this process owns ``path``; the kernel frees it at death."""
+    """File descriptor of the lock that says this process owns ``path``; the kernel frees it at
+    death."""
     lock_path = lock_of(path)
     try:
         lock = os.open(lock_path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, SOCKET_MODE)
     except OSError as error:
-        raise RoomError(f"{lock_path}: {error.strerror}; give a runtime directory that this user may "
-                        "write") from error
+        raise RoomError(
+            f"{lock_path}: {error.strerror}; give a runtime directory that this user may write"
+        ) from error
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError as error:
         os.close(lock)
-        raise RoomBusyError(f"{path}: served by another process; stop it or choose another "
-                            "instance") from error
+        raise RoomBusyError(
+            f"{path}: served by another process; stop it or choose another instance"
+        ) from error
     return lock
 
 
 def listen(path: Path) -> socket.socket:
-    """Listening socket at ``path``; the caller owns the lock, so a path found there is left over."""
+    """Listening socket at ``path``; the caller owns the lock, so a path found there is left
+    over."""
     if len(os.fsencode(path)) > SOCKET_PATH_BYTES:
-        raise RoomError(f"{path}: longer than the {SOCKET_PATH_BYTES} bytes of a Unix socket path; "
-                        "choose a shorter runtime directory or instance name")
+        raise RoomError(
+            f"{path}: longer than the {SOCKET_PATH_BYTES} bytes of a Unix socket path; "
+            "choose a shorter runtime directory or instance name"
+        )
     listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     try:
         path.unlink(missing_ok=True)

@@ -1,9 +1,10 @@
 """The links between guard, brain and gate: ``SOCK_SEQPACKET`` Unix sockets that never block.
 
 One packet is one record (:func:`firmware_py.records.encode`).  A room that others talk to owns a
-:class:`RoomServer`; the others hold a :class:`RoomClient` each, which comes back by itself.  One peer per
-role: the first packet of a peer is a :class:`~firmware_py.records.Hello`, and the kernel vouches for its
-user.  A reader that is too slow loses its own records, counted; nobody waits for it.
+:class:`RoomServer`; the others hold a :class:`RoomClient` each, which comes back by itself.  One
+peer per role: the first packet of a peer is a :class:`~firmware_py.records.Hello`, and the kernel
+vouches for its user.  A reader that is too slow loses its own records, counted; nobody waits for
+it.
 """
 
 from __future__ import annotations
@@ -48,7 +49,8 @@ TOUCH_EVERY_NS: Final = 3_600_000_000_000
 
 
 def runtime_dir(instance: str, base: Path) -> Path:
-    """Runtime directory of ``instance``: made when absent, refused when a stranger could own the sockets.
+    """Runtime directory of ``instance``: made when absent, refused when a stranger could own the
+    sockets.
 
     Raises
     ------
@@ -74,7 +76,11 @@ def checked_dir(path: Path) -> Path:
     RoomError
         One of them does.
     """
-    if path.is_dir() and path.stat().st_uid == os.geteuid() != 0 and path.stat().st_mode & stat.S_IWGRP:
+    if (
+        path.is_dir()
+        and path.stat().st_uid == os.geteuid() != 0
+        and path.stat().st_mode & stat.S_IWGRP
+    ):
         path.chmod(INSTANCE_MODE)  # as earlier releases made it
     if reason := unsafe(path):
         raise _refused(path, reason)
@@ -82,8 +88,10 @@ def checked_dir(path: Path) -> Path:
 
 
 def _refused(path: Path, cause: str) -> RoomError:
-    return RoomError(f"runtime directory {path}: {cause}; remove what is there or set RUNTIME_DIRECTORY to "
-                     "a directory of your own")
+    return RoomError(
+        f"runtime directory {path}: {cause}; remove what is there or set RUNTIME_DIRECTORY to "
+        "a directory of your own"
+    )
 
 
 class RoomServer:
@@ -107,16 +115,22 @@ class RoomServer:
 
     Notes
     -----
-    ``counters`` (by role): ``lost_``, ``oversized_``, ``malformed_``, ``connected_``, ``left_``; refused
-    newcomers: ``refused_role``, ``refused_uid``, ``refused_second``, ``refused_hello``, ``refused_crowd``;
-    ``listened_again`` and ``listen_failed`` after the socket was removed.
+    ``counters`` (by role): ``lost_``, ``oversized_``, ``malformed_``, ``connected_``, ``left_``;
+    refused newcomers: ``refused_role``, ``refused_uid``, ``refused_second``, ``refused_hello``,
+    ``refused_crowd``; ``listened_again`` and ``listen_failed`` after the socket was removed.
     """
 
-    def __init__(self, path: Path, allowed: Mapping[str, int | None],
-                 limits: Mapping[str, Limit] | None = None) -> None:
+    def __init__(
+        self,
+        path: Path,
+        allowed: Mapping[str, int | None],
+        limits: Mapping[str, Limit] | None = None,
+    ) -> None:
         self.counters: Counter[str] = Counter()
         self._limits = limits or {}
-        self._allowed = {role: os.geteuid() if uid is None else uid for role, uid in allowed.items()}
+        self._allowed = {
+            role: os.geteuid() if uid is None else uid for role, uid in allowed.items()
+        }
         self.path = path
         self._lock = own(path)
         self._look_ns = self._touch_ns = 0
@@ -137,7 +151,8 @@ class RoomServer:
         return self._epoll.fileno()
 
     def poll(self, now_ns: int) -> list[tuple[str, RoomRecord]]:
-        """What is waiting, up to each peer's limit, with its sender's role; also admits and dismisses peers."""
+        """What is waiting, up to each peer's limit, with its sender's role; also admits and
+        dismisses peers."""
         received: list[tuple[str, RoomRecord]] = []
         if now_ns >= self._look_ns:
             self._look_ns = now_ns + LOOK_EVERY_NS
@@ -159,7 +174,8 @@ class RoomServer:
 
         Returns
         -------
-        False when nobody plays the role, or when the peer's queue is full (then counted ``lost_<role>``).
+        False when nobody plays the role, or when the peer's queue is full (then counted
+        ``lost_<role>``).
         """
         peer = self._peers.get(role)
         if peer is None:
@@ -184,7 +200,8 @@ class RoomServer:
         os.close(self._lock)
 
     def _look(self, now_ns: int) -> None:
-        """Listen again when somebody removed or replaced socket, lock or folder; who is connected stays."""
+        """Listen again when somebody removed or replaced socket, lock or folder; who is connected
+        stays."""
         if held(lock_of(self.path), self._lock) and _inode(self.path) == self._inode:
             if now_ns >= self._touch_ns:
                 self._touch_ns = now_ns + TOUCH_EVERY_NS
@@ -269,9 +286,9 @@ class RoomServer:
 class RoomClient:
     """The calling end: connects, says who it is, and comes back by itself when the server was away.
 
-    The server must be this user's or root's (:func:`firmware_py.wire.folders.foreign_server`), or ``server_uid``.
-    ``counters``: ``lost_<role>``, ``oversized_<role>``, ``malformed_<role>``, ``connected``, ``left``,
-    ``refused_server``.
+    The server must be this user's or root's (:func:`firmware_py.wire.folders.foreign_server`), or
+    ``server_uid``. ``counters``: ``lost_<role>``, ``oversized_<role>``, ``malformed_<role>``,
+    ``connected``, ``left``, ``refused_server``.
     """
 
     def __init__(self, path: Path, role: str, server_uid: int | None = None) -> None:
@@ -302,7 +319,8 @@ class RoomClient:
         return records
 
     def send(self, record: RoomRecord) -> bool:
-        """Send without waiting; False when not connected, or when the server's queue is full (counted)."""
+        """Send without waiting; False when not connected, or when the server's queue is full
+        (counted)."""
         if self._peer is None:
             return False
         sent = self._peer.send(record)

@@ -18,11 +18,13 @@ BATCH: Final = 32
 """Packets in one call, four times what the fastest port carries in a millisecond."""
 
 READ_BYTES: Final = 2048
-"""In one call: more than 12 Mbit/s carry in a millisecond, for bytes that are no packets cost up to 0.6 us each."""
+"""In one call: more than 12 Mbit/s carry in a millisecond, for bytes that are no packets cost up to
+0.6 us each."""
 
 RETRY_NS: Final = 500_000_000
 QUIET_NS: Final = 1_000_000_000
-"""A node sends hundreds of packets a second; a port without one for so long is named in ``fault``."""
+"""A node sends hundreds of packets a second; a port without one for so long is named in
+``fault``."""
 
 _ADVICE: Final = {
     errno.ENOENT: "no such port; plug the adapter in or correct bus.serial_port",
@@ -35,8 +37,8 @@ _ADVICE: Final = {
 class SerialLink:
     """The ``Link`` of :mod:`firmware_py.wire.link` on a serial port.
 
-    The port is taken for this process alone.  A port that fails is closed, named in ``fault``, and tried
-    again every 0.5 s.
+    The port is taken for this process alone.  A port that fails is closed, named in ``fault``, and
+    tried again every 0.5 s.
 
     Parameters
     ----------
@@ -47,8 +49,8 @@ class SerialLink:
 
     Notes
     -----
-    ``counters``: ``frames_in``, ``frames_out``, ``send_failed`` (the output queue was full or the port
-    away), ``bytes_skipped`` (bytes outside intact packets), ``crc_failed``, ``link_lost``.
+    ``counters``: ``frames_in``, ``frames_out``, ``send_failed`` (the output queue was full or the
+    port away), ``bytes_skipped`` (bytes outside intact packets), ``crc_failed``, ``link_lost``.
     """
 
     def __init__(self, port: str, baud: int) -> None:
@@ -62,7 +64,11 @@ class SerialLink:
         self._absent = ""
         self._now_ns = self._data_ns = self._packet_ns = -1
         self.counters = {
-            "frames_in": 0, "frames_out": 0, "send_failed": 0, "bytes_skipped": 0, "crc_failed": 0,
+            "frames_in": 0,
+            "frames_out": 0,
+            "send_failed": 0,
+            "bytes_skipped": 0,
+            "crc_failed": 0,
             "link_lost": 0,
         }
         self._open()
@@ -78,8 +84,11 @@ class SerialLink:
         if self._absent or self._now_ns - self._packet_ns < QUIET_NS:
             return self._absent
         if self._now_ns - self._data_ns < QUIET_NS:
-            return (f"serial port {self._path}: bytes but no whole packet; set bus.serial_baud = {self._baud} at both "
-                    "ends, and check the cable")
+            return (
+                f"serial port {self._path}: bytes but no whole packet; set bus.serial_baud = "
+                f"{self._baud} at both "
+                "ends, and check the cable"
+            )
         return f"serial port {self._path}: no data; check that the node is powered, connected and sends"
 
     def fileno(self) -> int:
@@ -132,7 +141,8 @@ class SerialLink:
         except (OSError, ValueError, termios.error) as error:
             self._absent = f"serial port {self._path}: {_advice(error)}"
             return
-        # USB adapters hold input back for 16 ms unless told; a port without the setting says ValueError.
+        # USB adapters hold input back for 16 ms unless told; a port without the setting says
+        # ValueError.
         with contextlib.suppress(ValueError):
             port.set_low_latency_mode(True)
         self._port = port
@@ -142,7 +152,11 @@ class SerialLink:
 
     def _read(self) -> bytes:
         """Bytes that wait, unless a call's worth of packets waits already."""
-        if self._port is None or self._framer.waiting_bytes >= READ_BYTES or not (events := self._poll.poll(0)):
+        if (
+            self._port is None
+            or self._framer.waiting_bytes >= READ_BYTES
+            or not (events := self._poll.poll(0))
+        ):
             return b""
         chunk = self._read_chunk(self._port.fd) if events[0][1] & select.POLLIN else b""
         if not chunk:
@@ -158,7 +172,7 @@ class SerialLink:
     def _flush(self) -> None:
         """Push out the rest of a packet that the kernel took in part."""
         if self._unsent:
-            self._unsent = self._unsent[self._write(self._unsent):]
+            self._unsent = self._unsent[self._write(self._unsent) :]
 
     def _write(self, data: bytes) -> int:
         """How many bytes the kernel took."""

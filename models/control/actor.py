@@ -1,6 +1,8 @@
-"""Trainer of the clearance agent: DDPG over several seeds behind the guard's shield, beside what could replace it.
+"""Trainer of the clearance agent: DDPG over several seeds behind the guard's shield, beside what
+could replace it.
 
-Two scoreboards: the clearance alone, which the device sets, and the clearance with the supply pressure.
+Two scoreboards: the clearance alone, which the device sets, and the clearance with the supply
+pressure.
 """
 
 from __future__ import annotations
@@ -36,8 +38,9 @@ ELSEWHERE = ("agent", "ddpg", "lookup", "widest")
 def train(run: Run, settings: ActorSettings) -> dict[str, object]:
     """Train, judge and export; returns the report that is written beside the model.
 
-    The agent of the seed that did best on validation episodes stands for DDPG.  It ships as the actor if it needs
-    less power than the lookup table at no more violation; otherwise the table does, and DDPG stands beside it.
+    The agent of the seed that did best on validation episodes stands for DDPG.  It ships as the
+    actor if it needs less power than the lookup table at no more violation; otherwise the table
+    does, and DDPG stands beside it.
     """
     report: dict[str, Any] = {"reproduce": run.command}
     for pressure in (False, True):
@@ -52,8 +55,11 @@ def train(run: Run, settings: ActorSettings) -> dict[str, object]:
     return report
 
 
-def learned_and_judged(run: Run, settings: ActorSettings, board: Board) -> tuple[Learned, dict[str, Any]]:
-    """What was learned on a board, and its report; each part is done once where a training is resumed."""
+def learned_and_judged(
+    run: Run, settings: ActorSettings, board: Board
+) -> tuple[Learned, dict[str, Any]]:
+    """What was learned on a board, and its report; each part is done once where a training is
+    resumed."""
     name, started = board_name(board), time.monotonic()
     learned = learn_all(run, settings, board)
     trained_s = run.kept(f"{name}-seconds", lambda: round(time.monotonic() - started, 1))
@@ -69,15 +75,21 @@ def learned_and_judged(run: Run, settings: ActorSettings, board: Board) -> tuple
         direct = partial(directly, bench, near, settings.direct_episodes, settings.workers)
         report["direct_reynolds"] = run.kept(f"{name}-direct", direct)
     training = {"steps": settings.ddpg.steps, "agents": settings.seeds, "seconds": trained_s}
-    return learned, report | {"shipped": _better(report), "ddpg_seed": learned.best, "training": training}
+    return learned, report | {
+        "shipped": _better(report),
+        "ddpg_seed": learned.best,
+        "training": training,
+    }
 
 
 def evaluate(path: Path, seed: int, size: int | None, out: Path) -> dict[str, object]:
-    """The policy in ``path``, and those in the files beside it, with their rivals on the episodes of ``seed``.
+    """The policy in ``path``, and those in the files beside it, with their rivals on the episodes
+    of ``seed``.
 
-    The machines are commissioned; what the same is worth where they are known by their drawing alone stands beside it.
-    A file that sets the pressure as well is judged on that scoreboard.  The model-predictive choice, which takes
-    longer than everything else together, stands in the report of the training.
+    The machines are commissioned; what the same is worth where they are known by their drawing
+    alone stands beside it. A file that sets the pressure as well is judged on that scoreboard.  The
+    model-predictive choice, which takes longer than everything else together, stands in the report
+    of the training.
     """
     settings = ActorSettings()
     settings = settings if size is None else msgspec.structs.replace(settings, judged_episodes=size)
@@ -106,17 +118,37 @@ def _better(report: dict[str, Any]) -> str:
 
 
 def _export_all(run: Run, board: Board, learned: Learned, report: dict[str, Any]) -> float:
-    """Write DDPG, lookup table and what ships; returns the largest distance of a file from its module."""
+    """Write DDPG, lookup table and what ships; returns the largest distance of a file from its
+    module."""
     stem = run.model.with_name("actor_pair.onnx") if board.pressure else run.model
     modules: dict[str, nn.Module] = {"ddpg": learned.agents[learned.best], "lookup": learned.table}
-    files = {stem.with_name(f"{stem.stem}_{name}.onnx"): name for name in modules} | {stem: report["shipped"]}
-    return max(_export(modules[name], path, name, run, board, report) for path, name in files.items())
+    files = {stem.with_name(f"{stem.stem}_{name}.onnx"): name for name in modules} | {
+        stem: report["shipped"]
+    }
+    return max(
+        _export(modules[name], path, name, run, board, report) for path, name in files.items()
+    )
 
 
-def _export(module: nn.Module, path: Path, policy: str, run: Run, board: Board, report: dict[str, Any]) -> float:
+def _export(
+    module: nn.Module, path: Path, policy: str, run: Run, board: Board, report: dict[str, Any]
+) -> float:
     """Write one file; returns how far it is from the module."""
     names, outputs = tuple(OBSERVATIONS), OUTPUTS[: board.reach.shape[1]]
-    units = ("rad/s", "m", "m", "m", "m", "m", "bar", "W", "degC", "N", "1", *("-> m", "-> Pa")[: len(outputs)])
+    units = (
+        "rad/s",
+        "m",
+        "m",
+        "m",
+        "m",
+        "m",
+        "bar",
+        "W",
+        "degC",
+        "N",
+        "1",
+        *("-> m", "-> Pa")[: len(outputs)],
+    )
     metadata = export.Metadata(
         kind="actor", version="0.3.0", inputs=names, outputs=outputs, rate_hz=(10,), channels=(), units=units,
         rigs=(board.rig,), domain={name: RANGES[name] for name in names},
@@ -125,6 +157,11 @@ def _export(module: nn.Module, path: Path, policy: str, run: Run, board: Board, 
     )  # fmt: skip
     columns = Columns(module, len(outputs))
     export.export(
-        columns, torch.zeros(2, len(names)), path, input_name="observation", output_names=outputs, metadata=metadata
+        columns,
+        torch.zeros(2, len(names)),
+        path,
+        input_name="observation",
+        output_names=outputs,
+        metadata=metadata,
     )
     return export.parity(columns, path, random_observations(10_000, run.seed))

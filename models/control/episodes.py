@@ -23,25 +23,30 @@ from sim_hil.vector_environment import RotorVectorEnv
 Floats = NDArray[np.float64]
 
 SIDE_BY_SIDE = 10
-"""Episodes that one process plays at once: with any number of processes the same ones stand together."""
+"""Episodes that one process plays at once: with any number of processes the same ones stand
+together."""
 
 UNTRIPPED = Limits(trip_film_m=-1.0)
-"""A film thin enough to trip is a violation that ends nothing: every episode is as long as the others."""
+"""A film thin enough to trip is a violation that ends nothing: every episode is as long as the
+others."""
 
 
 class Policy(Protocol):
-    """Chooses the settings of many rotors at once; travels to other processes before an episode starts."""
+    """Chooses the settings of many rotors at once; travels to other processes before an episode
+    starts."""
 
     def start(self, count: int) -> None:
         """A new episode of ``count`` rotors begins."""
 
     def __call__(self, observation: Observation) -> Floats:
-        """Observations (count, 11), SI, to wishes (count, k): clearance, m, and where it may be set pressure, Pa."""
+        """Observations (count, 11), SI, to wishes (count, k): clearance, m, and where it may be set
+        pressure, Pa."""
 
 
 @dataclass(frozen=True)
 class Fixed:
-    """The same setting all the time: clearance, m, and supply pressure, Pa, where that may be set."""
+    """The same setting all the time: clearance, m, and supply pressure, Pa, where that may be
+    set."""
 
     clearance_m: float
     pressure_Pa: float | None = None
@@ -51,19 +56,24 @@ class Fixed:
 
     def __call__(self, observation: Observation) -> Floats:
         """As :class:`Policy`."""
-        wish = [self.clearance_m] if self.pressure_Pa is None else [self.clearance_m, self.pressure_Pa]
+        wish = (
+            [self.clearance_m] if self.pressure_Pa is None else [self.clearance_m, self.pressure_Pa]
+        )
         return np.tile(wish, (len(observation), 1))
 
 
 @dataclass(frozen=True)
 class Board:
-    """A scoreboard: the rig, how long its episodes are, and whether the supply pressure is set with the clearance.
+    """A scoreboard: the rig, how long its episodes are, and whether the supply pressure is set with
+    the clearance.
 
-    The machines are ``commissioned`` (:mod:`models.control.commissioned`), or known by their drawing alone.
+    The machines are ``commissioned`` (:mod:`models.control.commissioned`), or known by their
+    drawing alone.
 
-    Alone, the clearance stands on the unfed film; with the pressure, on the film fed from the groove, the pump's power
-    counts, and so do the limits of flow and outlet (:class:`sim_hil.control_task.Limits`).  ``direct`` solves
-    Reynolds' equation in every step instead of reading the film from its table.
+    Alone, the clearance stands on the unfed film; with the pressure, on the film fed from the
+    groove, the pump's power counts, and so do the limits of flow and outlet
+    (:class:`sim_hil.control_task.Limits`).  ``direct`` solves Reynolds' equation in every step
+    instead of reading the film from its table.
     """
 
     rig: str
@@ -90,7 +100,9 @@ class Board:
         if self.direct:
             ratio = self.data.bearing.length_m / (2.0 * self.data.bearing.radius_m)
             law = ReynoldsLaw.make(FilmTable.load(ratio).coefficients, ratio)
-        return RotorVectorEnv(count, self.rig, self.seconds, limits=limits, pressure=self.pressure, law=law)
+        return RotorVectorEnv(
+            count, self.rig, self.seconds, limits=limits, pressure=self.pressure, law=law
+        )
 
 
 @dataclass(frozen=True)
@@ -100,8 +112,8 @@ class Score:
     Parameters
     ----------
     power_W, violation_s, min_film_m, swing_share
-        Mean power (the pump's with it where the pressure is set), time with a limit broken, smallest film, largest
-        peak-to-peak over clearance.
+        Mean power (the pump's with it where the pressure is set), time with a limit broken,
+        smallest film, largest peak-to-peak over clearance.
     intervened
         Share of the steps in which the shield changed the wish.
     travel_m
@@ -118,11 +130,17 @@ class Score:
     @classmethod
     def joined(cls, parts: Sequence[Score]) -> Score:
         """Episodes of all parts, in their order."""
-        return cls(*(np.concatenate([getattr(s, name) for s in parts]) for name in cls.__dataclass_fields__))
+        return cls(
+            *(
+                np.concatenate([getattr(s, name) for s in parts])
+                for name in cls.__dataclass_fields__
+            )
+        )
 
     @property
     def depth(self) -> Floats:
-        """By how much the worst instant of each episode broke film or swing, as a share of the limit."""
+        """By how much the worst instant of each episode broke film or swing, as a share of the
+        limit."""
         lack = 1.0 - self.min_film_m / UNTRIPPED.min_film_m
         return np.maximum(0.0, np.maximum(lack, self.swing_share / UNTRIPPED.swing_share - 1.0))
 
@@ -155,9 +173,12 @@ def play(board: Board, seeds: Sequence[int], policy: Policy, *, shielded: bool) 
 
 
 def play_machine(board: Board, seeds: Sequence[int], policy: Policy, *, shielded: bool) -> Score:
-    """The same behind the shield on the whole machine with its sensors, one episode after another."""
+    """The same behind the shield on the whole machine with its sensors, one episode after
+    another."""
     if not shielded:
-        raise ValueError("the whole machine is played behind its shield only; use `play` for the rotor alone")
+        raise ValueError(
+            "the whole machine is played behind its shield only; use `play` for the rotor alone"
+        )
     rotor = RotorEnv(board.rig, board.seconds, limits=UNTRIPPED, pressure=board.pressure)
     environment = ShieldedRotor(rotor, commissioned=board.commissioned)
     scores = []
@@ -177,7 +198,8 @@ def play_all(
     board: Board, seeds: Sequence[int], played: Sequence[tuple[Policy, bool]], workers: int,
     progress: Callable[[int], None], how: Callable[..., Score] = play,
 ) -> list[Score]:  # fmt: skip
-    """:func:`play` of every policy, shielded or not, on several processes; or ``how`` else it is played."""
+    """:func:`play` of every policy, shielded or not, on several processes; or ``how`` else it is
+    played."""
     together = SIDE_BY_SIDE if how is play and not board.direct else 1
     parts = [seeds[i : i + together] for i in range(0, len(seeds), together)]
     tasks = list(product(played, parts))
@@ -188,7 +210,9 @@ def play_all(
     return [Score.joined(scores[i : i + len(parts)]) for i in range(0, len(scores), len(parts))]
 
 
-def _play_part(how: Callable[..., Score], board: Board, part: tuple[tuple[Policy, bool], Sequence[int]]) -> Score:
+def _play_part(
+    how: Callable[..., Score], board: Board, part: tuple[tuple[Policy, bool], Sequence[int]]
+) -> Score:
     (policy, shielded), seeds = part
     return how(board, seeds, policy, shielded=shielded)
 
@@ -211,6 +235,8 @@ class _Record:
 
     def score(self) -> Score:
         """Over the steps so far."""
-        power, violation, film, share, intervened, moved = np.array(self._rows, dtype=np.float64).transpose(1, 2, 0)
+        power, violation, film, share, intervened, moved = np.array(
+            self._rows, dtype=np.float64
+        ).transpose(1, 2, 0)
         return Score(power.mean(axis=1), violation.sum(axis=1), film.min(axis=1), share.max(axis=1),
                      intervened.mean(axis=1), moved.sum(axis=1))  # fmt: skip

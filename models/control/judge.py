@@ -1,4 +1,5 @@
-"""The agent and what could replace it on the same unseen episodes, beside the best that any control could do."""
+"""The agent and what could replace it on the same unseen episodes, beside the best that any control
+could do."""
 
 from __future__ import annotations
 
@@ -32,14 +33,17 @@ class Bench:
     Parameters
     ----------
     counted
-        Episodes in which the preview reference breaks no limit: no other says anything about control.
+        Episodes in which the preview reference breaks no limit: no other says anything about
+        control.
     references
-        Mean power of each reference in the counted episodes, W; nan where the causal one finds no schedule.
+        Mean power of each reference in the counted episodes, W; nan where the causal one finds no
+        schedule.
     setting, fixed
-        The one fixed setting of least power that breaks no limit in any counted episode, and its score there.
+        The one fixed setting of least power that breaks no limit in any counted episode, and its
+        score there.
     least_s, least_depth
-        Time and depth of violation of the fixed setting that breaks the limits for the shortest time, each episode:
-        what stands for a reference where no schedule keeps them.
+        Time and depth of violation of the fixed setting that breaks the limits for the shortest
+        time, each episode: what stands for a reference where no schedule keeps them.
     """
 
     board: Board
@@ -64,14 +68,25 @@ class Bench:
             preview, causal = reference_powers(out, board, seeds, workers, bar)
         counted = np.isfinite(preview)
         if not counted.any():
-            raise ValueError(f"no schedule keeps the limits in any of {len(seeds)} episodes; judge more episodes")
+            raise ValueError(
+                f"no schedule keeps the limits in any of {len(seeds)} episodes; judge more episodes"
+            )
         tried = _fixed_settings(board, seeds, counted, workers)
         setting, fixed = tried[_best(tried, counted)]
         times = np.stack([score.violation_s for _, score in tried])
         least, every = times.argmin(axis=0), np.arange(len(seeds))
         depth = np.stack([score.depth for _, score in tried])[least, every]
         references = {"preview": preview[counted], "causal": causal[counted]}
-        return cls(board, seeds, counted, references, setting, fixed.kept(counted), times[least, every], depth)
+        return cls(
+            board,
+            seeds,
+            counted,
+            references,
+            setting,
+            fixed.kept(counted),
+            times[least, every],
+            depth,
+        )
 
     def play(self, played: Sequence[tuple[Policy, bool]], workers: int) -> list[Score]:
         """Every policy, behind the shield or not, in all episodes, counted or not."""
@@ -79,20 +94,28 @@ class Bench:
             return play_all(self.board, self.seeds, played, workers, bar)
 
     def figures(self, score: Score) -> dict[str, Any]:
-        """What the report says of a policy; in episodes that are not counted, how far beyond the least violation."""
+        """What the report says of a policy; in episodes that are not counted, how far beyond the
+        least violation."""
         counted = score.kept(self.counted)
         figures: dict[str, Any] = dict(counted.summary(self.board.seconds))
         rest = ~self.counted
-        figures["rejected_violation_s_beyond"] = round(float((score.violation_s - self.least_s)[rest].sum()), 2)
-        figures["rejected_depth_beyond"] = round(float((score.depth - self.least_depth)[rest].max(initial=0.0)), 4)
+        figures["rejected_violation_s_beyond"] = round(
+            float((score.violation_s - self.least_s)[rest].sum()), 2
+        )
+        figures["rejected_depth_beyond"] = round(
+            float((score.depth - self.least_depth)[rest].max(initial=0.0)), 4
+        )
         for name in self.references:
             figures[f"gap_share_{name}"] = round(self.gap_share(counted.power_W, name), 4)
-            shares = [self.gap_share(counted.power_W, name, k) for k in _resampled(counted.power_W.size)]
+            shares = [
+                self.gap_share(counted.power_W, name, k) for k in _resampled(counted.power_W.size)
+            ]
             figures[f"gap_share_{name}_interval"] = _percentiles(shares)
         return figures
 
     def gap_share(self, power_W: Floats, reference: str, which: Numbers | None = None) -> float:
-        """Part of what the reference saves against the fixed setting that the policy saves, over its episodes."""
+        """Part of what the reference saves against the fixed setting that the policy saves, over
+        its episodes."""
         k = np.arange(power_W.size) if which is None else which
         k = k[np.isfinite(self.references[reference][k])]
         fixed_W, reference_W = self.fixed.power_W[k], self.references[reference][k]
@@ -107,21 +130,30 @@ class Bench:
         rows: dict[str, Any] = {
             "power_W_each_seed": [round(float(p), 3) for p in power.mean(axis=1)],
             "violation_s_each_seed": [round(float(score.violation_s.sum()), 2) for score in kept],
-            "intervention_share_each_seed": [round(float(score.intervened.mean()), 3) for score in kept],
+            "intervention_share_each_seed": [
+                round(float(score.intervened.mean()), 3) for score in kept
+            ],
             "travel_um_per_s_each_seed": [
-                round(1e6 * float(score.travel_m.mean()) / self.board.seconds, 2) for score in kept],
+                round(1e6 * float(score.travel_m.mean()) / self.board.seconds, 2) for score in kept
+            ],
             "power_W_iqm": round(interquartile_mean(power), 3),
-            "power_W_iqm_interval": _percentiles([interquartile_mean(power[i][:, k]) for i, k in draws]),
+            "power_W_iqm_interval": _percentiles(
+                [interquartile_mean(power[i][:, k]) for i, k in draws]
+            ),
         }
         for name in self.references:
-            shares = [interquartile_mean(np.array([self.gap_share(p, name, k) for p in power[i]])) for i, k in draws]
+            shares = [
+                interquartile_mean(np.array([self.gap_share(p, name, k) for p in power[i]]))
+                for i, k in draws
+            ]
             rows[f"gap_share_{name}_iqm"] = round(
                 interquartile_mean(np.array([self.gap_share(p, name) for p in power])), 4)  # fmt: skip
             rows[f"gap_share_{name}_iqm_interval"] = _percentiles(shares)
         return rows
 
     def paired(self, a: Score, b: Score) -> dict[str, Any]:
-        """Mean power of ``a`` less that of ``b`` over the counted episodes, W, with its 95 % interval."""
+        """Mean power of ``a`` less that of ``b`` over the counted episodes, W, with its 95 %
+        interval."""
         difference = (a.power_W - b.power_W)[self.counted]
         means = [float(difference[k].mean()) for k in _resampled(difference.size)]
         return {"mean_W": round(float(difference.mean()), 4), "interval_W": _percentiles(means)}
@@ -155,9 +187,14 @@ def beats(difference: Mapping[str, Any]) -> bool:
 def _fixed_settings(
     board: Board, seeds: Sequence[int], counted: NDArray[np.bool_], workers: int
 ) -> list[tuple[Fixed, Score]]:  # fmt: skip
-    """Settings of a coarse grid, and clearances ever closer beside the best of them, with their scores."""
+    """Settings of a coarse grid, and clearances ever closer beside the best of them, with their
+    scores."""
     low, high, apart = FIXED_UM
-    grid = [Fixed(1e-6 * um, pressure) for pressure in pressures(board) for um in range(low, high + 1, apart)]
+    grid = [
+        Fixed(1e-6 * um, pressure)
+        for pressure in pressures(board)
+        for um in range(low, high + 1, apart)
+    ]
     tried = _tried(board, seeds, grid, workers)
     for step in FINER_UM:
         best = tried[_best(tried, counted)][0]
@@ -171,7 +208,13 @@ def _tried(
     board: Board, seeds: Sequence[int], settings: list[Fixed], workers: int
 ) -> list[tuple[Fixed, Score]]:  # fmt: skip
     with progress_bar("fixed settings", len(settings)) as bar:
-        return list(zip(settings, play_all(board, seeds, [(s, False) for s in settings], workers, bar), strict=True))
+        return list(
+            zip(
+                settings,
+                play_all(board, seeds, [(s, False) for s in settings], workers, bar),
+                strict=True,
+            )
+        )
 
 
 def _best(tried: Sequence[tuple[Fixed, Score]], counted: NDArray[np.bool_]) -> int:
@@ -185,7 +228,9 @@ def _best(tried: Sequence[tuple[Fixed, Score]], counted: NDArray[np.bool_]) -> i
     kept = [score.kept(counted) for _, score in tried]
     power = [np.inf if score.violation_s.any() else float(score.power_W.mean()) for score in kept]
     if not np.isfinite(power).any():
-        raise ValueError(f"each of {len(tried)} fixed settings breaks a limit in a counted episode; judge others")
+        raise ValueError(
+            f"each of {len(tried)} fixed settings breaks a limit in a counted episode; judge others"
+        )
     return int(np.argmin(power))
 
 
@@ -196,5 +241,3 @@ def _resampled(count: int) -> list[Numbers]:
 
 def _percentiles(values: Sequence[float]) -> list[float]:
     return [round(float(v), 4) for v in np.percentile(values, [2.5, 97.5])]
-
-

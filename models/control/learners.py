@@ -1,4 +1,5 @@
-"""The learned policies of one board: DDPG over several seeds behind the guard's shield, DQN, and a table."""
+"""The learned policies of one board: DDPG over several seeds behind the guard's shield, DQN, and a
+table."""
 
 from __future__ import annotations
 
@@ -19,7 +20,8 @@ from models.runs import Settings as RunSettings
 from models.workers import map_in_order
 
 VALIDATION_SEED = 500_000
-"""Added to the seed of the episodes that choose among the agents: none of training, none of judgement."""
+"""Added to the seed of the episodes that choose among the agents: none of training, none of
+judgement."""
 
 
 class ActorSettings(RunSettings, frozen=True):
@@ -58,7 +60,8 @@ Curve = list[tuple[int, float]]
 
 @dataclass(frozen=True)
 class Learned:
-    """What was learned on a board: agents of all seeds, the number of the best, values of choices, the table."""
+    """What was learned on a board: agents of all seeds, the number of the best, values of choices,
+    the table."""
 
     agents: list[Settings]
     best: int
@@ -67,7 +70,11 @@ class Learned:
 
     def policies(self) -> dict[str, Policy]:
         """By name; the best agent stands for DDPG."""
-        return {"ddpg": OfModule(self.agents[self.best]), "lookup": OfModule(self.table), "dqn": self.values}
+        return {
+            "ddpg": OfModule(self.agents[self.best]),
+            "lookup": OfModule(self.table),
+            "dqn": self.values,
+        }
 
 
 def learn(
@@ -83,12 +90,15 @@ def learn(
 
 
 def learn_all(run: Run, settings: ActorSettings, board: Board) -> Learned:
-    """Everything that is learned on ``board``, agents side by side; done once where a training is resumed."""
+    """Everything that is learned on ``board``, agents side by side; done once where a training is
+    resumed."""
     name = board_name(board)
     agents = _agents(run, settings, board)
     values = run.kept(f"{name}-dqn", partial(_values, settings, board, run.seed))
     with progress_bar(f"{name}: lookup table", settings.lookup_points[0]) as bar:
-        table = run.kept(f"{name}-lookup", partial(lookup, board, settings.lookup_points, settings.workers, bar))
+        table = run.kept(
+            f"{name}-lookup", partial(lookup, board, settings.lookup_points, settings.workers, bar)
+        )
     best = run.kept(f"{name}-best", partial(_choose, agents, settings, board, run.seed))
     return Learned(agents, best, OfValues(values, choices(board, settings.dqn_clearances)), table)
 
@@ -107,7 +117,9 @@ def _agents(run: Run, settings: ActorSettings, board: Board) -> list[Settings]:
     names = [f"{board_name(board)}-agent{number}" for number in range(settings.seeds)]
     missing = [number for number, name in enumerate(names) if not run.has(name)]
     seeds = [1000 * run.seed + number for number in missing]
-    learned = zip(missing, map_in_order(partial(learn, settings, board), seeds, settings.workers), strict=True)
+    learned = zip(
+        missing, map_in_order(partial(learn, settings, board), seeds, settings.workers), strict=True
+    )
     found = []
     with progress_bar(f"{board_name(board)}: DDPG", settings.seeds) as bar:
         for done, name in enumerate(names, 1):
@@ -120,7 +132,9 @@ def _logged(run: Run, board: Board, number: int, learned: tuple[Settings, Curve]
     """The agent; its returns go to the run's metrics."""
     agent, curve = learned
     for step, total in curve:
-        run.log({"board": board_name(board), "agent": number, "step": step, "return": round(total, 3)})
+        run.log(
+            {"board": board_name(board), "agent": number, "step": step, "return": round(total, 3)}
+        )
     return agent
 
 
@@ -132,7 +146,14 @@ def _values(settings: ActorSettings, board: Board, seed: int) -> Values:
 
 def _choose(agents: list[Settings], settings: ActorSettings, board: Board, seed: int) -> int:
     """Number of the agent with least violation, then least power, on validation episodes."""
-    seeds = range(VALIDATION_SEED + 1000 * seed, VALIDATION_SEED + 1000 * seed + settings.validation_episodes)
+    seeds = range(
+        VALIDATION_SEED + 1000 * seed, VALIDATION_SEED + 1000 * seed + settings.validation_episodes
+    )
     with progress_bar(f"{board_name(board)}: validation", len(agents)) as bar:
-        scores = play_all(board, seeds, [(OfModule(agent), True) for agent in agents], settings.workers, bar)
-    return min(range(len(agents)), key=lambda i: (float(scores[i].violation_s.sum()), float(scores[i].power_W.mean())))
+        scores = play_all(
+            board, seeds, [(OfModule(agent), True) for agent in agents], settings.workers, bar
+        )
+    return min(
+        range(len(agents)),
+        key=lambda i: (float(scores[i].violation_s.sum()), float(scores[i].power_W.mean())),
+    )

@@ -1,10 +1,12 @@
-"""How often the plausibility of the probe pair cries wolf, and how soon it finds a fault, on random builds.
+"""How often the plausibility of the probe pair cries wolf, and how soon it finds a fault, on random
+builds.
 
     python -m models.control.pair_study --hours 20            # false alarms of healthy builds
     python -m models.control.pair_study --faults --builds 40  # share found, and time to detect, by fault
 
-Rig, sample blocks and the guard's own parts, without wire and arming: the machine follows a random duty, and its
-clearance wanders through what the shield admits.  Each build draws its calibration, runout, clearance and oil.
+Rig, sample blocks and the guard's own parts, without wire and arming: the machine follows a random
+duty, and its clearance wanders through what the shield admits.  Each build draws its calibration,
+runout, clearance and oil.
 """
 
 from __future__ import annotations
@@ -46,7 +48,8 @@ START_S: Final = 20.0
 """A fault begins so long after the start of its episode."""
 
 Distort = Callable[[Floats, Floats], Floats]
-"""Displacements in counts, shape (n, 2), and seconds since the fault began: what the channels read then."""
+"""Displacements in counts, shape (n, 2), and seconds since the fault began: what the channels read
+then."""
 
 _COLUMN = {name: i for i, name in enumerate(TRUTH_COLUMNS)}
 
@@ -83,14 +86,22 @@ class Run:
         self._oil_error = float(self._rng.uniform(-OIL_ERROR_C, OIL_ERROR_C))
         self._power_error = float(self._rng.uniform(-POWER_ERROR_W, POWER_ERROR_W))
         self._target_m = self._safe_m = config.actuator.safe_radial_clearance_um * 1e-6
-        self._machine = Machine(rig, Build.draw(rig, self._rng), seed, rate_hz=RATE_HZ, clearance_m=self._safe_m)
+        self._machine = Machine(
+            rig, Build.draw(rig, self._rng), seed, rate_hz=RATE_HZ, clearance_m=self._safe_m
+        )
         self._pressure_Pa = rig.supply.nominal_Pa
-        self._ok, self._meter, self._pair = ChannelOk.of(config), MotionMeter(config), PairCheck(config)
+        self._ok, self._meter, self._pair = (
+            ChannelOk.of(config),
+            MotionMeter(config),
+            PairCheck(config),
+        )
         self._load, self._shield = LoadEstimator(config), Shield(config)
         self._seq, self._wish, self._wish_s = 0, 0.5, 0.0
         self._left_out = False
 
-    def seconds(self, until_s: float, distort: Distort | None = None, start_s: float = 0.0) -> dict[str, float]:
+    def seconds(
+        self, until_s: float, distort: Distort | None = None, start_s: float = 0.0
+    ) -> dict[str, float]:
         """Go on until then; when each kind began to stand first."""
         found: dict[str, float] = {}
         while self._seq * ROWS < until_s * RATE_HZ:
@@ -105,33 +116,75 @@ class Run:
         counts, truth = batch.counts, batch.truth
         if distort is not None:
             changed = distort(counts[:, :2].astype(np.float64), at[:-1] - start_s)
-            counts = np.column_stack([np.clip(np.rint(changed), -25000, 25000).astype(np.int16), counts[:, 2:]])
+            counts = np.column_stack(
+                [np.clip(np.rint(changed), -25000, 25000).astype(np.int16), counts[:, 2:]]
+            )
         names = []
         for i in range(0, n, ROWS):
             row = truth[i + ROWS - 1]
-            clearance_m = row[_COLUMN["clearance_m"]] + CLEARANCE_NOISE_M * float(self._rng.standard_normal())
-            speed, oil_C = float(row[_COLUMN["speed_rad_s"]]), float(row[_COLUMN["oil_C"]]) + self._oil_error
+            clearance_m = row[_COLUMN["clearance_m"]] + CLEARANCE_NOISE_M * float(
+                self._rng.standard_normal()
+            )
+            speed, oil_C = (
+                float(row[_COLUMN["speed_rad_s"]]),
+                float(row[_COLUMN["oil_C"]]) + self._oil_error,
+            )
             part = np.ascontiguousarray(counts[i : i + ROWS])
             ok = self._ok.step(part, speed)
             if ok & 3 != 3 and not self._left_out:
                 names.append(CHANNEL)
             self._left_out = ok & 3 != 3
-            block = Block(self._seq, self._seq * ROWS * 200_000, 200_000, 0, 200, 0, ok, speed, 0, [], part.tobytes(),
-                          self._ok.state.causes, self._ok.state.unusable)
+            block = Block(
+                self._seq,
+                self._seq * ROWS * 200_000,
+                200_000,
+                0,
+                200,
+                0,
+                ok,
+                speed,
+                0,
+                [],
+                part.tobytes(),
+                self._ok.state.causes,
+                self._ok.state.unusable,
+            )
             motion = self._meter.step(block)
             p2p_m = max(motion.peak_to_peak_um) * 1e-6
             facts = self._pair.facts(clearance_m, oil_C)
             names += [notice.name for notice in self._pair.step(block, facts, p2p_m)]
             self._seq += 1
         time_s = self._seq * ROWS / RATE_HZ
-        load = self._load.estimate(Look(
-            time_s, motion.mean_x_m, motion.mean_y_m, p2p_m, clearance_m, speed, oil_C,
-            float(row[_COLUMN["shaft_power_W"]]) + self._power_error, self._pressure_Pa * 1e-5))
+        load = self._load.estimate(
+            Look(
+                time_s,
+                motion.mean_x_m,
+                motion.mean_y_m,
+                p2p_m,
+                clearance_m,
+                speed,
+                oil_C,
+                float(row[_COLUMN["shaft_power_W"]]) + self._power_error,
+                self._pressure_Pa * 1e-5,
+            )
+        )
         room = self._shield.interval(
-            speed, load.low_N, load.film_N, oil_C, p2p_m, clearance_m, (), self._load.oil_range(oil_C))
+            speed,
+            load.low_N,
+            load.film_N,
+            oil_C,
+            p2p_m,
+            clearance_m,
+            (),
+            self._load.oil_range(oil_C),
+        )
         if time_s >= self._wish_s:
             self._wish, self._wish_s = float(self._rng.uniform()), time_s + WANDER_S
-        wished_m = room[0] + self._wish * (room[1] - room[0]) if room and distort is None else self._target_m
+        wished_m = (
+            room[0] + self._wish * (room[1] - room[0])
+            if room and distort is None
+            else self._target_m
+        )
         self._target_m = float(np.clip(wished_m if room else self._safe_m, 40e-6, 160e-6))
         return names
 
@@ -149,7 +202,8 @@ def healthy(seed: int) -> tuple[float, list[str]]:
 
 
 def faulty(seed: int, fault: str) -> tuple[float, float]:
-    """Seconds from the fault to the pair's alarm, and to the loss of authority by it or by a channel that is not OK.
+    """Seconds from the fault to the pair's alarm, and to the loss of authority by it or by a
+    channel that is not OK.
 
     Infinite within half a minute, nan when it cried before.
     """
@@ -176,8 +230,11 @@ def upper_limit(count: int) -> float:
 
 
 def main() -> int:
-    """Print the rate of false alarms, or the table of faults; 1 when there was more than one in 20 hours."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    """Print the rate of false alarms, or the table of faults; 1 when there was more than one in 20
+    hours."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--hours", type=float, default=0.5, help="simulated time of healthy builds")
     parser.add_argument("--faults", action="store_true", help="instead: how soon faults are found")
     parser.add_argument("--builds", type=int, default=10, help="builds for each fault")
@@ -188,14 +245,22 @@ def main() -> int:
         if asked.faults:
             for fault in FAULTS:
                 seeds = range(asked.seed, asked.seed + asked.builds)
-                times = [t for t in pool.map(faulty, seeds, [fault] * asked.builds) if not math.isnan(t[0])]
+                times = [
+                    t
+                    for t in pool.map(faulty, seeds, [fault] * asked.builds)
+                    if not math.isnan(t[0])
+                ]
                 caught = sorted(t for t, _ in times if math.isfinite(t))
                 median = caught[len(caught) // 2] if caught else math.inf
                 last = caught[-1] if caught else math.inf
                 ended = sorted(first for _, first in times if math.isfinite(first))
-                print(f"{fault:22s} named in {len(caught):3d} of {len(times):3d}, after {median:5.1f} s (median), "
-                      f"{last:5.1f} s at most; authority gone in {len(ended):3d}, after "
-                      f"{ended[len(ended) // 2] if ended else math.inf:5.1f} s (median)", flush=True)
+                print(
+                    f"{fault:22s} named in {len(caught):3d} of {len(times):3d}, after "
+                    f"{median:5.1f} s (median), "
+                    f"{last:5.1f} s at most; authority gone in {len(ended):3d}, after "
+                    f"{ended[len(ended) // 2] if ended else math.inf:5.1f} s (median)",
+                    flush=True,
+                )
             return 0
         episodes = max(1, round(asked.hours * 3600.0 / EPISODE_S))
         hours, cries = 0.0, dict.fromkeys(KINDS, 0)
@@ -209,8 +274,11 @@ def main() -> int:
             if (seed - asked.seed) % 30 == 29:
                 print(f"{hours:.1f} h, {sum(cries.values())} false alarms", flush=True)
         total = sum(cries.values())
-        print(f"{total} false alarms {cries} in {hours:.2f} simulated hours of {episodes} builds: "
-              f"{20 * total / hours:.2f} in 20 h, at most {20 * upper_limit(total) / hours:.2f} (95 %)")
+        print(
+            f"{total} false alarms {cries} in {hours:.2f} simulated hours of {episodes} builds: "
+            f"{20 * total / hours:.2f} in 20 h, at most {20 * upper_limit(total) / hours:.2f} "
+            f"(95 %)"
+        )
         return int(20 * total / hours > 1.0)
 
 

@@ -1,4 +1,5 @@
-"""Learned policies: a network's actions as settings in SI, as a module, as a file, as values of choices."""
+"""Learned policies: a network's actions as settings in SI, as a module, as a file, as values of
+choices."""
 
 from __future__ import annotations
 
@@ -48,7 +49,8 @@ def scale() -> Scale:
 
 
 class Settings(nn.Module):
-    """``observation (m, 11)`` in SI -> ``settings (m, k)``: clearance, m, and pressure, Pa, inside what the rig has.
+    """``observation (m, 11)`` in SI -> ``settings (m, k)``: clearance, m, and pressure, Pa, inside
+    what the rig has.
 
     Parameters
     ----------
@@ -134,7 +136,8 @@ class OfValues(_Memoryless):
 
 
 def choices(board: Board, clearances: int) -> Floats:
-    """Settings that values are learned of: clearances evenly over the range, with each pressure, shape (n, k), SI."""
+    """Settings that values are learned of: clearances evenly over the range, with each pressure,
+    shape (n, k), SI."""
     low, high = board.reach[:, 0]
     row = np.linspace(low, high, clearances)
     return np.array([[c] if p is None else [c, p] for p, c in product(pressures(board), row)])

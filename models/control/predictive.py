@@ -1,8 +1,10 @@
-"""Model-predictive choice: the brain's own predictor says what each clearance would bring, the cheapest good one wins.
+"""Model-predictive choice: the brain's own predictor says what each clearance would bring, the
+cheapest good one wins.
 
-Each rotor has its predictor, synchronised from the same observations as every other policy.  A candidate is good
-where the brain's policy would call it good (:meth:`firmware_py.brain.policy.Policy.good`) as the machine runs now,
-and also after :data:`AHEAD_S` of the fastest unannounced ramps, light and fast as well as slow and heavy.
+Each rotor has its predictor, synchronised from the same observations as every other policy.  A
+candidate is good where the brain's policy would call it good
+(:meth:`firmware_py.brain.policy.Policy.good`) as the machine runs now, and also after
+:data:`AHEAD_S` of the fastest unannounced ramps, light and fast as well as slow and heavy.
 """
 
 from __future__ import annotations
@@ -22,7 +24,8 @@ from sim_hil.control_task import CONTROL_S
 Floats = NDArray[np.float64]
 
 AHEAD_S: Final = 0.5
-"""How far ahead a ramp is foreseen: the shield or the next choices move the bearing by 25 um in that time."""
+"""How far ahead a ramp is foreseen: the shield or the next choices move the bearing by 25 um in
+that time."""
 
 
 class ModelPredictive:

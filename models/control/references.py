@@ -1,4 +1,5 @@
-"""Best schedules of judged episodes, with preview and causal: computed once, one small file an episode."""
+"""Best schedules of judged episodes, with preview and causal: computed once, one small file an
+episode."""
 
 from __future__ import annotations
 
@@ -17,7 +18,8 @@ from models.workers import map_in_order
 from sim_hil.bound import Reference, episode_references
 
 SPACING_UM = 12
-"""Clearances of the map that are run: half the time of the standard spacing, and every schedule is judged in time."""
+"""Clearances of the map that are run: half the time of the standard spacing, and every schedule is
+judged in time."""
 
 Floats = NDArray[np.float64]
 

@@ -1,5 +1,5 @@
-"""What could replace the learned agent: a table, two controllers of the measured eccentricity, each from the same
-observations and behind the same shield."""
+"""What could replace the learned agent: a table, two controllers of the measured eccentricity, each
+from the same observations and behind the same shield."""
 
 from __future__ import annotations
 
@@ -24,16 +24,20 @@ Floats = NDArray[np.float64]
 
 FILM_MARGIN: Final = 1.3
 SWING_MARGIN: Final = 0.6
-"""Shares of the limits that the nominal machine keeps, so that a build at the edge of the spread still does."""
+"""Shares of the limits that the nominal machine keeps, so that a build at the edge of the spread
+still does."""
 
 PRESSURES_PA: Final = (0.5e5, 1e5, 2e5)
-"""The rig's least and nominal supply pressure, and the double; the pump's power grows with its square."""
+"""The rig's least and nominal supply pressure, and the double; the pump's power grows with its
+square."""
 
 
 class Lookup(nn.Module):
-    """``observation (m, 11)`` -> ``settings (m, k)``, SI: bilinear in the logarithms of speed and estimated load.
+    """``observation (m, 11)`` -> ``settings (m, k)``, SI: bilinear in the logarithms of speed and
+    estimated load.
 
-    ``table`` (speeds, loads, k) holds clearances, m, and where it may be set the supply pressure, Pa.
+    ``table`` (speeds, loads, k) holds clearances, m, and where it may be set the supply pressure,
+    Pa.
     """
 
     def __init__(self, rig: RigData, table: Floats) -> None:
@@ -48,8 +52,13 @@ class Lookup(nn.Module):
     def forward(self, observation: Tensor) -> Tensor:
         """Held beyond the ends of the table."""
         names = ("speed_rad_s", "load_estimate_N")
-        fast, heavy = (self._hats(observation[:, column(name)], axis) for axis, name in enumerate(names))
-        columns = [torch.sum((fast @ self.table[:, :, i]) * heavy, dim=1) for i in range(self.table.shape[2])]
+        fast, heavy = (
+            self._hats(observation[:, column(name)], axis) for axis, name in enumerate(names)
+        )
+        columns = [
+            torch.sum((fast @ self.table[:, :, i]) * heavy, dim=1)
+            for i in range(self.table.shape[2])
+        ]
         return torch.stack(columns, dim=1)
 
     def _hats(self, x: Tensor, axis: int) -> Tensor:
@@ -61,7 +70,9 @@ class Lookup(nn.Module):
         return torch.relu(1.0 - torch.abs(place - torch.arange(knots, dtype=place.dtype)))
 
 
-def lookup(board: Board, points: tuple[int, int, int], workers: int, progress: Callable[[int], None]) -> Lookup:
+def lookup(
+    board: Board, points: tuple[int, int, int], workers: int, progress: Callable[[int], None]
+) -> Lookup:
     """Table of the least power that keeps the limits, by steady runs of the drawing's rotor.
 
     Parameters
@@ -71,7 +82,9 @@ def lookup(board: Board, points: tuple[int, int, int], workers: int, progress: C
     """
     rows = []
     speeds, _ = _axes(board.data, points[:2])
-    for done, row in enumerate(map_in_order(partial(_row, board, points), speeds.tolist(), workers), 1):
+    for done, row in enumerate(
+        map_in_order(partial(_row, board, points), speeds.tolist(), workers), 1
+    ):
         rows.append(row)
         progress(done)
     return Lookup(board.data, np.array(rows))
@@ -90,11 +103,14 @@ def _row(board: Board, points: tuple[int, int, int], speed_rad_s: float) -> Floa
         settings += [[c] if pressure is None else [c, pressure] for c in clearances]
     power, film, swing = np.concatenate(figures, axis=2)
     choices = np.array(settings)
-    return np.array([choices[_best(choices[:, 0], power[j], film[j], swing[j])] for j in range(len(loads))])
+    return np.array(
+        [choices[_best(choices[:, 0], power[j], film[j], swing[j])] for j in range(len(loads))]
+    )
 
 
 def pressures(board: Board) -> tuple[float | None, ...]:
-    """Supply pressures that tables and fixed settings are chosen from, Pa; None where it cannot be set."""
+    """Supply pressures that tables and fixed settings are chosen from, Pa; None where it cannot be
+    set."""
     return PRESSURES_PA if board.pressure else (None,)
 
 
@@ -105,9 +121,12 @@ def _axes(rig: RigData, points: tuple[int, int]) -> tuple[Floats, Floats]:
 
 
 def _best(clearances: Floats, power: Floats, film: Floats, swing: Floats) -> int:
-    """The setting of least power among those that keep the limits with margin, else the one of thickest film."""
+    """The setting of least power among those that keep the limits with margin, else the one of
+    thickest film."""
     limits = Limits()
-    good = (film >= FILM_MARGIN * limits.min_film_m) & (swing <= SWING_MARGIN * limits.swing_share * clearances)
+    good = (film >= FILM_MARGIN * limits.min_film_m) & (
+        swing <= SWING_MARGIN * limits.swing_share * clearances
+    )
     return int(np.argmin(np.where(good, power, np.inf)) if good.any() else np.argmax(film))
 
 
@@ -141,7 +160,9 @@ class EccentricityPI:
         The bearing's; the integral stops there.
     """
 
-    def __init__(self, set_point: float, gain_m: float, integral_m_s: float, range_m: tuple[float, float]) -> None:
+    def __init__(
+        self, set_point: float, gain_m: float, integral_m_s: float, range_m: tuple[float, float]
+    ) -> None:
         self._set_point, self._gain_m, self._integral_m_s = set_point, gain_m, integral_m_s
         self._range_m = range_m
         self._base_m: Floats = np.zeros(0)
@@ -157,7 +178,9 @@ class EccentricityPI:
         # The integral never runs more than one second of its own ahead of where the bearing is.
         reach_m = np.abs(self._integral_m_s)
         base_m = self._base_m + self._integral_m_s * lack * CONTROL_S
-        self._base_m = np.clip(np.clip(base_m, clearance_m - reach_m, clearance_m + reach_m), *self._range_m)
+        self._base_m = np.clip(
+            np.clip(base_m, clearance_m - reach_m, clearance_m + reach_m), *self._range_m
+        )
         return np.clip(self._base_m + self._gain_m * lack, *self._range_m)[:, None]
 
     def _wanted(self, observation: Observation) -> Floats:
@@ -165,7 +188,8 @@ class EccentricityPI:
 
 
 class AdaptivePI(EccentricityPI):
-    """The same with a set point that rises while the vibration leaves room, and falls fast when it does not.
+    """The same with a set point that rises while the vibration leaves room, and falls fast when it
+    does not.
 
     Parameters
     ----------
@@ -189,7 +213,9 @@ class AdaptivePI(EccentricityPI):
         self._wish = np.full(count, self._set_point)
 
     def _wanted(self, observation: Observation) -> Floats:
-        swing = np.maximum(observation[:, column("peak_to_peak_x_m")], observation[:, column("peak_to_peak_y_m")])
+        swing = np.maximum(
+            observation[:, column("peak_to_peak_x_m")], observation[:, column("peak_to_peak_y_m")]
+        )
         room = 1.0 - swing / observation[:, column("clearance_m")] / self._swing_share
         step = self._rate_1_s * CONTROL_S * np.where(room > 0, room, 5.0 * room)
         self._wish = np.clip(self._wish + step, 0.05, 0.85)

@@ -1,4 +1,5 @@
-"""One scoreboard played: every policy in the same unseen episodes, and some of them on nearer plants."""
+"""One scoreboard played: every policy in the same unseen episodes, and some of them on nearer
+plants."""
 
 from __future__ import annotations
 
@@ -17,7 +18,9 @@ PI = (0.45, 40e-6, 60e-6)
 """Set point of the eccentricity ratio, gain and integral gain of both controllers."""
 
 
-def judge(bench: Bench, policies: dict[str, Policy], agents: list[Policy], workers: int) -> dict[str, Any]:
+def judge(
+    bench: Bench, policies: dict[str, Policy], agents: list[Policy], workers: int
+) -> dict[str, Any]:
     """Figures of every policy behind the shield and without it, and of all agents together."""
     everything = [*policies.values(), *agents]
     played = [(policy, shielded) for shielded in (True, False) for policy in everything]
@@ -25,17 +28,25 @@ def judge(bench: Bench, policies: dict[str, Policy], agents: list[Policy], worke
     behind, alone = scores[: len(everything)], scores[len(everything) : -1]
     shielded = dict(zip(policies, behind, strict=False))
     rows = {name: bench.figures(score) for name, score in shielded.items()}
-    rows |= {f"{name}_without_shield": bench.figures(s) for name, s in zip(policies, alone, strict=False)}
-    report: dict[str, Any] = {**bench.header(), "policies": rows | {"nominal_fixed": bench.figures(scores[-1])}}
+    rows |= {
+        f"{name}_without_shield": bench.figures(s) for name, s in zip(policies, alone, strict=False)
+    }
+    report: dict[str, Any] = {
+        **bench.header(),
+        "policies": rows | {"nominal_fixed": bench.figures(scores[-1])},
+    }
     if agents:
         report["ddpg_all_seeds"] = bench.over_seeds(behind[len(policies) :])
         report["ddpg_all_seeds_without_shield"] = bench.over_seeds(alone[len(policies) :])
     first, *others = policies
-    return report | {f"{first}_less_{name}": bench.paired(shielded[first], shielded[name]) for name in others}
+    return report | {
+        f"{first}_less_{name}": bench.paired(shielded[first], shielded[name]) for name in others
+    }
 
 
 def rivals(board: Board) -> dict[str, Policy]:
-    """What needs no training; ``widest`` wishes for the largest clearance always, and shows what the shield gives.
+    """What needs no training; ``widest`` wishes for the largest clearance always, and shows what
+    the shield gives.
 
     Where the pressure may be set they leave it at its least.
     """
@@ -49,13 +60,17 @@ def rivals(board: Board) -> dict[str, Policy]:
 
 
 def predictive(board: Board) -> dict[str, Policy]:
-    """The model-predictive choice, twenty times slower than the others; its predictor knows the unfed film only."""
+    """The model-predictive choice, twenty times slower than the others; its predictor knows the
+    unfed film only."""
     return {} if board.pressure else {"model_predictive": ModelPredictive(board.rig)}
 
 
 def nominal(board: Board) -> Fixed:
     """The rig's nominal setting."""
-    return Fixed(board.data.bearing.clearance_nominal_m, board.data.supply.nominal_Pa if board.pressure else None)
+    return Fixed(
+        board.data.bearing.clearance_nominal_m,
+        board.data.supply.nominal_Pa if board.pressure else None,
+    )
 
 
 def on_machine(
@@ -64,8 +79,17 @@ def on_machine(
     """Behind the shield on the whole machine with its sensors."""
     board, seeds = bench.board, bench.seeds[:episodes]
     with progress_bar("whole machine", len(policies)) as bar:
-        scores = play_all(board, seeds, [(policy, True) for policy in policies.values()], workers, bar, play_machine)
-    return {name: score.summary(board.seconds) for name, score in zip(policies, scores, strict=True)}
+        scores = play_all(
+            board,
+            seeds,
+            [(policy, True) for policy in policies.values()],
+            workers,
+            bar,
+            play_machine,
+        )
+    return {
+        name: score.summary(board.seconds) for name, score in zip(policies, scores, strict=True)
+    }
 
 
 def as_drawn(bench: Bench, policies: dict[str, Policy], workers: int) -> dict[str, Any]:
@@ -75,17 +99,25 @@ def as_drawn(bench: Bench, policies: dict[str, Policy], workers: int) -> dict[st
     return {name: drawn.figures(score) for name, score in zip(policies, scores, strict=True)}
 
 
-def directly(bench: Bench, policies: dict[str, Policy], episodes: int, workers: int) -> dict[str, Any]:
-    """Policies behind the shield and fixed settings with Reynolds' equation solved in every step, less the table's."""
+def directly(
+    bench: Bench, policies: dict[str, Policy], episodes: int, workers: int
+) -> dict[str, Any]:
+    """Policies behind the shield and fixed settings with Reynolds' equation solved in every step,
+    less the table's."""
     board, seeds = bench.board, bench.seeds[:episodes]
     fixed = {"best_fixed": bench.setting, "nominal_fixed": nominal(board)}
-    played = [(policy, True) for policy in policies.values()] + [(policy, False) for policy in fixed.values()]
+    played = [(policy, True) for policy in policies.values()] + [
+        (policy, False) for policy in fixed.values()
+    ]
     with progress_bar("direct Reynolds", len(played)) as bar:
         direct = play_all(replace(board, direct=True), seeds, played, workers, bar)
     with progress_bar("the same from the table", len(played)) as bar:
         table = play_all(board, seeds, played, workers, bar)
     rows = zip((*policies, *fixed), direct, table, strict=True)
-    return {"episodes": len(seeds), **{name: _difference(a, b, board.seconds) for name, a, b in rows}}
+    return {
+        "episodes": len(seeds),
+        **{name: _difference(a, b, board.seconds) for name, a, b in rows},
+    }
 
 
 def _difference(direct: Score, table: Score, seconds: float) -> dict[str, float]:

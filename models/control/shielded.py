@@ -1,4 +1,5 @@
-"""The rig's environments behind the guard's own shield: clamped to its interval, safe where there is none."""
+"""The rig's environments behind the guard's own shield: clamped to its interval, safe where there
+is none."""
 
 from __future__ import annotations
 
@@ -42,21 +43,26 @@ def column(name: str) -> int:
 
 def shipped_config(rig: str) -> Config:
     """The configuration that ships for ``rig``."""
-    return configuration.load(Path(str(resources.files("firmware_py").joinpath(f"configs/{rig}.toml"))))[0]
+    return configuration.load(
+        Path(str(resources.files("firmware_py").joinpath(f"configs/{rig}.toml")))
+    )[0]
 
 
 def config_of(rig: str, *, fed: bool) -> Config:
     """That configuration; where the film is fed from its groove, with what that adds to the load.
 
-    Errors of the film are those of the unfed one under that load, as :mod:`sim_hil.film.groove_load` measures them; of
-    its friction nothing is claimed.
+    Errors of the film are those of the unfed one under that load, as
+    :mod:`sim_hil.film.groove_load` measures them; of its friction nothing is claimed.
     """
     config = shipped_config(rig)
     if not fed:
         return config
     bearing = msgspec.structs.replace(
-        config.bearing, load_error_share=0.03, attitude_error_deg=2.7, friction_error_share=1.0)
-    feed = msgspec.structs.replace(config.feed, groove_area_min_mm2=160.0, groove_area_max_mm2=320.0)
+        config.bearing, load_error_share=0.03, attitude_error_deg=2.7, friction_error_share=1.0
+    )
+    feed = msgspec.structs.replace(
+        config.feed, groove_area_min_mm2=160.0, groove_area_max_mm2=320.0
+    )
     return msgspec.structs.replace(config, bearing=bearing, feed=feed)
 
 
@@ -68,7 +74,14 @@ def fast_ramps(config: Config, duty: Duty) -> list[Ramp]:
         seconds = duty.time_s[i] - duty.time_s[i - 1]
         load, speed = (abs(row[i] - row[i - 1]) for row in (duty.load_N, duty.speed_rpm))
         if load > load_rate * seconds + 1e-9 or speed > speed_rate * seconds + 1e-9:
-            ramps.append(Ramp(duty.time_s[i - 1], duty.time_s[i], duty.speed_rpm[i] * RAD_S_PER_RPM, duty.load_N[i]))
+            ramps.append(
+                Ramp(
+                    duty.time_s[i - 1],
+                    duty.time_s[i],
+                    duty.speed_rpm[i] * RAD_S_PER_RPM,
+                    duty.load_N[i],
+                )
+            )
     return ramps
 
 
@@ -82,10 +95,13 @@ class Keeper:
     duty
         Its fast ramps are announced :data:`ANNOUNCED_S` ahead.
     commissioned
-        What was measured of this machine, whose configuration then stands in the place of ``config``.
+        What was measured of this machine, whose configuration then stands in the place of
+        ``config``.
     """
 
-    def __init__(self, config: Config, duty: Duty, commissioned: Commissioned | None = None) -> None:
+    def __init__(
+        self, config: Config, duty: Duty, commissioned: Commissioned | None = None
+    ) -> None:
         config = commissioned.config if commissioned else config
         self._commissioned = commissioned
         self._shield, self._loads = Shield(config), LoadEstimator(config)
@@ -95,23 +111,29 @@ class Keeper:
     @classmethod
     def of(cls, config: Config, rig: RigData, episode: Episode, *, commissioned: bool) -> Keeper:
         """That of an episode's machine."""
-        return cls(config, episode.duty, Commissioned.of(config, rig, episode) if commissioned else None)
+        return cls(
+            config, episode.duty, Commissioned.of(config, rig, episode) if commissioned else None
+        )
 
     def seen(self, observation: Observation) -> Observation:
-        """What the device shows of ``observation``: with calibrated probes where the machine is commissioned."""
+        """What the device shows of ``observation``: with calibrated probes where the machine is
+        commissioned."""
         return self._commissioned.corrected(observation) if self._commissioned else observation
 
     def interval(self, observation: Observation, time_s: float) -> tuple[float, float] | None:
         """What the guard would admit."""
         names = ("eccentricity_x_m", "eccentricity_y_m", "peak_to_peak_x_m", "peak_to_peak_y_m", "clearance_m",
                  "speed_rad_s", "oil_outlet_C", "shaft_power_W", "supply_pressure_bar")  # fmt: skip
-        x, y, swing_x, swing_y, clearance, speed, oil, *rest = (float(observation[column(name)]) for name in names)
+        x, y, swing_x, swing_y, clearance, speed, oil, *rest = (
+            float(observation[column(name)]) for name in names
+        )
         swing = max(swing_x, swing_y)
         load = self._loads.estimate(Look(time_s, x, y, swing, clearance, speed, oil, *rest))
         known = [Ramp(r.start_s - time_s, r.end_s - time_s, r.speed_rad_s, r.load_N) for r in self._ramps
                  if r.start_s - ANNOUNCED_S <= time_s < r.end_s]  # fmt: skip
         return self._shield.interval(
-            speed, load.low_N, load.film_N, oil, swing, clearance, known, self._loads.oil_range(oil))
+            speed, load.low_N, load.film_N, oil, swing, clearance, known, self._loads.oil_range(oil)
+        )
 
     def admitted(self, observation: Observation, time_s: float, wish_m: float) -> float:
         """``wish_m`` within the interval, else the safe clearance."""
@@ -120,7 +142,8 @@ class Keeper:
 
 
 class ShieldedRotors(gymnasium.vector.VectorWrapper[Observation, Observation, NDArray[Any]]):
-    """The vectorised environment behind the shield; ``info["intervened"]`` tells whose wish it changed.
+    """The vectorised environment behind the shield; ``info["intervened"]`` tells whose wish it
+    changed.
 
     Parameters
     ----------
@@ -132,7 +155,9 @@ class ShieldedRotors(gymnasium.vector.VectorWrapper[Observation, Observation, ND
         Whether each machine was commissioned, or is known by its drawing alone.
     """
 
-    def __init__(self, rotors: RotorVectorEnv, *, shielded: bool = True, commissioned: bool = False) -> None:
+    def __init__(
+        self, rotors: RotorVectorEnv, *, shielded: bool = True, commissioned: bool = False
+    ) -> None:
         super().__init__(rotors)
         self.rotors, self._commissioned = rotors, commissioned
         self._shielded, self._config = shielded, config_of(rotors.rig.name, fed=rotors.pressure)
@@ -148,12 +173,16 @@ class ShieldedRotors(gymnasium.vector.VectorWrapper[Observation, Observation, ND
         self._observation = self._seen(observation)
         return self._observation, info
 
-    def step(self, actions: Observation) -> tuple[Observation, Floats, Flags, Flags, dict[str, Any]]:
+    def step(
+        self, actions: Observation
+    ) -> tuple[Observation, Floats, Flags, Flags, dict[str, Any]]:
         """As :meth:`RotorVectorEnv.step`, with what the shield lets through."""
         wish = targets(self.rotors.rig, actions)[:, : actions.shape[1]]
         wish_m = wish[:, 0].copy()
         target_m = wish[:, 0] = self._admitted(wish_m) if self._shielded else wish_m
-        observation, reward, terminated, truncated, info = self.rotors.step(actions_of(self.rotors.rig, wish))
+        observation, reward, terminated, truncated, info = self.rotors.step(
+            actions_of(self.rotors.rig, wish)
+        )
         self._time_s += CONTROL_S
         ended = np.flatnonzero(terminated | truncated)
         if ended.size:
@@ -165,18 +194,27 @@ class ShieldedRotors(gymnasium.vector.VectorWrapper[Observation, Observation, ND
         return self._observation, reward, terminated, truncated, info
 
     def _keeper(self, i: int) -> Keeper:
-        return Keeper.of(self._config, self.rotors.rig, self.rotors.episodes[i], commissioned=self._commissioned)
+        return Keeper.of(
+            self._config, self.rotors.rig, self.rotors.episodes[i], commissioned=self._commissioned
+        )
 
     def _seen(self, observation: Observation) -> Observation:
-        return np.stack([keeper.seen(row) for keeper, row in zip(self._keepers, observation, strict=True)])
+        return np.stack(
+            [keeper.seen(row) for keeper, row in zip(self._keepers, observation, strict=True)]
+        )
 
     def _admitted(self, wish_m: Floats) -> Floats:
-        rows = zip(self._keepers, self._observation, self._time_s.tolist(), wish_m.tolist(), strict=True)
-        return np.array([keeper.admitted(seen, time_s, wish) for keeper, seen, time_s, wish in rows])
+        rows = zip(
+            self._keepers, self._observation, self._time_s.tolist(), wish_m.tolist(), strict=True
+        )
+        return np.array(
+            [keeper.admitted(seen, time_s, wish) for keeper, seen, time_s, wish in rows]
+        )
 
 
 class ShieldedRotor(gymnasium.Wrapper[Observation, Observation, Observation, Observation]):
-    """``RotorEnv`` behind the shield, commissioned or not; ``info["intervened"]`` tells that it changed the wish."""
+    """``RotorEnv`` behind the shield, commissioned or not; ``info["intervened"]`` tells that it
+    changed the wish."""
 
     def __init__(self, environment: RotorEnv, *, commissioned: bool = False) -> None:
         super().__init__(environment)
@@ -188,7 +226,9 @@ class ShieldedRotor(gymnasium.Wrapper[Observation, Observation, Observation, Obs
     ) -> tuple[Observation, dict[str, Any]]:
         """As :meth:`RotorEnv.reset`."""
         observation, info = self.env.reset(seed=seed, options=options)
-        self._keeper = Keeper.of(self._config, self.rotor.rig, self.rotor.episode, commissioned=self._commissioned)
+        self._keeper = Keeper.of(
+            self._config, self.rotor.rig, self.rotor.episode, commissioned=self._commissioned
+        )
         self._observation, self._time_s = self._keeper.seen(observation), 0.0
         return self._observation, info
 

@@ -1,1 +1,2 @@
-"""The fault classifier: recordings, ladder, calibration, novelty, judge; measured recordings of any rig."""
+"""The fault classifier: recordings, ladder, calibration, novelty, judge; measured recordings of any
+rig."""

@@ -1,6 +1,8 @@
-"""What the device would say, decision by decision: false alarms on healthy machines, delays to the right name.
+"""What the device would say, decision by decision: false alarms on healthy machines, delays to the
+right name.
 
-The words and their order are those of :class:`firmware_py.brain.diagnosis.Diagnoser`: whirl, unknown, doubt, a class.
+The words and their order are those of :class:`firmware_py.brain.diagnosis.Diagnoser`: whirl,
+unknown, doubt, a class.
 """
 
 from __future__ import annotations
@@ -36,8 +38,9 @@ MONTH_HOURS: Final = 720.0
 POINTS_A_MONTH: Final = 720
 """A machine-month is counted in operating points, another one every hour around the clock.
 
-What alarms is a machine at a point, entered by a run-up, a ramp, a load step or moves of the clearance, as every
-watched run enters one; noise about a point that is held does next to nothing (:func:`held`).
+What alarms is a machine at a point, entered by a run-up, a ramp, a load step or moves of the
+clearance, as every watched run enters one; noise about a point that is held does next to nothing
+(:func:`held`).
 """
 HELD_SECONDS: Final = 100.0
 TRADED: Final = (1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0, 1e3)
@@ -48,8 +51,8 @@ TRADED: Final = (1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0, 1e3)
 class Rule:
     """When a word is said.
 
-    ``novelty``: above it the word is unknown; ``named_above`` ``(5,)``: odds of each fault against normal from which it
-    is named.
+    ``novelty``: above it the word is unknown; ``named_above`` ``(5,)``: odds of each fault against
+    normal from which it is named.
     """
 
     novelty: float
@@ -58,7 +61,8 @@ class Rule:
 
 @dataclass(frozen=True)
 class Heard:
-    """Decisions before they become words: class probabilities ``(n, 6)``, novelty, whirl, and whose they are."""
+    """Decisions before they become words: class probabilities ``(n, 6)``, novelty, whirl, and whose
+    they are."""
 
     probability: Floats
     novelty: Floats
@@ -67,12 +71,17 @@ class Heard:
 
     def subset(self, rows: NDArray[np.bool_]) -> Heard:
         """The decisions at ``rows``."""
-        return Heard(self.probability[rows], self.novelty[rows], self.whirl[rows], self.rows.subset(rows))
+        return Heard(
+            self.probability[rows], self.novelty[rows], self.whirl[rows], self.rows.subset(rows)
+        )
 
     def words(self, rule: Rule) -> NDArray[np.intp]:
-        """The device's word on each decision: a class, :data:`UNKNOWN`, :data:`DOUBT` or :data:`WHIRL`."""
+        """The device's word on each decision: a class, :data:`UNKNOWN`, :data:`DOUBT` or
+        :data:`WHIRL`."""
         named, best = self.probability.argmax(axis=1), self.probability.max(axis=1)
-        doubt = (best < DOUBT_BELOW) | (best < np.r_[0.0, rule.named_above][named] * self.probability[:, 0])
+        doubt = (best < DOUBT_BELOW) | (
+            best < np.r_[0.0, rule.named_above][named] * self.probability[:, 0]
+        )
         word = np.where(self.novelty > rule.novelty, UNKNOWN, np.where(doubt, DOUBT, named))
         return np.asarray(np.where(self.whirl, WHIRL, word), dtype=np.intp)
 
@@ -80,7 +89,8 @@ class Heard:
 def hear(
     verdicts: Verdicts, data: Dataset, step: int | None = 1, windows: int = WINDOWS_PER_DECISION
 ) -> Heard:
-    """A decision every ``step`` windows (None: without overlap); whirl is asked of the last window alone."""
+    """A decision every ``step`` windows (None: without overlap); whirl is asked of the last window
+    alone."""
     rows = pooled(data, windows, step)
     last = np.array([end - 1 for _, end in spans(data, windows, step)], dtype=np.intp)
     heads, novelty = verdicts(rows.features)
@@ -92,19 +102,27 @@ def whirls(features: NDArray[np.floating]) -> NDArray[np.bool_]:
     half, backward, rms, clearance = (features[:, FEATURE_NAMES.index(name)].astype(np.float64) for name in (
         "shaft_half_fwd_rms", "shaft_half_bwd_rms", "log_shaft_rms_m", "clearance_100um"))  # fmt: skip
     share = 10.0 ** (2.0 * half) + 10.0 ** (2.0 * backward)
-    return np.asarray((share > WHIRL_SHARE) & (10.0 ** (half + rms) > WHIRL_CLEARANCE_SHARE * 1e-4 * clearance))
+    return np.asarray(
+        (share > WHIRL_SHARE) & (10.0 ** (half + rms) > WHIRL_CLEARANCE_SHARE * 1e-4 * clearance)
+    )
 
 
 def false_alarms(heard: Heard, rule: Rule) -> dict[str, object]:
-    """Words on healthy machines that name a fault: per decision every hop, and confirmed by persistence.
+    """Words on healthy machines that name a fault: per decision every hop, and confirmed by
+    persistence.
 
-    The upper 95 % limits are a bootstrap over builds of the share of decisions (nothing without any alarm), the exact
-    binomial ones of the shares of builds and of watched runs that alarm, the latter times :data:`POINTS_A_MONTH`, and
-    the exact Poisson one of confirmed alarms in as many hours as a month has, all as eventful as the watched ones.
+    The upper 95 % limits are a bootstrap over builds of the share of decisions (nothing without any
+    alarm), the exact binomial ones of the shares of builds and of watched runs that alarm, the
+    latter times :data:`POINTS_A_MONTH`, and the exact Poisson one of confirmed alarms in as many
+    hours as a month has, all as eventful as the watched ones.
     """
     from scipy.stats import beta, chi2
 
-    said, builds, runs = heard.words(rule), np.unique(heard.rows.group), np.unique(heard.rows.recording)
+    said, builds, runs = (
+        heard.words(rule),
+        np.unique(heard.rows.group),
+        np.unique(heard.rows.recording),
+    )
     alarm = (said > 0) & (said < UNKNOWN)
     share = np.array([np.mean(alarm[heard.rows.group == build]) for build in builds])
     draws = np.random.default_rng(0).integers(0, len(builds), (4000, len(builds)))
@@ -129,14 +147,17 @@ def false_alarms(heard: Heard, rule: Rule) -> dict[str, object]:
 
 
 def held(heard: Heard, rule: Rule) -> dict[str, float]:
-    """Long healthy runs: alarms, and how far noise carries a point that is held towards the limit of any fault.
+    """Long healthy runs: alarms, and how far noise carries a point that is held towards the limit
+    of any fault.
 
-    ``nearest_in_scatters``: smallest distance of the mean log-odds of a held point from the nearest limit, in standard
-    deviations about that mean; ``largest_scatter`` of those.
+    ``nearest_in_scatters``: smallest distance of the mean log-odds of a held point from the nearest
+    limit, in standard deviations about that mean; ``largest_scatter`` of those.
     """
     said = heard.words(rule)
     beyond = fault_log_odds(heard.probability) - np.log(rule.named_above)
-    still = (heard.rows.duty == recordings.DUTIES.index("hold")) & (heard.rows.loop == LOOPS.index("fixed"))
+    still = (heard.rows.duty == recordings.DUTIES.index("hold")) & (
+        heard.rows.loop == LOOPS.index("fixed")
+    )
     runs, points = np.unique(heard.rows.recording), np.unique(heard.rows.recording[still])
     at = [beyond[heard.rows.recording == point] for point in points]
     away = [float(np.min(-x.mean(axis=0) / np.maximum(x.std(axis=0), 1e-6))) for x in at]
@@ -155,7 +176,8 @@ def held_cases(rng: np.random.Generator) -> list[Case]:
 
 
 def _confirmed(said: NDArray[np.intp]) -> int:
-    """Stretches of one recording that name one and the same fault for as long as the device asks."""
+    """Stretches of one recording that name one and the same fault for as long as the device
+    asks."""
     stretches = ((word, len(list(run))) for word, run in groupby(said.tolist()))
     return sum(0 < word < UNKNOWN and length > CONFIRM_HOPS for word, length in stretches)
 
@@ -170,23 +192,30 @@ def faulty_cases(rng: np.random.Generator) -> list[Case]:
 
 
 def onsets(verdicts: Verdicts, data: Dataset) -> list[Heard]:
-    """Decisions of each faulty recording after ten healthy windows of its build, the first with one faulty window.
+    """Decisions of each faulty recording after ten healthy windows of its build, the first with one
+    faulty window.
 
-    The healthy windows are of another operating point, which is harder than a fault that comes while all else stays.
+    The healthy windows are of another operating point, which is harder than a fault that comes
+    while all else stays.
     """
     found = []
     for recording in np.unique(data.recording[data.kind > 0]):
         rows = np.flatnonzero(data.recording == recording)
-        before = np.flatnonzero((data.group == data.group[rows[0]]) & (data.kind == 0))[-WINDOWS_PER_DECISION:]
+        before = np.flatnonzero((data.group == data.group[rows[0]]) & (data.kind == 0))[
+            -WINDOWS_PER_DECISION:
+        ]
         both = join([data.subset(before), data.subset(rows)])
-        labels = {f.name: np.full(len(both), getattr(data, f.name)[rows[0]]) for f in fields(Dataset)[1:]}
+        labels = {
+            f.name: np.full(len(both), getattr(data, f.name)[rows[0]]) for f in fields(Dataset)[1:]
+        }
         heard = hear(verdicts, replace(both, **labels))
         found.append(heard.subset(np.arange(len(heard.rows)) > 0))
     return found
 
 
 def detection(heard: list[Heard], rule: Rule) -> dict[str, dict[str, float | None]]:
-    """Seconds from a fault's first window to its right name, and to its confirmation; None where it never came."""
+    """Seconds from a fault's first window to its right name, and to its confirmation; None where it
+    never came."""
     delays: dict[str, list[tuple[float, float]]] = {}
     for one in heard:
         kind = int(one.rows.kind[0])
@@ -198,6 +227,7 @@ def detection(heard: list[Heard], rule: Rule) -> dict[str, dict[str, float | Non
 
 def _delays(named: Floats, confirmed: Floats) -> dict[str, float | None]:
     """Medians, what nine of ten keep, and shares that never came."""
+
     def of(delays: Floats, share: float) -> float | None:
         value = float(np.quantile(delays, share, method="higher"))
         return value if np.isfinite(value) else None
@@ -215,7 +245,8 @@ def _first_s(true: NDArray[np.bool_]) -> float:
 
 
 def traded(watched: Heard, faulty: list[Heard], rule: Rule) -> dict[str, dict[str, object]]:
-    """What stricter limits cost: false alarms beside detection, at every factor of :data:`TRADED`."""
+    """What stricter limits cost: false alarms beside detection, at every factor of
+    :data:`TRADED`."""
     report: dict[str, dict[str, object]] = {}
     for factor in TRADED:
         at = replace(rule, named_above=factor * rule.named_above)

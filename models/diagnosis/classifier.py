@@ -1,4 +1,5 @@
-"""Trainer of the fault classifier: the ladder on inner builds, calibration, novelty, judged on unseen builds."""
+"""Trainer of the fault classifier: the ladder on inner builds, calibration, novelty, judged on
+unseen builds."""
 
 from __future__ import annotations
 
@@ -39,8 +40,9 @@ from models.runs import Run, Settings
 class ClassifierSettings(Settings, frozen=True):
     """What ``orbitd train classifier`` does; every key may stand in the ``--config`` file.
 
-    ``false_alarm_rate``: healthy decisions that may name a fault, a tenth of what is allowed (1e-4): the rate that 6000
-    healthy recordings foretell was met by 2200 others, but not its upper limit.
+    ``false_alarm_rate``: healthy decisions that may name a fault, a tenth of what is allowed
+    (1e-4): the rate that 6000 healthy recordings foretell was met by 2200 others, but not its upper
+    limit.
     """
 
     rig: str = "bench"
@@ -77,7 +79,9 @@ def train(run: Run, settings: ClassifierSettings) -> dict[str, object]:
     """Train, judge and export; returns the report that is written beside the model."""
     started = time.monotonic()
     rng, out = np.random.default_rng(run.seed), run.folder.parent
-    plan = Plan(settings.rig, run.seed, settings.rate_hz, settings.seconds, recordings.training_cases)
+    plan = Plan(
+        settings.rig, run.seed, settings.rate_hz, settings.seconds, recordings.training_cases
+    )
     look = Look(WINDOWS_PER_DECISION, settings.raw_builds)
     views = views_of(out, plan, settings.builds, settings.workers, look)
     views.orders.check()
@@ -116,12 +120,16 @@ def _split(views: Views, share: float, rng: np.random.Generator) -> tuple[Views,
             Views(inner, part(views.raw, inner), part(views.waves, inner)))  # fmt: skip
 
 
-def _finish(network: HeadNetwork, outer: Dataset, inner: Dataset, settings: ClassifierSettings) -> Diagnosis:
+def _finish(
+    network: HeadNetwork, outer: Dataset, inner: Dataset, settings: ClassifierSettings
+) -> Diagnosis:
     """The graph, with novelty by the inner builds."""
     residual, parts = fit_novelty(outer, inner, settings.novelty_quantile)
     layers, scaler = network.net.layers(network.theta), network.scaler
     known = fleet(parts, residual(inner.features[inner.kind == 0]), settings.novelty_quantile)
-    return Diagnosis(scaler.mean, scaler.deviation, layers, network.temperature, residual, parts, known)
+    return Diagnosis(
+        scaler.mean, scaler.deviation, layers, network.temperature, residual, parts, known
+    )
 
 
 def _named_above(
@@ -132,15 +140,24 @@ def _named_above(
     Cross-fitted: the rare ones among the healthy decide, and the inner builds alone hold too few.
     """
     odds = cross_fitted(chosen, data, settings.folds, settings.ladder.iterations, seed)
-    return scores.alarm_limits(scores.class_probabilities(odds[data.kind == 0]), settings.false_alarm_rate)
+    return scores.alarm_limits(
+        scores.class_probabilities(odds[data.kind == 0]), settings.false_alarm_rate
+    )
 
 
 def _by_fault(rule: Rule) -> dict[str, float]:
-    return {name: float(f"{odds:.4g}") for name, odds in zip(CLASSES[1:], rule.named_above, strict=True)}
+    return {
+        name: float(f"{odds:.4g}") for name, odds in zip(CLASSES[1:], rule.named_above, strict=True)
+    }
 
 
 def _export(
-    module: Diagnosis, rule: Rule, run: Run, data: Dataset, settings: ClassifierSettings, report: dict[str, object]
+    module: Diagnosis,
+    rule: Rule,
+    run: Run,
+    data: Dataset,
+    settings: ClassifierSettings,
+    report: dict[str, object],
 ) -> None:
     metadata = export.Metadata(
         kind="classifier", version="0.3.0", inputs=FEATURE_NAMES, units=(),
@@ -152,23 +169,41 @@ def _export(
     )  # fmt: skip
     sample = data.features[:: max(1, len(data) // 5000)].astype(np.float32)
     example = torch.from_numpy(sample[:2])
-    export.export(module, example, run.model, input_name="features", output_names=metadata.outputs, metadata=metadata)
+    export.export(
+        module,
+        example,
+        run.model,
+        input_name="features",
+        output_names=metadata.outputs,
+        metadata=metadata,
+    )
     corners = np.concatenate([sample, 100.0 * sample, np.zeros_like(sample[:1])])
     report["export_parity"] = export.parity(module, run.model, corners)
     run.write_json("classifier.json", report)
     card.write(run, report, card.CLASSIFIER)
 
 
-def evaluate(path: Path, seed: int, size: int | None, out: Path, rate_hz: int = 5000) -> dict[str, object]:
-    """Judge the model in ``path`` on builds, duties and noise that follow from ``seed``; ``size`` builds."""
+def evaluate(
+    path: Path, seed: int, size: int | None, out: Path, rate_hz: int = 5000
+) -> dict[str, object]:
+    """Judge the model in ``path`` on builds, duties and noise that follow from ``seed``; ``size``
+    builds."""
     settings = JudgeSettings(rate_hz=rate_hz)
     if size is not None:
         settings = msgspec.structs.replace(
-            settings, builds=size, unknown_builds=max(4, 9 * size), watched_builds=45 * size, held_builds=max(2, size),
+            settings,
+            builds=size,
+            unknown_builds=max(4, 9 * size),
+            watched_builds=45 * size,
+            held_builds=max(2, size),
             commissioned_builds=max(4, size // 2),
         )
     verdicts = of_file(path)
-    known = commissioning.judge(path, settings.rig, rate_hz, settings.commissioned_builds, settings.workers, seed, out)
-    return {"unseen_builds": judge(verdicts, rule_of(path), settings, seed, out),
-            "unseen_builds_at_the_other_rate": at_other_rate(verdicts, settings, seed, out),
-            "after_commissioning": known}
+    known = commissioning.judge(
+        path, settings.rig, rate_hz, settings.commissioned_builds, settings.workers, seed, out
+    )
+    return {
+        "unseen_builds": judge(verdicts, rule_of(path), settings, seed, out),
+        "unseen_builds_at_the_other_rate": at_other_rate(verdicts, settings, seed, out),
+        "after_commissioning": known,
+    }

@@ -1,4 +1,5 @@
-"""Who moves the clearance while a recording is made: nobody, a random actor, or the agent behind its shield."""
+"""Who moves the clearance while a recording is made: nobody, a random actor, or the agent behind
+its shield."""
 
 from __future__ import annotations
 
@@ -64,12 +65,15 @@ class OpenLoop:
 class AgentLoop:
     """The guard's shield in the loop, wishing for a share of the widest clearance that it admits.
 
-    The trained agents wish for nearly the widest one (see the card of the actor), so that share 1 stands for
-    them; smaller shares for agents to come.  Speed, shaft position, swing and readings are the measured ones.
+    The trained agents wish for nearly the widest one (see the card of the actor), so that share 1
+    stands for them; smaller shares for agents to come.  Speed, shaft position, swing and readings
+    are the measured ones.
     """
 
     def __init__(self, rig: RigData, wish: float) -> None:
-        config, _ = configuration.load(Path(str(resources.files("firmware_py").joinpath(f"configs/{rig.name}.toml"))))
+        config, _ = configuration.load(
+            Path(str(resources.files("firmware_py").joinpath(f"configs/{rig.name}.toml")))
+        )
         self._shield, self._loads = Shield(config), LoadEstimator(config)
         self._channels, self._wish = ChannelMap.wire(), wish
         self.start_m = config.actuator.safe_radial_clearance_um * 1e-6
@@ -79,17 +83,34 @@ class AgentLoop:
         batches, target_m = [], self.start_m
         for step in range(round(seconds / STEP_S)):
             now_s = step * STEP_S
-            batches.append(run(machine, duty, STEP_S, clearance=target_m, pressure=pressure_Pa, start_s=now_s))
-            target_m = self._choose(machine, batches[-1], now_s + STEP_S, duty.point(now_s + STEP_S)[0])
-        return Batch(*(np.concatenate([getattr(b, name) for b in batches]) for name in ("counts", "truth", "marks")))
+            batches.append(
+                run(machine, duty, STEP_S, clearance=target_m, pressure=pressure_Pa, start_s=now_s)
+            )
+            target_m = self._choose(
+                machine, batches[-1], now_s + STEP_S, duty.point(now_s + STEP_S)[0]
+            )
+        return Batch(
+            *(
+                np.concatenate([getattr(b, name) for b in batches])
+                for name in ("counts", "truth", "marks")
+            )
+        )
 
     def _choose(self, machine: Machine, batch: Batch, now_s: float, speed_rad_s: float) -> float:
         shaft = self._channels.to_si(batch.counts)[:, :2]
         (x, y), swing = shaft.mean(axis=0).tolist(), float(np.ptp(shaft, axis=0).max())
         seen, power_W = machine.readings(), float(batch.truth[:, _POWER].mean())
-        load = self._loads.estimate(Look(now_s, x, y, swing, seen.clearance_m, speed_rad_s, seen.oil_C, power_W))
+        load = self._loads.estimate(
+            Look(now_s, x, y, swing, seen.clearance_m, speed_rad_s, seen.oil_C, power_W)
+        )
         interval = self._shield.interval(
-            speed_rad_s, load.low_N, load.film_N, seen.oil_C, swing, oil=self._loads.oil_range(seen.oil_C))
+            speed_rad_s,
+            load.low_N,
+            load.film_N,
+            seen.oil_C,
+            swing,
+            oil=self._loads.oil_range(seen.oil_C),
+        )
         if interval is None:
             return self.start_m
         return interval[0] + self._wish * (interval[1] - interval[0])

@@ -1,4 +1,5 @@
-"""What commissioning changes: the same unseen builds judged by the fleet, and by what is normal for each of them."""
+"""What commissioning changes: the same unseen builds judged by the fleet, and by what is normal for
+each of them."""
 
 from __future__ import annotations
 
@@ -37,14 +38,17 @@ _BELONGS: Final = Belonging("judged", "judged", "judged", "judged")
 
 
 def commissioned_cases(rng: np.random.Generator) -> list[Case]:
-    """Healthy ones to learn from and to judge, every unknown twice, every taught fault where it must be found."""
+    """Healthy ones to learn from and to judge, every unknown twice, every taught fault where it
+    must be found."""
     unknown = [case for _ in range(UNKNOWN_EACH) for case in recordings.unknown_cases(rng)[1:]]
     taught = [Case(kind, severity, {name: severity}) for kind, name in enumerate(recordings.FAULT_OF_CLASS) if name
               for severity in [16.0 if name == "unbalance" else 25.0]]  # fmt: skip
     return [Case(0, 100.0, {})] * (LEARNED + HEALTHY) + unknown + taught
 
 
-def judge(path: Path, rig: str, rate_hz: int, builds: int, workers: int, seed: int, out: Path) -> dict[str, object]:
+def judge(
+    path: Path, rig: str, rate_hz: int, builds: int, workers: int, seed: int, out: Path
+) -> dict[str, object]:
     """Figures after so many operating points of commissioning; builds follow from ``seed``.
 
     A decision rests on ten windows, 3 s at least; each point is one decision.
@@ -58,7 +62,9 @@ def judge(path: Path, rig: str, rate_hz: int, builds: int, workers: int, seed: i
     rows = pooled(views_of(out, plan, builds, workers, Look(WINDOWS_PER_DECISION)).orders, 1)
     session, settings = export.session(path), _settings(path)
     if "normal" not in settings:
-        raise own.NormalError(f"{path.name}: carries no statistics of healthy machines; train it again")
+        raise own.NormalError(
+            f"{path.name}: carries no statistics of healthy machines; train it again"
+        )
     prior = msgspec.convert(settings["normal"], own.Prior)
     heads, score, white = (a.astype(np.float64) for a in session.run(
         ["heads", "score", "normal"], {"features": rows.features.astype(np.float32)}))  # fmt: skip
@@ -81,26 +87,48 @@ def judge(path: Path, rig: str, rate_hz: int, builds: int, workers: int, seed: i
 
 
 def first_points(rows: Dataset, mine: NDArray[np.intp], count: int) -> NDArray[np.intp]:
-    """Those of the rows ``mine`` in the first ``count`` recordings, and in more where these lie too close together."""
+    """Those of the rows ``mine`` in the first ``count`` recordings, and in more where these lie too
+    close together."""
     number = rows.recording[mine] % _MOST_RECORDINGS
     enough = count
-    while 0 < enough < LEARNED and own.count_points(points_of(rows.features[mine[number < enough]])) < own.POINTS_LEAST:
+    while (
+        0 < enough < LEARNED
+        and own.count_points(points_of(rows.features[mine[number < enough]])) < own.POINTS_LEAST
+    ):
         enough += 1
     return mine[number < enough]
 
 
-def learn(rows: Dataset, odds: Floats, white: Floats, learned: NDArray[np.intp], prior: own.Prior) -> Normal | None:
+def learn(
+    rows: Dataset, odds: Floats, white: Floats, learned: NDArray[np.intp], prior: own.Prior
+) -> Normal | None:
     """The state of one build after its rows ``learned``; None without any."""
     if not len(learned):
         return None
     no_orbit = np.zeros(len(learned), np.complex128)
-    return own.fit(white[learned], odds[learned], points_of(rows.features[learned]), no_orbit, prior, _BELONGS, 0.0)
+    return own.fit(
+        white[learned],
+        odds[learned],
+        points_of(rows.features[learned]),
+        no_orbit,
+        prior,
+        _BELONGS,
+        0.0,
+    )
 
 
 def points_of(features: NDArray[np.floating]) -> Floats:
     """Operating points as :data:`firmware_py.brain.normal.POINT`, from features."""
-    names = ("log_speed_rad_s", "clearance_100um", "mean_x_over_clearance", "mean_y_over_clearance", "oil_outlet_50C")
-    speed, clearance, x, y, oil = (features[:, FEATURE_NAMES.index(name)].astype(np.float64) for name in names)
+    names = (
+        "log_speed_rad_s",
+        "clearance_100um",
+        "mean_x_over_clearance",
+        "mean_y_over_clearance",
+        "oil_outlet_50C",
+    )
+    speed, clearance, x, y, oil = (
+        features[:, FEATURE_NAMES.index(name)].astype(np.float64) for name in names
+    )
     return np.column_stack([10.0**speed, clearance * 1e-4, np.hypot(x, y), 50.0 * oil])
 
 
@@ -124,11 +152,16 @@ def _figures(rows: Dataset, away: Floats, probability: Floats, strange: NDArray[
         fault = (rows.kind == recordings.UNKNOWN_KIND) & (rows.severity == k)
         if fault.any():
             both = healthy | fault
-            report[name] = {"auroc": round(float(roc_auc_score(fault[both], away[both])), 4),
-                            "called_unknown": round(float(np.mean(unknown[fault])), 4), "decisions": int(fault.sum())}
+            report[name] = {
+                "auroc": round(float(roc_auc_score(fault[both], away[both])), 4),
+                "called_unknown": round(float(np.mean(unknown[fault])), 4),
+                "decisions": int(fault.sum()),
+            }
     return report
 
 
 def _settings(path: Path) -> dict[str, object]:
-    settings: dict[str, object] = json.loads(export.session(path).get_modelmeta().custom_metadata_map["settings"])
+    settings: dict[str, object] = json.loads(
+        export.session(path).get_modelmeta().custom_metadata_map["settings"]
+    )
     return settings

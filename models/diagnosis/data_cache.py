@@ -1,6 +1,7 @@
 """Recordings are made once: one file a build in a folder named after everything that decides them.
 
-An interrupted recording goes on where it stopped; a file appears under its name only when it is whole.
+An interrupted recording goes on where it stopped; a file appears under its name only when it is
+whole.
 """
 
 from __future__ import annotations
@@ -27,12 +28,16 @@ from models.workers import map_in_order
 
 def folder_of(out: Path, plan: Plan) -> Path:
     """Where the recordings of ``plan`` lie."""
-    code = [inspect.getsource(module) for module in (recordings, clearance_loops, shield, load_estimate)]
+    code = [
+        inspect.getsource(module) for module in (recordings, clearance_loops, shield, load_estimate)
+    ]
     key = repr((PHYSICS_VERSION, code, plan.rig, plan.seed, plan.rate_hz, plan.seconds))
     return out / f"recordings-{plan.draw.__name__}-{hashlib.sha256(key.encode()).hexdigest()[:12]}"
 
 
-def make_recordings(out: Path, plan: Plan, builds: int, workers: int, progress: Callable[[int], None]) -> list[Path]:
+def make_recordings(
+    out: Path, plan: Plan, builds: int, workers: int, progress: Callable[[int], None]
+) -> list[Path]:
     """Files of the first ``builds`` builds of ``plan``, recording those that are not there yet.
 
     What lies in a file follows from plan and build alone, whatever the number of workers.
@@ -59,9 +64,14 @@ def load(file: Path) -> list[Raw]:
     try:
         with np.load(file) as stored:
             columns = {name: stored[name] for name in stored.files}
-            return [Raw(*(_plain(columns[f"{i}_{name}"]) for name in names)) for i in range(int(columns["count"]))]
+            return [
+                Raw(*(_plain(columns[f"{i}_{name}"]) for name in names))
+                for i in range(int(columns["count"]))
+            ]
     except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
-        raise DatasetError(f"{file}: not a whole recording ({error}); delete it, it is then made again") from error
+        raise DatasetError(
+            f"{file}: not a whole recording ({error}); delete it, it is then made again"
+        ) from error
 
 
 def _plain(array: NDArray[Any]) -> Any:
@@ -70,7 +80,11 @@ def _plain(array: NDArray[Any]) -> Any:
 
 def _make(folder: Path, plan: Plan, number: int) -> None:
     recordings = record_build(plan, number)
-    columns = {f"{i}_{f.name}": getattr(raw, f.name) for i, raw in enumerate(recordings) for f in fields(Raw)}
+    columns = {
+        f"{i}_{f.name}": getattr(raw, f.name)
+        for i, raw in enumerate(recordings)
+        for f in fields(Raw)
+    }
     part = folder / f"build-{number:05d}.part.npz"
     np.savez(part, count=len(recordings), **columns)
     part.replace(folder / f"build-{number:05d}.npz")

@@ -26,7 +26,8 @@ CLASSES = (
     "pedestal_and_motor_bolt_loose",
 )
 HEADS_OF_CLASS = np.array(
-    [[0, 0, 0, 0], [1, 0, 0, 0], [1, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1], [1, 0, 1, 0]], dtype=np.float64
+    [[0, 0, 0, 0], [1, 0, 0, 0], [1, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1], [1, 0, 1, 0]],
+    dtype=np.float64,
 )
 """``six_classes_from_heads`` of classes.json as a matrix (class, head)."""
 
@@ -35,7 +36,8 @@ SLIGHT_WEIGHT = 0.1
 
 
 def severe(kind: NDArray[np.intp], severity: Floats) -> NDArray[np.bool_]:
-    """Healthy, or a fault at a severity that must be found: grade G16 and more, at most 25 % of the preload."""
+    """Healthy, or a fault at a severity that must be found: grade G16 and more, at most 25 % of the
+    preload."""
     needed = np.where(kind == CLASSES.index("unbalance"), severity >= 16.0, severity <= 25.0)
     return np.asarray((kind <= 0) | needed)
 
@@ -48,9 +50,10 @@ class DatasetError(ValueError):
 class Dataset:
     """Windows in the order of their recordings.
 
-    ``features`` ``(n, F)``, or raw samples in their place; ``kind`` the class of each window; ``severity``
-    what is left of the preload in percent, or the balance grade; ``group`` the build, ``recording`` the
-    recording that it comes from; ``loop`` and ``duty`` who moved the clearance and what speed and load did.
+    ``features`` ``(n, F)``, or raw samples in their place; ``kind`` the class of each window;
+    ``severity`` what is left of the preload in percent, or the balance grade; ``group`` the build,
+    ``recording`` the recording that it comes from; ``loop`` and ``duty`` who moved the clearance
+    and what speed and load did.
     """
 
     features: NDArray[np.floating]
@@ -71,7 +74,8 @@ class Dataset:
 
     @property
     def weight(self) -> Floats:
-        """Weight of each row in training, ``(n,)``: 1, and :data:`SLIGHT_WEIGHT` for faults that need not be found."""
+        """Weight of each row in training, ``(n,)``: 1, and :data:`SLIGHT_WEIGHT` for faults that
+        need not be found."""
         return np.where(severe(self.kind, self.severity), 1.0, SLIGHT_WEIGHT)
 
     def subset(self, rows: Rows) -> Dataset:
@@ -84,34 +88,48 @@ class Dataset:
         Raises
         ------
         DatasetError
-            Empty, mismatched or non-finite data, unknown classes, a class with fewer than two recordings.
+            Empty, mismatched or non-finite data, unknown classes, a class with fewer than two
+            recordings.
         """
         if len(self) == 0:
-            raise DatasetError("dataset is empty: no usable window; check speed, marks and recording length")
+            raise DatasetError(
+                "dataset is empty: no usable window; check speed, marks and recording length"
+            )
         lengths = {f.name: len(getattr(self, f.name)) for f in fields(self)}
         if len(set(lengths.values())) != 1:
-            raise DatasetError(f"columns differ in length: {lengths}; every window needs every label")
+            raise DatasetError(
+                f"columns differ in length: {lengths}; every window needs every label"
+            )
         bad = np.argwhere(~np.isfinite(self.features))
         if len(bad):
             row, column = bad[0]
-            name = FEATURE_NAMES[column] if self.features.shape[1] == len(FEATURE_NAMES) else f"column {column}"
+            name = (
+                FEATURE_NAMES[column]
+                if self.features.shape[1] == len(FEATURE_NAMES)
+                else f"column {column}"
+            )
             raise DatasetError(
-                f"{len(bad)} features are not finite, the first: {name} in recording {self.recording[row]}; "
+                f"{len(bad)} features are not finite, the first: {name} in recording "
+                f"{self.recording[row]}; "
                 "drop the recording or supply the missing reading"
             )
         if self.kind.min() < 0 or self.kind.max() >= len(CLASSES):
-            raise DatasetError(f"class label outside 0 .. {len(CLASSES) - 1}: {sorted(set(self.kind.tolist()))}")
+            raise DatasetError(
+                f"class label outside 0 .. {len(CLASSES) - 1}: {sorted(set(self.kind.tolist()))}"
+            )
         for kind in np.unique(self.kind):
             count = len(np.unique(self.recording[self.kind == kind]))
             if count < 2:
                 raise DatasetError(
-                    f"class {CLASSES[kind]} has {count} recording: at least 2 are needed so that one can be "
+                    f"class {CLASSES[kind]} has {count} recording: at least 2 are needed so that "
+                    f"one can be "
                     "held out; record more or leave the class out"
                 )
 
 
 def spans(data: Dataset, windows: int, step: int | None = None) -> list[tuple[int, int]]:
-    """First row of each decision and the row after its last: ``windows`` windows every ``step`` (default: no overlap).
+    """First row of each decision and the row after its last: ``windows`` windows every ``step``
+    (default: no overlap).
 
     A recording that is shorter than ``windows`` but has half of them gives one decision.
     """
@@ -150,7 +168,8 @@ def check_disjoint(first: Dataset, second: Dataset) -> None:
     both = np.intersect1d(first.group, second.group)
     if len(both):
         raise DatasetError(
-            f"{len(both)} groups stand on both sides of the split (e.g. {both[:5].tolist()}): the score would "
+            f"{len(both)} groups stand on both sides of the split (e.g. {both[:5].tolist()}): the "
+            f"score would "
             "be of memory, not of unseen builds; split by group"
         )
 

@@ -1,4 +1,5 @@
-"""A folder of measured recordings, as users bring it; :file:`models/diagnosis/DATASET.md` describes the format."""
+"""A folder of measured recordings, as users bring it; :file:`models/diagnosis/DATASET.md` describes
+the format."""
 
 from __future__ import annotations
 
@@ -26,7 +27,8 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Measured:
-    """One recording: samples ``(n, channels)`` in SI, its label, the group that never crosses a split, its machine."""
+    """One recording: samples ``(n, channels)`` in SI, its label, the group that never crosses a
+    split, its machine."""
 
     name: str
     samples: Floats
@@ -68,10 +70,15 @@ def _rows(folder: Path, group: str) -> Iterator[tuple[int, dict[str, str]]]:
             reader = csv.DictReader(stream)
             missing = [name for name in (*REQUIRED, group) if name not in (reader.fieldnames or ())]
             if missing:
-                raise DatasetError(f"{path}: lacks the columns {', '.join(missing)}; see models/diagnosis/DATASET.md")
+                raise DatasetError(
+                    f"{path}: lacks the columns {', '.join(missing)}; see "
+                    f"models/diagnosis/DATASET.md"
+                )
             yield from enumerate(reader, 2)
     except (OSError, UnicodeDecodeError) as error:
-        raise DatasetError(f"{path}: cannot be read ({error}); a dataset folder holds this table") from error
+        raise DatasetError(
+            f"{path}: cannot be read ({error}); a dataset folder holds this table"
+        ) from error
 
 
 def _recording(folder: Path, number: int, row: dict[str, str], group: str) -> Measured:
@@ -85,19 +92,26 @@ def _recording(folder: Path, number: int, row: dict[str, str], group: str) -> Me
     except ValueError:
         rate = math.nan
     if not 0.0 < rate < math.inf:
-        raise DatasetError(f"{place}: rate_hz = {row['rate_hz']}: not a sampling rate; give it in hertz")
+        raise DatasetError(
+            f"{place}: rate_hz = {row['rate_hz']}: not a sampling rate; give it in hertz"
+        )
     samples = _samples(folder / row["file"], place)
     if samples.ndim != 2 or samples.shape[1] != len(channels):
         raise DatasetError(
-            f"{place}: {row['file']} has shape {samples.shape}, the table names {len(channels)} channels; "
+            f"{place}: {row['file']} has shape {samples.shape}, the table names {len(channels)} "
+            f"channels; "
             "one column a channel, one row an instant"
         )
     if len(samples) < LEAST_SAMPLES:
-        raise DatasetError(f"{place}: {row['file']} has {len(samples)} samples, at least {LEAST_SAMPLES} are needed")
+        raise DatasetError(
+            f"{place}: {row['file']} has {len(samples)} samples, at least {LEAST_SAMPLES} are "
+            f"needed"
+        )
     bad = np.argwhere(~np.isfinite(samples))
     if len(bad):
         raise DatasetError(
-            f"{place}: {row['file']}: {len(bad)} samples are not finite, the first in row {bad[0][0]}, channel "
+            f"{place}: {row['file']}: {len(bad)} samples are not finite, the first in row "
+            f"{bad[0][0]}, channel "
             f"{channels[bad[0][1]]}; cut them out or drop the recording"
         )
     return Measured(row["file"], samples, rate, channels, row["label"].strip(), row[group].strip(),
@@ -113,7 +127,9 @@ def _samples(path: Path, place: str) -> Floats:
         if path.suffix == ".csv":
             return np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2)
     except (OSError, KeyError, ValueError, zipfile.BadZipFile) as error:
-        raise DatasetError(f"{place}: {path} cannot be read ({error}); see models/diagnosis/DATASET.md") from error
+        raise DatasetError(
+            f"{place}: {path} cannot be read ({error}); see models/diagnosis/DATASET.md"
+        ) from error
     raise DatasetError(f"{place}: {path.name}: neither .npz nor .csv; save it as one of them")
 
 
@@ -124,21 +140,26 @@ def _check_alike(found: list[Measured]) -> None:
         if len(values) > 1:
             odd = next(r for r in found if getattr(r, what) != values.most_common(1)[0][0])
             raise DatasetError(
-                f"{odd.name}: {what} = {getattr(odd, what)}, most recordings have {values.most_common(1)[0][0]}; "
+                f"{odd.name}: {what} = {getattr(odd, what)}, most recordings have "
+                f"{values.most_common(1)[0][0]}; "
                 "bring all to one, or make a folder for each"
             )
 
 
 def _check_spelling(found: list[Measured], group: str) -> None:
-    """Refuse labels and groups that a person means as one: 20 and 20.0 would stand on both sides of a split."""
+    """Refuse labels and groups that a person means as one: 20 and 20.0 would stand on both sides of
+    a split."""
     for what, column in (("label", "label"), ("group", group)):
         spelled: dict[str, str] = {}
         for recording in found:
             value = getattr(recording, what)
             other = spelled.setdefault(_meant(value), value)
             if other != value:
-                raise DatasetError(f"{recording.name}: {column} {value!r}, another recording has {other!r}: spell them "
-                                   "alike if they are one, or tell them apart by more")
+                raise DatasetError(
+                    f"{recording.name}: {column} {value!r}, another recording has {other!r}: spell "
+                    f"them "
+                    "alike if they are one, or tell them apart by more"
+                )
 
 
 def _meant(value: str) -> str:
@@ -150,25 +171,37 @@ def _meant(value: str) -> str:
 
 
 def _check_copies(found: list[Measured]) -> None:
-    """Refuse the same samples twice: under two labels one is wrong, under two groups both sides would hold them."""
+    """Refuse the same samples twice: under two labels one is wrong, under two groups both sides
+    would hold them."""
     seen: dict[bytes, Measured] = {}
     for recording in found:
         first = seen.setdefault(hashlib.sha256(recording.samples.tobytes()).digest(), recording)
         if first is not recording:
-            raise DatasetError(f"{recording.name}: the same samples as {first.name} (label {first.label}, group "
-                               f"{first.group}); keep one of them")
+            raise DatasetError(
+                f"{recording.name}: the same samples as {first.name} (label {first.label}, group "
+                f"{first.group}); keep one of them"
+            )
 
 
 def _check_labels(found: list[Measured], group: str) -> None:
     names = Counter(recording.name for recording in found)
     twice = [name for name, count in names.items() if count > 1]
     if twice:
-        raise DatasetError(f"{twice[0]}: stands {names[twice[0]]} times in the table; each file once, with one label")
+        raise DatasetError(
+            f"{twice[0]}: stands {names[twice[0]]} times in the table; each file once, with one "
+            f"label"
+        )
     labels = Counter(recording.label for recording in found)
     if len(labels) < 2:
-        raise DatasetError(f"only one label ({found[0].label}): there is nothing to tell apart; add another class")
+        raise DatasetError(
+            f"only one label ({found[0].label}): there is nothing to tell apart; add another class"
+        )
     for label, count in labels.items():
         if count < 2:
-            raise DatasetError(f"label {label} has {count} recording, 2 are needed: record more or leave it out")
+            raise DatasetError(
+                f"label {label} has {count} recording, 2 are needed: record more or leave it out"
+            )
     if len({recording.group for recording in found}) < 2:
-        raise DatasetError(f"only one {group} ({found[0].group}): nothing can be left out for judging")
+        raise DatasetError(
+            f"only one {group} ({found[0].group}): nothing can be left out for judging"
+        )

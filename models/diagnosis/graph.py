@@ -43,7 +43,8 @@ class Residuals(nn.Module):
 
 
 class White(nn.Module):
-    """The whitened residuals of one :class:`models.diagnosis.novelty.Part` about healthy, ``(m, F)`` -> ``(m, k)``."""
+    """The whitened residuals of one :class:`models.diagnosis.novelty.Part` about healthy, ``(m,
+    F)`` -> ``(m, k)``."""
 
     def __init__(self, part: Part) -> None:
         super().__init__()
@@ -60,20 +61,21 @@ class White(nn.Module):
         return residual @ self.whitening - self.healthy
 
     def distance(self, white: Tensor) -> Tensor:
-        """Novelty of ``forward``'s answer by its distance to the nearest taught centre, ``(m, 1)``."""
+        """Novelty of ``forward``'s answer by its distance to the nearest taught centre, ``(m,
+        1)``."""
         away = white[:, None, :] - self.centres
         nearest = torch.sqrt((away * away).mean(dim=2)).amin(dim=1, keepdim=True)
         return (nearest / self.limit) ** self.exponent
 
 
 class Diagnosis(nn.Module):
-    """``features (m, F)`` -> ``heads (m, 4)`` probabilities, ``score (m, 1)`` novelty, ``drivers (m, G * 4)``,
-    ``normal (m, k)``, ``departures (m, G)``; float32.
+    """``features (m, F)`` -> ``heads (m, 4)`` probabilities, ``score (m, 1)`` novelty, ``drivers
+    (m, G * 4)``, ``normal (m, k)``, ``departures (m, G)``; float32.
 
-    Drivers are the log-odds that each head owes to each group of features: what it loses when the group is set to
-    the mean of the training rows (occlusion, Zeiler and Fergus 2014).  ``normal`` are the whitened residuals of all
-    parts, from which the device learns what is normal for one machine;
-    ``departures`` the root mean square of the residuals in each group of features.
+    Drivers are the log-odds that each head owes to each group of features: what it loses when the
+    group is set to the mean of the training rows (occlusion, Zeiler and Fergus 2014).  ``normal``
+    are the whitened residuals of all parts, from which the device learns what is normal for one
+    machine; ``departures`` the root mean square of the residuals in each group of features.
 
     Parameters
     ----------
@@ -84,7 +86,8 @@ class Diagnosis(nn.Module):
     temperature
         Divisors of the heads' log-odds, ``(4,)``.
     residual, parts
-        What :func:`models.diagnosis.novelty.fit_novelty` found; the largest distance is the novelty score.
+        What :func:`models.diagnosis.novelty.fit_novelty` found; the largest distance is the novelty
+        score.
     fleet
         What :func:`models.diagnosis.novelty.fleet` found; goes into the file's metadata.
     """
@@ -108,11 +111,14 @@ class Diagnosis(nn.Module):
         self.kept: Tensor
         kept = np.arange(len(GROUPS))[:, None] != GROUP_OF_FEATURE
         self.share: Tensor
-        self.register_buffer("share", torch.from_numpy((~kept / np.sum(~kept, axis=1, keepdims=True)).T.copy()))
+        self.register_buffer(
+            "share", torch.from_numpy((~kept / np.sum(~kept, axis=1, keepdims=True)).T.copy())
+        )
         self.register_buffer("kept", torch.from_numpy(kept.astype(np.float64)))
 
     def forward(self, features: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor, Tensor]:
-        """Probabilities of the heads, novelty score, what drove the heads, whitened residuals, their size by group."""
+        """Probabilities of the heads, novelty score, what drove the heads, whitened residuals,
+        their size by group."""
         z = (features.double() - self.mean) / self.deviation
         held = torch.clamp(z, -CLIP, CLIP)
         logits = self.net(held) / self.temperature
@@ -120,7 +126,9 @@ class Diagnosis(nn.Module):
         drivers = (logits[:, None, :] - without).flatten(1)
         residual = self.residuals(features.double())
         white = [part(residual) for part in self.whites]
-        score = torch.cat([p.distance(w) for p, w in zip(self.whites, white, strict=True)], 1).amax(1, keepdim=True)
+        score = torch.cat([p.distance(w) for p, w in zip(self.whites, white, strict=True)], 1).amax(
+            1, keepdim=True
+        )
         departures = torch.sqrt((residual * residual) @ self.share)
         answers = torch.sigmoid(logits), score, drivers, torch.cat(white, dim=1), departures
         heads, score, drivers, normal, departures = (answer.float() for answer in answers)

@@ -1,4 +1,5 @@
-"""A fault classifier judged on builds that no training has seen: named, unknown, false alarms, delays."""
+"""A fault classifier judged on builds that no training has seen: named, unknown, false alarms,
+delays."""
 
 from __future__ import annotations
 
@@ -33,8 +34,9 @@ JUDGE_SEED = 1_000_000
 class JudgeSettings(Settings, frozen=True):
     """How much a classifier is judged with.
 
-    ``unknown_builds``: of 240 the AUROC of a rub, which half of them touch, moves by 0.012 from seed to seed.
-    ``watched_builds``: the upper limit of false alarms a month needs 2156 runs without any, 3412 with one.
+    ``unknown_builds``: of 240 the AUROC of a rub, which half of them touch, moves by 0.012 from
+    seed to seed. ``watched_builds``: the upper limit of false alarms a month needs 2156 runs
+    without any, 3412 with one.
     """
 
     rig: str = "bench"
@@ -75,23 +77,36 @@ def rule_of(path: Path) -> Rule:
     """The limits in an exported file's metadata."""
     settings = json.loads(export.session(path).get_modelmeta().custom_metadata_map["settings"])
     odds = settings.get("named_above", {})
-    return Rule(float(settings["novelty_threshold"]), np.array([odds.get(name, 0.0) for name in CLASSES[1:]]))
+    return Rule(
+        float(settings["novelty_threshold"]),
+        np.array([odds.get(name, 0.0) for name in CLASSES[1:]]),
+    )
 
 
-def judge(verdicts: Verdicts, rule: Rule, settings: JudgeSettings, seed: int, out: Path) -> dict[str, object]:
-    """All figures; builds, duties and noise follow from ``seed``, recordings are kept in ``out``."""
+def judge(
+    verdicts: Verdicts, rule: Rule, settings: JudgeSettings, seed: int, out: Path
+) -> dict[str, object]:
+    """All figures; builds, duties and noise follow from ``seed``, recordings are kept in
+    ``out``."""
+
     def data(draw: Draw, seconds: float, builds: int) -> Dataset:
         return _views(draw, seconds, builds, settings, seed, out).orders
 
     judged = judged_views(settings, seed, out).orders
     unknown = data(recordings.unknown_cases, JUDGED_SECONDS, settings.unknown_builds)
-    watched = alarms.hear(verdicts, data(recordings.watch_cases, WATCH_SECONDS, settings.watched_builds))
+    watched = alarms.hear(
+        verdicts, data(recordings.watch_cases, WATCH_SECONDS, settings.watched_builds)
+    )
     long = alarms.hear(verdicts, data(alarms.held_cases, alarms.HELD_SECONDS, settings.held_builds))
-    faulty = alarms.onsets(verdicts, data(alarms.faulty_cases, WATCH_SECONDS, settings.onset_builds))
+    faulty = alarms.onsets(
+        verdicts, data(alarms.faulty_cases, WATCH_SECONDS, settings.onset_builds)
+    )
     ten = decisions_of(verdicts, judged)
     return {
         "required_severities_per_10_windows": scores.summary(scores.required(ten)),
-        "required_severities_per_window": scores.summary(scores.required(decisions_of(verdicts, judged, 1))),
+        "required_severities_per_window": scores.summary(
+            scores.required(decisions_of(verdicts, judged, 1))
+        ),
         "right_class_by_severity": scores.severity_grid(ten),
         "words_on_required_severities": said(alarms.hear(verdicts, judged, None), rule),
         "unknown_faults": unknown_faults(alarms.hear(verdicts, unknown, None), rule),
@@ -102,19 +117,33 @@ def judge(verdicts: Verdicts, rule: Rule, settings: JudgeSettings, seed: int, ou
     }
 
 
-def at_other_rate(verdicts: Verdicts, settings: JudgeSettings, seed: int, out: Path) -> dict[str, object]:
+def at_other_rate(
+    verdicts: Verdicts, settings: JudgeSettings, seed: int, out: Path
+) -> dict[str, object]:
     """The classes again, on builds sampled at the other rate that the model's metadata names."""
     other = msgspec.structs.replace(
         settings, rate_hz=sum(RATES_HZ) - settings.rate_hz, builds=settings.other_rate_builds
     )
     judged = judged_views(other, seed, out).orders
-    return {"rate_hz": other.rate_hz,
-            "required_severities_per_10_windows": scores.summary(scores.required(decisions_of(verdicts, judged)))}
+    return {
+        "rate_hz": other.rate_hz,
+        "required_severities_per_10_windows": scores.summary(
+            scores.required(decisions_of(verdicts, judged))
+        ),
+    }
 
 
 def judged_views(settings: JudgeSettings, seed: int, out: Path) -> Views:
     """Builds that no training has seen, over the whole severity grid."""
-    return _views(recordings.judged_cases, JUDGED_SECONDS, settings.builds, settings, seed, out, settings.builds)
+    return _views(
+        recordings.judged_cases,
+        JUDGED_SECONDS,
+        settings.builds,
+        settings,
+        seed,
+        out,
+        settings.builds,
+    )
 
 
 def _views(draw: Draw, seconds: float, builds: int, settings: JudgeSettings, seed: int, out: Path,
@@ -123,15 +152,19 @@ def _views(draw: Draw, seconds: float, builds: int, settings: JudgeSettings, see
     return views_of(out, plan, builds, settings.workers, Look(raw_builds=raw_builds))
 
 
-def decisions_of(verdicts: Verdicts, data: Dataset, windows: int = WINDOWS_PER_DECISION) -> Decisions:
-    """Decisions, each from the mean features of ``windows`` windows; where the device says whirl it names no class."""
+def decisions_of(
+    verdicts: Verdicts, data: Dataset, windows: int = WINDOWS_PER_DECISION
+) -> Decisions:
+    """Decisions, each from the mean features of ``windows`` windows; where the device says whirl it
+    names no class."""
     heard = alarms.hear(verdicts, data, None, windows)
     heard = heard.subset(~heard.whirl)
     return decide(heard.probability, heard.rows)
 
 
 def said(heard: Heard, rule: Rule) -> dict[str, dict[str, float]]:
-    """The device's words on every class at the severities that must be found, as shares; ``other``: a wrong class."""
+    """The device's words on every class at the severities that must be found, as shares; ``other``:
+    a wrong class."""
     needed = heard.subset(severe(heard.rows.kind, heard.rows.severity))
     words = needed.words(rule)
     report = {}
@@ -144,7 +177,8 @@ def said(heard: Heard, rule: Rule) -> dict[str, dict[str, float]]:
 
 
 def unknown_faults(heard: Heard, rule: Rule) -> dict[str, object]:
-    """How well the novelty score tells faults that were never taught from healthy builds, per ten windows.
+    """How well the novelty score tells faults that were never taught from healthy builds, per ten
+    windows.
 
     Decisions in which the device says whirl are left out: there it asks for no novelty.
     """
@@ -153,7 +187,9 @@ def unknown_faults(heard: Heard, rule: Rule) -> dict[str, object]:
     heard = heard.subset(~heard.whirl)
     words, rows = heard.words(rule), heard.rows
     healthy = rows.kind == 0
-    report: dict[str, object] = {"healthy_called_unknown": round(float(np.mean(words[healthy] == UNKNOWN)), 4)}
+    report: dict[str, object] = {
+        "healthy_called_unknown": round(float(np.mean(words[healthy] == UNKNOWN)), 4)
+    }
     for k, name in enumerate(recordings.UNKNOWN_LABELS):
         fault = (rows.kind == recordings.UNKNOWN_KIND) & (rows.severity == k)
         if not fault.any():
@@ -162,7 +198,9 @@ def unknown_faults(heard: Heard, rule: Rule) -> dict[str, object]:
         report[name] = {
             "auroc": round(float(roc_auc_score(fault[both], heard.novelty[both])), 4),
             "called_unknown": round(float(np.mean(words[fault] == UNKNOWN)), 4),
-            "called_a_taught_fault": round(float(np.mean((words[fault] > 0) & (words[fault] < UNKNOWN))), 4),
+            "called_a_taught_fault": round(
+                float(np.mean((words[fault] > 0) & (words[fault] < UNKNOWN))), 4
+            ),
             "decisions": int(fault.sum()),
         }
     return report

@@ -1,7 +1,9 @@
-"""The ladder of classifiers, simplest first, each a function from the views of recordings to decisions.
+"""The ladder of classifiers, simplest first, each a function from the views of recordings to
+decisions.
 
-Thresholds; logistic regression; the paper's network on raw windows and on order-tracked features; a small
-convolutional network on waveforms over shaft angle; regression and network with the ringing of the feet.
+Thresholds; logistic regression; the paper's network on raw windows and on order-tracked features; a
+small convolutional network on waveforms over shaft angle; regression and network with the ringing
+of the feet.
 """
 
 from __future__ import annotations
@@ -46,22 +48,27 @@ ALL_FEATURES: Final = np.ones(len(FEATURE_NAMES), dtype=np.bool_)
 _OPERATING: Final = ("log_speed_rad_s", "log_clearance_100um", "contact_eccentricity")
 MOTOR_FEATURES: Final = np.isin(FEATURE_NAMES, (*ringing.names(), *_OPERATING))
 """Where the motor's bolt is looked for: how motor and pedestal ring."""
-PEDESTAL_FEATURES: Final = MOTOR_FEATURES & ~np.array(["acc_motor" in name for name in FEATURE_NAMES])
+PEDESTAL_FEATURES: Final = MOTOR_FEATURES & ~np.array(
+    ["acc_motor" in name for name in FEATURE_NAMES]
+)
 """Where the pedestal's bolts are looked for: how the pedestal rings."""
 UNBALANCE_FEATURES: Final = np.isin(FEATURE_NAMES, (
     *_OPERATING, *film_check.names()[3:], "log_film_share", "log_shaft_fwd_1x_m", "contact_1x_film",
     *(f"{name}_{what}" for name in ringing.CHANNELS for what in ("log_rms", "1x_rms")),
     "contact_mean_V", "contact_low_V", "contact_log_std_V", "contact_2x_film", "contact_half_film",
 ))  # fmt: skip
-"""Where unbalance is looked for: the first order of film, orbit and accelerations, what the film lets it be, and
-whether the film is thick enough for the contact channel to tell."""
-OWN_FEATURES: Final = np.column_stack([PEDESTAL_FEATURES, PEDESTAL_FEATURES, MOTOR_FEATURES, UNBALANCE_FEATURES])
+"""Where unbalance is looked for: the first order of film, orbit and accelerations, what the film
+lets it be, and whether the film is thick enough for the contact channel to tell."""
+OWN_FEATURES: Final = np.column_stack(
+    [PEDESTAL_FEATURES, PEDESTAL_FEATURES, MOTOR_FEATURES, UNBALANCE_FEATURES]
+)
 """Features of each head, ``(F, 4)``."""
 
 
 @dataclass(frozen=True)
 class Scaler:
-    """Mean and deviation of the training rows; a feature that is left out has an infinite deviation."""
+    """Mean and deviation of the training rows; a feature that is left out has an infinite
+    deviation."""
 
     mean: Floats
     deviation: Floats
@@ -72,7 +79,9 @@ class Scaler:
         x = np.asarray(data.features, np.float64)
         deviation = x.std(axis=0)
         deviation = np.where(deviation > 1e-9, deviation, 1.0)
-        return cls(x.mean(axis=0), deviation if columns is None else np.where(columns, deviation, np.inf))
+        return cls(
+            x.mean(axis=0), deviation if columns is None else np.where(columns, deviation, np.inf)
+        )
 
     def __call__(self, features: NDArray[np.floating]) -> Floats:
         """Scaled features, held to :data:`CLIP` deviations as in the exported graph."""
@@ -81,7 +90,8 @@ class Scaler:
 
 @dataclass(frozen=True)
 class HeadNetwork:
-    """A trained network that gives four log-odds from features, each divided by its head's ``temperature`` ``(4,)``."""
+    """A trained network that gives four log-odds from features, each divided by its head's
+    ``temperature`` ``(4,)``."""
 
     name: str
     scaler: Scaler
@@ -113,12 +123,14 @@ def fit_heads(
     rng: np.random.Generator,
     progress: Callable[[int, float], None] | None = None,
 ) -> HeadNetwork:
-    """Four sigmoid heads by scaled conjugate gradient on equation (8) with the square that it lacks.
+    """Four sigmoid heads by scaled conjugate gradient on equation (8) with the square that it
+    lacks.
 
     Parameters
     ----------
     columns
-        Features that are used, ``(F,)``, or those of each head, ``(F, 4)``: then the heads share no neuron.
+        Features that are used, ``(F,)``, or those of each head, ``(F, 4)``: then the heads share no
+        neuron.
     hidden
         Neurons of the hidden layer (of each head, where they share none); 0 is logistic regression.
     train, inner
@@ -126,7 +138,12 @@ def fit_heads(
     """
     own = columns.ndim == 2
     scaler = Scaler.of(train, np.asarray(columns.any(axis=1)) if own else columns)
-    x, heads, x_inner, inner_heads = scaler(train.features), train.heads, scaler(inner.features), inner.heads
+    x, heads, x_inner, inner_heads = (
+        scaler(train.features),
+        train.heads,
+        scaler(inner.features),
+        inner.heads,
+    )
     weight, inner_weight = train.weight[:, None], inner.weight[:, None]
     neurons = hidden * heads.shape[1] if own else hidden
     net = Mlp((x.shape[1], *((neurons,) if hidden else ()), heads.shape[1]))
@@ -143,16 +160,25 @@ def fit_heads(
         cost, there * net.initial(rng), iterations=iterations, patience=40, progress=progress,
         monitor=lambda t: nll(net.outputs(t, x_inner), inner_heads, inner_weight),
     )  # fmt: skip
-    return HeadNetwork(name, scaler, net, result.theta, l2, columns, hidden, np.ones(heads.shape[1]))
+    return HeadNetwork(
+        name, scaler, net, result.theta, l2, columns, hidden, np.ones(heads.shape[1])
+    )
 
 
-def cross_fitted(like: HeadNetwork, data: Dataset, folds: int, iterations: int, seed: int) -> Floats:
-    """Log-odds ``(n, 4)`` of every row by a network made as ``like`` that saw nothing of the row's build.
+def cross_fitted(
+    like: HeadNetwork, data: Dataset, folds: int, iterations: int, seed: int
+) -> Floats:
+    """Log-odds ``(n, 4)`` of every row by a network made as ``like`` that saw nothing of the row's
+    build.
 
-    Each of ``folds`` parts of the builds is left out in turn; the next one stops the training and calibrates.
+    Each of ``folds`` parts of the builds is left out in turn; the next one stops the training and
+    calibrates.
     """
     builds = np.unique(data.group)
-    fold = np.random.default_rng(seed).permutation(len(builds))[np.searchsorted(builds, data.group)] % folds
+    fold = (
+        np.random.default_rng(seed).permutation(len(builds))[np.searchsorted(builds, data.group)]
+        % folds
+    )
     found = np.empty((len(data), data.heads.shape[1]))
     for left in range(folds):
         inner = fold == (left + 1) % folds
@@ -164,7 +190,8 @@ def cross_fitted(like: HeadNetwork, data: Dataset, folds: int, iterations: int, 
 
 
 def _own_weights(columns: Columns, hidden: int) -> Floats:
-    """1 for each weight of an :class:`Mlp` whose heads share no neuron and see ``columns`` ``(F, heads)``, else 0."""
+    """1 for each weight of an :class:`Mlp` whose heads share no neuron and see ``columns`` ``(F,
+    heads)``, else 0."""
     heads = columns.shape[1]
     layers: list[Floats] = [np.repeat(columns.astype(np.float64), max(hidden, 1), axis=1)]
     if hidden:
@@ -173,7 +200,8 @@ def _own_weights(columns: Columns, hidden: int) -> Floats:
 
 
 def side_by_side(name: str, networks: Sequence[HeadNetwork]) -> HeadNetwork:
-    """One network of one hidden layer that gives the mean log-odds of ``networks``, which share a scaler."""
+    """One network of one hidden layer that gives the mean log-odds of ``networks``, which share a
+    scaler."""
     first, count = networks[0], len(networks)
     hidden, last = zip(*(n.net.layers(n.theta) for n in networks), strict=True)
     bias, weights = np.mean([m[:1] for m in last], axis=0), np.vstack([m[1:] for m in last]) / count
@@ -184,7 +212,8 @@ def side_by_side(name: str, networks: Sequence[HeadNetwork]) -> HeadNetwork:
 
 
 def thresholds(train: Dataset, judged: Dataset) -> Floats:
-    """Class probabilities of one threshold a head, on the feature and side that separate ``train`` best."""
+    """Class probabilities of one threshold a head, on the feature and side that separate ``train``
+    best."""
     columns = [FEATURE_NAMES.index(name) for name in THRESHOLD_FEATURES]
     logits = np.empty((len(judged), train.heads.shape[1]))
     for head in range(logits.shape[1]):
@@ -204,7 +233,8 @@ def thresholds(train: Dataset, judged: Dataset) -> Floats:
 
 @dataclass(frozen=True)
 class PaperNetwork:
-    """The paper's classifier as printed: one hidden sigmoid layer, softmax (7), scaled conjugate gradient.
+    """The paper's classifier as printed: one hidden sigmoid layer, softmax (7), scaled conjugate
+    gradient.
 
     The softmax sums over the outputs only (the printed upper limit is a misprint).
     """
@@ -219,8 +249,15 @@ class PaperNetwork:
         columns: Columns | None = None, progress: Callable[[int, float], None] | None = None,
     ) -> PaperNetwork:  # fmt: skip
         """Train on ``train``; the weights that are best on ``inner`` are kept."""
-        scaler, net = Scaler.of(train, columns), Mlp((train.features.shape[1], hidden, len(CLASSES)))
-        x, truth, x_inner = scaler(train.features), np.eye(len(CLASSES))[train.kind], scaler(inner.features)
+        scaler, net = (
+            Scaler.of(train, columns),
+            Mlp((train.features.shape[1], hidden, len(CLASSES))),
+        )
+        x, truth, x_inner = (
+            scaler(train.features),
+            np.eye(len(CLASSES))[train.kind],
+            scaler(inner.features),
+        )
 
         def cost(theta: Floats) -> tuple[float, Floats]:
             h = _softmax(net.outputs(theta, x))
@@ -232,7 +269,12 @@ class PaperNetwork:
             return -float(np.mean(np.log(h[np.arange(len(h)), inner.kind] + 1e-300)))
 
         result = scaled_conjugate_gradient(
-            cost, net.initial(rng), iterations=iterations, monitor=inner_cost, patience=20, progress=progress
+            cost,
+            net.initial(rng),
+            iterations=iterations,
+            monitor=inner_cost,
+            patience=20,
+            progress=progress,
         )
         return cls(scaler, net, result.theta)
 

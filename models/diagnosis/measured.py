@@ -1,8 +1,10 @@
-"""Fault classes of measured recordings: few rungs, the simplest that wins on inner groups, judged on groups left out.
+"""Fault classes of measured recordings: few rungs, the simplest that wins on inner groups, judged
+on groups left out.
 
-Every group is left out once; random windows are never quoted.  Inside each fold the rung is chosen by leaving out
-groups of the training part only, so that the choice has not seen what it is judged on.  Beside it stands the random
-forest on log band energies and moments that the public recordings come with.
+Every group is left out once; random windows are never quoted.  Inside each fold the rung is chosen
+by leaving out groups of the training part only, so that the choice has not seen what it is judged
+on.  Beside it stands the random forest on log band energies and moments that the public recordings
+come with.
 """
 
 from __future__ import annotations
@@ -38,7 +40,8 @@ MARGIN: Final = 0.01
 
 @dataclass(frozen=True)
 class Network:
-    """The paper's network, softmax (7), on scaled features; called with features it gives class probabilities."""
+    """The paper's network, softmax (7), on scaled features; called with features it gives class
+    probabilities."""
 
     mean: Floats
     deviation: Floats
@@ -50,21 +53,29 @@ class Network:
         return softmax(self.net.outputs(self.theta, (rows - self.mean) / self.deviation))
 
 
-def fit_network(x: Floats, label: Indices, classes: int, seed: int, hidden: tuple[int, ...] = (HIDDEN,)) -> Network:
+def fit_network(
+    x: Floats, label: Indices, classes: int, seed: int, hidden: tuple[int, ...] = (HIDDEN,)
+) -> Network:
     """Classes weighted alike, scaled conjugate gradient; no hidden layer is logistic regression."""
     mean, deviation = x.mean(axis=0), x.std(axis=0) + 1e-9
     z, truth = (x - mean) / deviation, np.eye(classes)[label]
-    weight = (len(label) / (classes * np.maximum(np.bincount(label, minlength=classes), 1)))[label][:, None]
+    weight = (len(label) / (classes * np.maximum(np.bincount(label, minlength=classes), 1)))[label][
+        :, None
+    ]
     net = Mlp((x.shape[1], *hidden, classes))
     decay = L2 * net.is_weight()
 
     def cost(theta: Floats) -> tuple[float, Floats]:
         h = softmax(net.outputs(theta, z))
-        value = -float(np.sum(weight * truth * np.log(h + 1e-300))) / len(z) + 0.5 * float(decay @ theta**2)
+        value = -float(np.sum(weight * truth * np.log(h + 1e-300))) / len(z) + 0.5 * float(
+            decay @ theta**2
+        )
         return value, net.gradient(theta, z, weight * (h - truth) / len(z)) + decay * theta
 
     start = net.initial(np.random.default_rng(seed))
-    return Network(mean, deviation, net, scaled_conjugate_gradient(cost, start, iterations=ITERATIONS).theta)
+    return Network(
+        mean, deviation, net, scaled_conjugate_gradient(cost, start, iterations=ITERATIONS).theta
+    )
 
 
 def fit_regression(x: Floats, label: Indices, classes: int, seed: int) -> Network:
@@ -76,7 +87,9 @@ def fit_forest(x: Floats, label: Indices, classes: int, seed: int) -> Predict:
     """Random forest, classes weighted alike."""
     from sklearn.ensemble import RandomForestClassifier
 
-    forest = RandomForestClassifier(TREES, class_weight="balanced_subsample", random_state=seed, n_jobs=1)
+    forest = RandomForestClassifier(
+        TREES, class_weight="balanced_subsample", random_state=seed, n_jobs=1
+    )
     forest.fit(x, label)
 
     def predict(rows: Floats) -> Floats:
@@ -105,7 +118,8 @@ RUNGS: Final[Rungs] = {
 
 
 def evaluate(data: Windows, seed: int = 0, rungs: Rungs = RUNGS) -> dict[str, object]:
-    """The chosen rung, every rung and the forest with each group left out once; balanced accuracy of windows.
+    """The chosen rung, every rung and the forest with each group left out once; balanced accuracy
+    of windows.
 
     Raises
     ------
@@ -114,7 +128,10 @@ def evaluate(data: Windows, seed: int = 0, rungs: Rungs = RUNGS) -> dict[str, ob
     """
     rows = np.flatnonzero(_scored(data))
     if not len(rows):
-        raise DatasetError("no group shares its class with another: nothing can be judged; choose another group column")
+        raise DatasetError(
+            "no group shares its class with another: nothing can be judged; choose another group "
+            "column"
+        )
     classes, every = len(data.labels), np.arange(len(data))
     forest = _left_out(data, every, seed, *FOREST)
     chosen, names = _chosen_left_out(data, seed, rungs)
@@ -131,7 +148,8 @@ def evaluate(data: Windows, seed: int = 0, rungs: Rungs = RUNGS) -> dict[str, ob
 
 
 def choose(data: Windows, part: Indices, seed: int, rungs: Rungs = RUNGS) -> str:
-    """The simplest rung that no other beats by :data:`MARGIN` with groups of ``part`` left out, fold by fold."""
+    """The simplest rung that no other beats by :data:`MARGIN` with groups of ``part`` left out,
+    fold by fold."""
     groups = np.random.default_rng(seed).permutation(np.unique(data.group[part]))
     scores = {name: _inner_score(data, part, np.array_split(groups, min(INNER_FOLDS, len(groups))), seed, *rung)
               for name, rung in rungs.items()}  # fmt: skip
@@ -139,8 +157,11 @@ def choose(data: Windows, part: Indices, seed: int, rungs: Rungs = RUNGS) -> str
     return next(name for name, score in scores.items() if score >= best - MARGIN)
 
 
-def _inner_score(data: Windows, part: Indices, folds: list[Indices], seed: int, view: str, fit: Fit) -> float:
-    """Balanced accuracy over all of ``part``, each fold of groups named by a model of the others."""
+def _inner_score(
+    data: Windows, part: Indices, folds: list[Indices], seed: int, view: str, fit: Fit
+) -> float:
+    """Balanced accuracy over all of ``part``, each fold of groups named by a model of the
+    others."""
     named = np.full(len(data), -1, np.intp)
     for fold in folds:
         held = np.isin(data.group[part], fold)
@@ -184,30 +205,44 @@ def folds(data: Windows, part: Indices) -> list[tuple[Indices, Indices]]:
     pairs = np.unique(np.column_stack([data.recording, data.group]), axis=0)
     twice, count = np.unique(pairs[:, 0], return_counts=True)
     if (count > 1).any():
-        raise DatasetError(f"recording {twice[count > 1][0]} stands in {count.max()} groups, on both sides of a split; "
+        raise DatasetError(f"recording {twice[count > 1][0]} stands in {count.max()} groups, on "
+                           f"both sides of a split; "
                            "give each recording one group")  # fmt: skip
-    return [(part[data.group[part] != group], part[data.group[part] == group]) for group in np.unique(data.group[part])]
+    return [
+        (part[data.group[part] != group], part[data.group[part] == group])
+        for group in np.unique(data.group[part])
+    ]
 
 
 def _scored(data: Windows) -> NDArray[np.bool_]:
     """Windows whose class some other group holds as well."""
-    groups_of = {label: np.unique(data.group[data.label == label]) for label in range(len(data.labels))}
+    groups_of = {
+        label: np.unique(data.group[data.label == label]) for label in range(len(data.labels))
+    }
     return np.array([len(groups_of[label]) > 1 for label in data.label])
 
 
-def _figures(data: Windows, rows: Indices, named: Indices, than: Indices | None = None) -> dict[str, object]:
+def _figures(
+    data: Windows, rows: Indices, named: Indices, than: Indices | None = None
+) -> dict[str, object]:
     found: dict[str, object] = {
         "accuracy": round(float(np.mean(named[rows] == data.label[rows])), 4),
         "balanced_accuracy": round(balanced(data.label[rows], named[rows]), 4),
     }
     if than is not None:
-        found["over_forest_95"] = [round(value, 4) for value in paired_interval(data, rows, named, than)]
+        found["over_forest_95"] = [
+            round(value, 4) for value in paired_interval(data, rows, named, than)
+        ]
     return found
 
 
 def _confusion(truth: Indices, named: Indices, classes: int) -> list[list[int]]:
     """Windows by true class (row) and named class (column)."""
-    return np.bincount(truth * classes + named, minlength=classes**2).reshape(classes, classes).tolist()
+    return (
+        np.bincount(truth * classes + named, minlength=classes**2)
+        .reshape(classes, classes)
+        .tolist()
+    )
 
 
 def balanced(truth: Indices, named: Indices) -> float:
@@ -215,7 +250,9 @@ def balanced(truth: Indices, named: Indices) -> float:
     return float(np.mean([np.mean(named[truth == k] == k) for k in np.unique(truth)]))
 
 
-def paired_interval(data: Windows, rows: Indices, better: Indices, than: Indices) -> tuple[float, float]:
+def paired_interval(
+    data: Windows, rows: Indices, better: Indices, than: Indices
+) -> tuple[float, float]:
     """95 % interval of the difference of balanced accuracies, recordings drawn with replacement."""
     truth, recording = data.label[rows], data.recording[rows]
     share = 1.0 / np.bincount(truth, minlength=len(data.labels))[truth] / len(np.unique(truth))

@@ -27,7 +27,8 @@ LOWEST_LINE: Final = 2
 
 @dataclass(frozen=True)
 class Windows:
-    """Rows of one dataset: features by the name of their view, label, group, recording and machine of every window."""
+    """Rows of one dataset: features by the name of their view, label, group, recording and machine
+    of every window."""
 
     views: dict[str, Floats]
     label: NDArray[np.intp]
@@ -67,31 +68,48 @@ def window_samples(rate_hz: float) -> int:
 
 
 def band_energies(bands: int, window: Floats, rate_hz: float) -> Floats:
-    """Log energies of ``bands`` bands of equal width up to half the sampling rate, and moments, of every channel."""
+    """Log energies of ``bands`` bands of equal width up to half the sampling rate, and moments, of
+    every channel."""
     mean = window.mean(axis=1)
     deviation = window - mean[:, None]
     power = np.abs(np.fft.rfft(deviation * np.hanning(window.shape[1]))) ** 2
-    energy = [np.log(part.sum(axis=1) + 1e-12) for part in np.array_split(power[:, 1:], bands, axis=1)]
+    energy = [
+        np.log(part.sum(axis=1) + 1e-12) for part in np.array_split(power[:, 1:], bands, axis=1)
+    ]
     std = deviation.std(axis=1) + 1e-12
     shape = [np.mean(deviation**3, axis=1) / std**3, np.mean(deviation**4, axis=1) / std**4]
     return np.concatenate([*energy, std, *shape])
 
 
 def device_spectra(window: Floats, rate_hz: float) -> Floats:
-    """Levels, shapes and phasors of the device's :func:`spectra` in bands even in the logarithm, and peakiness."""
+    """Levels, shapes and phasors of the device's :func:`spectra` in bands even in the logarithm,
+    and peakiness."""
     n = window.shape[1]
-    lines = np.unique(np.round(np.geomspace(LOWEST_LINE, n // 2, min(BANDS, n // 4) + 1)).astype(np.intp))
+    lines = np.unique(
+        np.round(np.geomspace(LOWEST_LINE, n // 2, min(BANDS, n // 4) + 1)).astype(np.intp)
+    )
     level, shape, cross = spectra(window, rate_hz, lines * rate_hz / n)
     deviation = window - window.mean(axis=1, keepdims=True)
     rms = np.sqrt(np.mean(deviation**2, axis=1)) + 1e-12
     kurtosis = np.log10(np.mean(deviation**4, axis=1) / rms**4 + 0.1)
     crest = np.log10(np.abs(deviation).max(axis=1) / rms + 0.1)
-    parts = (level, shape.ravel(), cross.real.ravel(), cross.imag.ravel(), np.log10(rms), kurtosis, crest)
+    parts = (
+        level,
+        shape.ravel(),
+        cross.real.ravel(),
+        cross.imag.ravel(),
+        np.log10(rms),
+        kurtosis,
+        crest,
+    )
     return np.concatenate(parts)
 
 
 VIEWS: Final[dict[str, Features]] = {
-    "2 bands": partial(band_energies, 2), "16 bands": partial(band_energies, 16),
-    "64 bands": partial(band_energies, 64), "spectra": device_spectra,
+    "2 bands": partial(band_energies, 2),
+    "16 bands": partial(band_energies, 16),
+    "64 bands": partial(band_energies, 64),
+    "spectra": device_spectra,
 }
-"""Coarse bands carry over to another speed, fine ones tell one session from another; which is better, data say."""
+"""Coarse bands carry over to another speed, fine ones tell one session from another; which is
+better, data say."""

@@ -1,4 +1,5 @@
-"""``orbitd train classifier --data DIR``: a classifier of a user's own recordings as one ONNX file."""
+"""``orbitd train classifier --data DIR``: a classifier of a user's own recordings as one ONNX
+file."""
 
 from __future__ import annotations
 
@@ -49,15 +50,20 @@ class MeasuredGraph(nn.Module):
 
     def forward(self, features: Tensor) -> Tensor:
         """Softmax (7), summed over the outputs only."""
-        return torch.softmax(self.net((features.double() - self.mean) / self.deviation), dim=1).float()
+        return torch.softmax(
+            self.net((features.double() - self.mean) / self.deviation), dim=1
+        ).float()
 
 
 def train(run: Run, settings: MeasuredSettings) -> dict[str, object]:
-    """Judge by leaving groups out, then train the rung that all groups choose on everything and export it."""
+    """Judge by leaving groups out, then train the rung that all groups choose on everything and
+    export it."""
     found = read_folder(Path(settings.data), settings.group)
     data = windows_of(found)
     rungs = {name: measured.RUNGS[name] for name in settings.rungs}
-    report = measured.evaluate(data, run.seed, rungs) | {"fit_normal_then_detect": measured_normal.detect(data)}
+    report = measured.evaluate(data, run.seed, rungs) | {
+        "fit_normal_then_detect": measured_normal.detect(data)
+    }
     chosen = measured.choose(data, np.arange(len(data)), run.seed, rungs)
     view, fit = rungs[chosen]
     network = fit(data.views[view], data.label, len(data.labels), run.seed)

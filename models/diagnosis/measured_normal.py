@@ -1,8 +1,9 @@
-"""Fit normal, then detect, on measured recordings: each machine's own normal windows, no fault ever seen.
+"""Fit normal, then detect, on measured recordings: each machine's own normal windows, no fault ever
+seen.
 
-For every group left out (a speed, say) a machine's normal windows of the *other* groups give mean and covariance, where
-groups are numbers after a quadratic regression on them; the windows of the group left out are scored by their
-Mahalanobis distance.
+For every group left out (a speed, say) a machine's normal windows of the *other* groups give mean
+and covariance, where groups are numbers after a quadratic regression on them; the windows of the
+group left out are scored by their Mahalanobis distance.
 """
 
 from __future__ import annotations
@@ -25,9 +26,11 @@ RIDGE: Final = 0.1
 
 
 def detect(data: Windows) -> dict[str, object]:
-    """How well distance from a machine's own normal tells its faults: area under the curve over recordings.
+    """How well distance from a machine's own normal tells its faults: area under the curve over
+    recordings.
 
-    Without the label :data:`NORMAL`, or a machine with :data:`LEAST_GROUPS` normal groups, the reason stands instead.
+    Without the label :data:`NORMAL`, or a machine with :data:`LEAST_GROUPS` normal groups, the
+    reason stands instead.
     """
     if NORMAL not in data.labels:
         return {"left_out": f"no label {NORMAL!r}"}
@@ -42,7 +45,8 @@ def detect(data: Windows) -> dict[str, object]:
 
 
 def distances(data: Windows, view: str) -> Floats:
-    """Distance of every window from its machine's normal in other groups, over the typical one there; NaN without."""
+    """Distance of every window from its machine's normal in other groups, over the typical one
+    there; NaN without."""
     away = np.full(len(data), np.nan)
     normal = data.label == data.labels.index(NORMAL)
     where = _coordinate(data)
@@ -55,7 +59,8 @@ def distances(data: Windows, view: str) -> Floats:
 
 
 def _coordinate(data: Windows) -> Floats:
-    """Where each window was taken, ``(n, 3)``: constant, group and its square where all groups begin with a number."""
+    """Where each window was taken, ``(n, 3)``: constant, group and its square where all groups
+    begin with a number."""
     try:
         value = np.array([float(name.split()[0]) for name in data.groups])[data.group]
     except ValueError:
@@ -65,7 +70,8 @@ def _coordinate(data: Windows) -> Floats:
 
 
 def _distance(x: Floats, where: Floats, healthy: Indices, test: Indices) -> Floats:
-    """Mahalanobis distances of ``test`` over the median of ``healthy``; covariance shrunk (Ledoit and Wolf 2004)."""
+    """Mahalanobis distances of ``test`` over the median of ``healthy``; covariance shrunk (Ledoit
+    and Wolf 2004)."""
     from sklearn.covariance import ledoit_wolf
 
     unit = x[healthy].std(axis=0) + 1e-9
@@ -83,7 +89,8 @@ def _distance(x: Floats, where: Floats, healthy: Indices, test: Indices) -> Floa
 
 
 def _figures(data: Windows, rows: Indices, away: Floats) -> dict[str, object]:
-    """Area under the curve of windows, with the 95 % interval over recordings drawn again, and of every fault."""
+    """Area under the curve of windows, with the 95 % interval over recordings drawn again, and of
+    every fault."""
     healthy = data.label[rows] == data.labels.index(NORMAL)
     recordings = np.unique(data.recording[rows])
     of = [rows[data.recording[rows] == r] for r in recordings]
@@ -103,7 +110,8 @@ def _figures(data: Windows, rows: Indices, away: Floats) -> dict[str, object]:
 
 
 def area(healthy: Floats, faulty: Floats) -> float:
-    """Probability that a faulty window lies farther than a healthy one (area under the ROC curve)."""
+    """Probability that a faulty window lies farther than a healthy one (area under the ROC
+    curve)."""
     order = np.sort(healthy)
     below = np.searchsorted(order, faulty, "left") + np.searchsorted(order, faulty, "right")
     return float(below.mean() / (2 * len(order)))

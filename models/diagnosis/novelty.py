@@ -1,10 +1,12 @@
-"""How unlike everything that was taught a row of features is, and how far it lies from one machine's own normal.
+"""How unlike everything that was taught a row of features is, and how far it lies from one
+machine's own normal.
 
-What the operating point explains is taken out first: a quadratic regression of every feature on speed, clearance, oil,
-supply and where the shaft floats, over a scale that itself depends on the operating point (some watts of zero error
-matter at 10 W, not at 300 W).  The residuals of a part of the features are whitened so that scatter within a build has
-unit covariance and scatter between builds is diagonal (as in probabilistic linear discriminant analysis, Ioffe 2006):
-a machine's own offset then has a closed posterior, one number a direction
+What the operating point explains is taken out first: a quadratic regression of every feature on
+speed, clearance, oil, supply and where the shaft floats, over a scale that itself depends on the
+operating point (some watts of zero error matter at 10 W, not at 300 W).  The residuals of a part of
+the features are whitened so that scatter within a build has unit covariance and scatter between
+builds is diagonal (as in probabilistic linear discriminant analysis, Ioffe 2006): a machine's own
+offset then has a closed posterior, one number a direction
 (:class:`firmware_py.brain.normal.Normal`).
 """
 
@@ -25,10 +27,16 @@ from models.diagnosis.dataset import Dataset, DatasetError
 Floats = NDArray[np.float64]
 
 OPERATING: Final = (
-    "log_speed_rad_s", "log_clearance_100um", "oil_outlet_50C", "pressure_bar", "mean_x_over_clearance",
-    "mean_y_over_clearance", "contact_eccentricity",
+    "log_speed_rad_s",
+    "log_clearance_100um",
+    "oil_outlet_50C",
+    "pressure_bar",
+    "mean_x_over_clearance",
+    "mean_y_over_clearance",
+    "contact_eccentricity",
 )
-"""The operating point, on which all other features are regressed; the last three stand for the load."""
+"""The operating point, on which all other features are regressed; the last three stand for the
+load."""
 OPERATING_COLUMNS: Final = np.array([FEATURE_NAMES.index(name) for name in OPERATING])
 REACH: Final = 3.0
 """Deviations beyond which the regression is not followed further."""
@@ -41,8 +49,8 @@ PAIRS: Final = np.array([(i, j) for i in range(len(OPERATING)) for j in range(i 
 FILM: Final = np.isin(FEATURE_NAMES, film_check.names()[:4])
 """Film, position, power and load against each other: what oil, wear, side loads and a rub change.
 
-They are scaled by their own errors already and stay as they are: a regression on where the shaft floats would take
-out that a starved shaft floats where no load of the rig puts it.
+They are scaled by their own errors already and stay as they are: a regression on where the shaft
+floats would take out that a starved shaft floats where no load of the rig puts it.
 """
 ORDERS: Final = np.isin(FEATURE_NAMES, [
     *(f"log_shaft_{way}_{k}x_m" for way in ("fwd", "bwd") for k in HIGH_ORDERS), "contact_2x_film",
@@ -54,15 +62,19 @@ POWER: Final = np.isin(FEATURE_NAMES, ["film_power_excess"])
 RINGING: Final = np.isin(FEATURE_NAMES, ringing.names())
 """How pedestal and motor ring."""
 BOLTS: Final = 3
-"""Directions of the ringing in which the taught bolts, two of the pedestal and the motor's, move it most.
+"""Directions of the ringing in which the taught bolts, two of the pedestal and the motor's, move it
+most.
 
-A bolt that is no class moves the same modes another way (one on the other side turns the phase between lift and roll):
-there it lies far from all that was taught, while in the whole ringing it drowns.
+A bolt that is no class moves the same modes another way (one on the other side turns the phase
+between lift and roll): there it lies far from all that was taught, while in the whole ringing it
+drowns.
 """
 THIRD: Final = 1.0 / 3.0
-"""Where the parts' scales are made alike besides their limits: distances of a third of the limit's improbability.
+"""Where the parts' scales are made alike besides their limits: distances of a third of the limit's
+improbability.
 
-A single feature scatters more about its limit than the mean of many; as logs of a probability both compare.
+A single feature scatters more about its limit than the mean of many; as logs of a probability both
+compare.
 """
 PARTS: Final = {"film": (FILM, None), "power": (POWER, None), "orders": (ORDERS, None), "ringing": (RINGING, None),
                 "bolts": (RINGING, BOLTS)}  # fmt: skip
@@ -73,8 +85,9 @@ PARTS: Final = {"film": (FILM, None), "power": (POWER, None), "orders": (ORDERS,
 class Residual:
     """Features without what the operating point explains, in units of their scatter there.
 
-    ``centre``, ``spread`` ``(7,)`` of the operating point; ``mean`` ``(36, F)`` weights of its constant, linear and
-    quadratic terms; ``log_scale`` ``(8, F)`` weights of its constant and linear terms.
+    ``centre``, ``spread`` ``(7,)`` of the operating point; ``mean`` ``(36, F)`` weights of its
+    constant, linear and quadratic terms; ``log_scale`` ``(8, F)`` weights of its constant and
+    linear terms.
     """
 
     centre: Floats
@@ -84,7 +97,8 @@ class Residual:
 
     @classmethod
     def fit(cls, features: NDArray[np.floating]) -> Residual:
-        """Ridge regression on healthy rows; the scale follows the residuals that leave their own row out."""
+        """Ridge regression on healthy rows; the scale follows the residuals that leave their own
+        row out."""
         x = np.asarray(features, np.float64)
         point = x[:, OPERATING_COLUMNS]
         centre, spread = point.mean(axis=0), np.maximum(point.std(axis=0), 1e-9)
@@ -114,7 +128,8 @@ class Residual:
 
 
 def quadratic(u: Floats) -> Floats:
-    """Constant, linear and quadratic terms of ``u`` ``(n, 7)`` within :data:`REACH`, ``(n, 36)``."""
+    """Constant, linear and quadratic terms of ``u`` ``(n, 7)`` within :data:`REACH`, ``(n,
+    36)``."""
     held = np.clip(u, -REACH, REACH)
     return np.column_stack([np.ones(len(u)), held, held[:, PAIRS[0]] * held[:, PAIRS[1]]])
 
@@ -128,11 +143,13 @@ def _but_the_constant(size: int) -> Floats:
 
 @dataclass(frozen=True)
 class Part:
-    """Distance to the nearest of the taught centres: of healthy machines and of each fault at each severity.
+    """Distance to the nearest of the taught centres: of healthy machines and of each fault at each
+    severity.
 
-    ``whitening`` ``(F, k)``: ``residual @ whitening`` has unit covariance within a build about the centres ``(K, k)``,
-    the first of them healthy, and the variances ``between`` ``(k,)`` between builds; features that are not looked at
-    have zero rows.  ``limit`` is what all but a few inner rows keep, ``exponent`` turns distance into improbability.
+    ``whitening`` ``(F, k)``: ``residual @ whitening`` has unit covariance within a build about the
+    centres ``(K, k)``, the first of them healthy, and the variances ``between`` ``(k,)`` between
+    builds; features that are not looked at have zero rows.  ``limit`` is what all but a few inner
+    rows keep, ``exponent`` turns distance into improbability.
     """
 
     whitening: Floats
@@ -142,15 +159,19 @@ class Part:
     exponent: float = 1.0
 
     @classmethod
-    def fit(cls, columns: NDArray[np.bool_], directions: int | None, residual: Floats, data: Dataset) -> Part:
-        """Covariances within and between builds (shrunk, Ledoit and Wolf 2004); limits are still to be set.
+    def fit(
+        cls, columns: NDArray[np.bool_], directions: int | None, residual: Floats, data: Dataset
+    ) -> Part:
+        """Covariances within and between builds (shrunk, Ledoit and Wolf 2004); limits are still to
+        be set.
 
         Parameters
         ----------
         columns
             Features of the part, ``(F,)``.
         directions
-            How many discriminant directions of the centres are kept (Fisher 1936, Rao 1948); None: no such choice.
+            How many discriminant directions of the centres are kept (Fisher 1936, Rao 1948); None:
+            no such choice.
         """
         from sklearn.covariance import ledoit_wolf
 
@@ -159,13 +180,19 @@ class Part:
         _, label_of = np.unique(labels, axis=0, return_inverse=True)
         builds, build_of = np.unique(data.group, return_inverse=True)
         count_of = np.bincount(label_of.reshape(-1))
-        means = np.array([residual[label_of == k][:, used].mean(axis=0) for k in range(len(count_of))])
+        means = np.array(
+            [residual[label_of == k][:, used].mean(axis=0) for k in range(len(count_of))]
+        )
         about = residual[:, used] - means[label_of]
         healthy = about[data.kind == 0]
-        build_of, count = build_of[data.kind == 0], np.bincount(build_of[data.kind == 0], minlength=len(builds))
+        build_of, count = (
+            build_of[data.kind == 0],
+            np.bincount(build_of[data.kind == 0], minlength=len(builds)),
+        )
         if not (count > 1).any():
             raise DatasetError(
-                "no build has two healthy recordings: scatter between builds cannot be told from scatter within; "
+                "no build has two healthy recordings: scatter between builds cannot be told from "
+                "scatter within; "
                 "record healthy builds at several operating points"
             )
         own = np.array([healthy[build_of == b].mean(axis=0) for b in np.flatnonzero(count > 1)])
@@ -182,20 +209,24 @@ class Part:
         return cls(whitening, means @ white @ turn, between)
 
     def limited(self, residual: Floats, quantile: float) -> Part:
-        """The same with the limit that ``quantile`` of inner residuals keep, and its exponent (:data:`THIRD`)."""
+        """The same with the limit that ``quantile`` of inner residuals keep, and its exponent
+        (:data:`THIRD`)."""
         away = self.distance(residual)
         limit, third = np.quantile(away, [quantile, 1.0 - (1.0 - quantile) ** THIRD])
         exponent = math.log(THIRD) / math.log(third / limit) if 0.0 < third < limit else 1.0
         return replace(self, limit=float(limit), exponent=exponent)
 
     def distance(self, residual: Floats) -> Floats:
-        """Novelty ``(n,)`` of residuals, about the log of their probability over that of the limit: there 1."""
+        """Novelty ``(n,)`` of residuals, about the log of their probability over that of the limit:
+        there 1."""
         white = residual @ self.whitening
         found = [np.sqrt(np.mean((white - centre) ** 2, axis=1)) for centre in self.centres]
         return np.asarray((np.min(found, axis=0) / self.limit) ** self.exponent)
 
 
-def fit_novelty(train: Dataset, inner: Dataset, quantile: float) -> tuple[Residual, tuple[Part, ...]]:
+def fit_novelty(
+    train: Dataset, inner: Dataset, quantile: float
+) -> tuple[Residual, tuple[Part, ...]]:
     """What the operating point explains, and the parts whose largest distance is the novelty score.
 
     Parameters
@@ -215,9 +246,13 @@ def fleet(parts: Sequence[Part], healthy: Floats, quantile: float) -> dict[str, 
     Parameters
     ----------
     healthy
-        Residuals of healthy inner rows; ``quantile`` of them stay within the limits of healthy alone.
+        Residuals of healthy inner rows; ``quantile`` of them stay within the limits of healthy
+        alone.
     """
-    away = [np.sqrt(np.mean((healthy @ p.whitening - p.centres[0]) ** 2 / (1.0 + p.between), axis=1)) for p in parts]
+    away = [
+        np.sqrt(np.mean((healthy @ p.whitening - p.centres[0]) ** 2 / (1.0 + p.between), axis=1))
+        for p in parts
+    ]
     return {
         "parts": list(PARTS), "columns": [len(part.between) for part in parts],
         "between": [float(f"{value:.4g}") for part in parts for value in part.between],

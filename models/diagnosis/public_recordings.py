@@ -1,8 +1,9 @@
-"""Public recordings of measured machines, written as dataset folders (:file:`models/diagnosis/DATASET.md`).
+"""Public recordings of measured machines, written as dataset folders
+(:file:`models/diagnosis/DATASET.md`).
 
 ``python -m models.diagnosis.public_recordings DATA OUT``: ``DATA`` holds ``fan_unbalance`` and
-``motor_audio_vibration`` with their READMEs, which name origin and licence.  Writes ``OUT/fan``, ``OUT/audio``
-and ``OUT/vibration``.
+``motor_audio_vibration`` with their READMEs, which name origin and licence.  Writes ``OUT/fan``,
+``OUT/audio`` and ``OUT/vibration``.
 """
 
 from __future__ import annotations
@@ -30,9 +31,16 @@ Item = tuple[NDArray[np.float32], Row]
 def fan(data: Path) -> Iterator[Item]:
     """Fan with two weights at a commanded speed; 50 Hz, three axes, m/s2."""
     with np.load(data / "fan_unbalance" / "fan.npz") as stored:
-        for acc, config, speed in zip(stored["acc_mg"], stored["config"], stored["speed_pct"], strict=True):
+        for acc, config, speed in zip(
+            stored["acc_mg"], stored["config"], stored["speed_pct"], strict=True
+        ):
             samples = (acc * (9.80665e-3)).astype(np.float32)
-            row: Row = {"label": FAN[int(config)], "group": f"{speed} %", "rate_hz": 50.0, "channels": AXES}
+            row: Row = {
+                "label": FAN[int(config)],
+                "group": f"{speed} %",
+                "rate_hz": 50.0,
+                "channels": AXES,
+            }
             yield samples, row
 
 
@@ -50,7 +58,10 @@ def vibration(data: Path) -> Iterator[Item]:
     with np.load(data / "motor_audio_vibration" / "vibration.npz") as stored:
         acc, offsets = stored["acc"], stored["offsets"]
         for i in range(len(offsets) - 1):
-            yield acc[offsets[i] : offsets[i + 1]], {**_motor(stored, i), "rate_hz": VIBRATION_HZ, "channels": AXES}
+            yield (
+                acc[offsets[i] : offsets[i + 1]],
+                {**_motor(stored, i), "rate_hz": VIBRATION_HZ, "channels": AXES},
+            )
 
 
 def _motor(stored: Any, i: int) -> Row:

@@ -1,4 +1,5 @@
-"""Recordings of rigs in software: builds, faults, operating points and clearance loops drawn from a seed."""
+"""Recordings of rigs in software: builds, faults, operating points and clearance loops drawn from a
+seed."""
 
 from __future__ import annotations
 
@@ -40,7 +41,8 @@ UNKNOWNS: Final = ("misalignment", "rub", "starvation", "wear", "pedestal_bolt_c
 """Faults that are never taught; the last is a bolt that is no class."""
 
 UNKNOWN_LABELS: Final = (*UNKNOWNS, "rub that the shaft has left")
-"""What an unknown recording is called: a seal that the shaft no longer touches after it has moved is apart."""
+"""What an unknown recording is called: a seal that the shaft no longer touches after it has moved
+is apart."""
 
 UNKNOWN_KIND: Final = -1
 JUDGED_SECONDS: Final = 4.0
@@ -56,17 +58,20 @@ DRIFT_MOST: Final = 0.3
 """Zero drift of a healthy machine's sensor: this share of 20 % of the range a minute."""
 DRIFT_SHARE: Final = 0.3
 DRIFTED_S: Final = 10.0
-"""Share of the training recordings with a drifting sensor, and how long it may have drifted before."""
+"""Share of the training recordings with a drifting sensor, and how long it may have drifted
+before."""
 TOUCH_BLOCK_S: Final = 0.1
 MEMORY_S: Final = 0.1
-"""A rub: how finely contact is looked for, and the time in which the rig's seal learns where the shaft runs."""
+"""A rub: how finely contact is looked for, and the time in which the rig's seal learns where the
+shaft runs."""
 _MICROSECONDS: Final = 1e6
 _ECCENTRICITY: Final = [TRUTH_COLUMNS.index(f"eccentricity_{axis}_m") for axis in "xy"]
 
 
 @dataclass(frozen=True)
 class Case:
-    """One recording to make: class, severity (of an unknown: index into :data:`UNKNOWN_LABELS`), the rig's faults."""
+    """One recording to make: class, severity (of an unknown: index into :data:`UNKNOWN_LABELS`),
+    the rig's faults."""
 
     kind: int
     severity: float
@@ -88,9 +93,9 @@ class Plan:
 class Raw:
     """One recording as the device would have received it, and what is true of it.
 
-    ``counts`` int16 (n, 8); ``start_us`` tick of the first row; ``marks_us`` ticks of the once-per-turn edges;
-    ``readings`` (m, 4): tick, clearance (m), shaft power (W), oil outlet (degC).  ``loop`` and ``duty`` index
-    :data:`LOOPS` and :data:`DUTIES`.
+    ``counts`` int16 (n, 8); ``start_us`` tick of the first row; ``marks_us`` ticks of the
+    once-per-turn edges; ``readings`` (m, 4): tick, clearance (m), shaft power (W), oil outlet
+    (degC).  ``loop`` and ``duty`` index :data:`LOOPS` and :data:`DUTIES`.
     """
 
     counts: NDArray[np.int16]
@@ -105,12 +110,18 @@ class Raw:
 
 
 def training_cases(rng: np.random.Generator) -> list[Case]:
-    """Three healthy recordings and three faults a build, half preload and worse, grade G16 and worse.
+    """Three healthy recordings and three faults a build, half preload and worse, grade G16 and
+    worse.
 
     Some with a drifting sensor, which says nothing about the machine.
     """
     kinds = rng.permutation(np.arange(1, 6))[:3]
-    cases = [_healthy(), _healthy(), _healthy(), *(_taught(int(k), rng, slice(1, None)) for k in kinds)]
+    cases = [
+        _healthy(),
+        _healthy(),
+        _healthy(),
+        *(_taught(int(k), rng, slice(1, None)) for k in kinds),
+    ]
     return [_drifting(case, rng) if rng.random() < DRIFT_SHARE else case for case in cases]
 
 
@@ -140,7 +151,12 @@ def record_build(plan: Plan, build_number: int) -> list[Raw]:
 
 
 def _record(
-    rig: RigData, build: Build, case: Case, plan: Plan, rng: np.random.Generator, reading_seed: list[int]
+    rig: RigData,
+    build: Build,
+    case: Case,
+    plan: Plan,
+    rng: np.random.Generator,
+    reading_seed: list[int],
 ) -> Raw:
     """One recording; the errors of the readings are those of the build."""
     duty_kind, duty = _duty(rig, plan.seconds, rng)
@@ -158,7 +174,9 @@ def _record(
     if "rub" in case.faults and not _touches(batch, ran_m, machine.period_s):
         severity = float(UNKNOWN_LABELS.index("rub that the shaft has left"))
     taken = recording_of(machine, batch, np.random.default_rng(reading_seed))
-    readings = np.column_stack([taken.status[:, 0] * _MICROSECONDS, taken.status[:, 3], taken.status[:, 1:3]])
+    readings = np.column_stack(
+        [taken.status[:, 0] * _MICROSECONDS, taken.status[:, 3], taken.status[:, 1:3]]
+    )
     return Raw(
         taken.counts, round(float(taken.time_s[0]) * _MICROSECONDS),
         np.round(taken.mark_s * _MICROSECONDS).astype(np.int64), readings,
@@ -167,14 +185,17 @@ def _record(
 
 
 def _settle(machine: Machine, duty: Duty, loop: Loop, pressure: float, case: Case) -> Floats:
-    """Run healthy, then as long with the faults; where the rig takes the shaft to have run healthy (2,), m."""
+    """Run healthy, then as long with the faults; where the rig takes the shaft to have run healthy
+    (2,), m."""
     start = Duty.hold(duty.speed_rpm[0], duty.load_N[0])
     healthy = run(machine, start, SETTLE_S, clearance=loop.start_m, pressure=pressure)
     for name, severity in case.faults.items():
         machine.inject(name, severity)
     run(machine, start, SETTLE_S, clearance=loop.start_m, pressure=pressure)
     remembered = 1.0 - math.exp(-SETTLE_S / MEMORY_S)
-    return np.asarray(remembered * healthy.truth[len(healthy.truth) // 2 :, _ECCENTRICITY].mean(axis=0))
+    return np.asarray(
+        remembered * healthy.truth[len(healthy.truth) // 2 :, _ECCENTRICITY].mean(axis=0)
+    )
 
 
 def _touches(batch: Batch, ran_m: Floats, period_s: float) -> bool:
@@ -206,17 +227,26 @@ def _taught(kind: int, rng: np.random.Generator, of_grid: slice) -> Case:
 
 
 def _duty(rig: RigData, seconds: float, rng: np.random.Generator) -> tuple[int, Duty]:
-    """Index into :data:`DUTIES` and the duty: half of all hold, ramps within 400 rpm/s, run-ups within 2000."""
+    """Index into :data:`DUTIES` and the duty: half of all hold, ramps within 400 rpm/s, run-ups
+    within 2000."""
     low, high = rig.speed_min_rpm, rig.speed_max_rpm
     first, last = np.exp(rng.uniform(math.log(low), math.log(high), 2)).tolist()
-    light, heavy = np.exp(rng.uniform(math.log(rig.load_min_N), math.log(rig.load_max_N), 2)).tolist()
+    light, heavy = np.exp(
+        rng.uniform(math.log(rig.load_min_N), math.log(rig.load_max_N), 2)
+    ).tolist()
     kind = int(rng.choice(len(DUTIES), p=(0.5, 0.2, 0.15, 0.15)))
     if DUTIES[kind] == "hold":
         return kind, Duty.hold(first, light)
     if DUTIES[kind] == "load step":
         half = 0.5 * seconds
-        return kind, Duty((0.0, half, half + 0.05, seconds), (first,) * 4, (light, light, heavy, heavy))
+        return kind, Duty(
+            (0.0, half, half + 0.05, seconds), (first,) * 4, (light, light, heavy, heavy)
+        )
     rate = 400.0 if DUTIES[kind] == "ramp" else float(rng.uniform(400.0, 2000.0))
     reach = rate * seconds
-    end = min(max(last, first - reach), first + reach) if DUTIES[kind] == "ramp" else min(first + reach, high)
+    end = (
+        min(max(last, first - reach), first + reach)
+        if DUTIES[kind] == "ramp"
+        else min(first + reach, high)
+    )
     return kind, Duty((0.0, seconds), (first, end), (light, heavy))

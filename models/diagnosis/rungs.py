@@ -1,4 +1,5 @@
-"""The ladder climbed: every rung trained on the outer builds, the simplest that wins on inner builds chosen."""
+"""The ladder climbed: every rung trained on the outer builds, the simplest that wins on inner
+builds chosen."""
 
 from __future__ import annotations
 
@@ -9,7 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.diagnosis import ladder, scores
-from models.diagnosis.ladder import ALL_FEATURES, ORDER_FEATURES, OWN_FEATURES, HeadNetwork, PaperNetwork
+from models.diagnosis.ladder import (
+    ALL_FEATURES,
+    ORDER_FEATURES,
+    OWN_FEATURES,
+    HeadNetwork,
+    PaperNetwork,
+)
 from models.diagnosis.scores import Decisions, class_probabilities, decide
 from models.diagnosis.waveform_network import fit_waveforms, waveform_probability
 from models.diagnosis.windowed import Views
@@ -33,7 +40,8 @@ class LadderSettings(Settings, frozen=True):
 
 @dataclass(frozen=True)
 class Rung:
-    """One classifier of the ladder: its probabilities for the views of recordings, pooled to decisions."""
+    """One classifier of the ladder: its probabilities for the views of recordings, pooled to
+    decisions."""
 
     name: str
     probability: Callable[[Views], Floats]
@@ -45,12 +53,18 @@ class Rung:
         return scores.required(decide(self.probability(views), getattr(views, self.view)))
 
 
-def climb(outer: Views, inner: Views, settings: LadderSettings, rate_hz: int, seed: int) -> list[Rung]:
+def climb(
+    outer: Views, inner: Views, settings: LadderSettings, rate_hz: int, seed: int
+) -> list[Rung]:
     """Every rung, simplest first, trained on ``outer`` with ``inner`` as what it must not see.
 
     Each starts from ``seed`` alone: what is left out of the ladder changes no other rung.
     """
-    rungs = [Rung("thresholds on 1X, 2X, half order", lambda v: ladder.thresholds(outer.orders, v.orders))]
+    rungs = [
+        Rung(
+            "thresholds on 1X, 2X, half order", lambda v: ladder.thresholds(outer.orders, v.orders)
+        )
+    ]
     for name, columns in (
         ("logistic regression, order features", ORDER_FEATURES),
         ("logistic regression, order features and ringing", ALL_FEATURES),
@@ -74,7 +88,11 @@ def climb(outer: Views, inner: Views, settings: LadderSettings, rate_hz: int, se
     for name, columns, hidden in (
         ("logistic regression, own features of each head", OWN_FEATURES, 0),
         (f"network-{settings.hidden}, order features and ringing", ALL_FEATURES, settings.hidden),
-        (f"network-{settings.own_hidden} a head, own features of each head", OWN_FEATURES, settings.own_hidden),
+        (
+            f"network-{settings.own_hidden} a head, own features of each head",
+            OWN_FEATURES,
+            settings.own_hidden,
+        ),
     ):
         rungs.append(_heads_rung(name, columns, hidden, outer, inner, settings, seed))
     rungs.append(_mean_rung(rungs[-1], OWN_FEATURES, outer, inner, settings, seed))
@@ -102,9 +120,15 @@ def _heads_rung(
 
 
 def _mean_rung(
-    first: Rung, columns: NDArray[np.bool_], outer: Views, inner: Views, settings: LadderSettings, seed: int
+    first: Rung,
+    columns: NDArray[np.bool_],
+    outer: Views,
+    inner: Views,
+    settings: LadderSettings,
+    seed: int,
 ) -> Rung:
-    """The same network trained from several starts, as one network that gives their mean log-odds."""
+    """The same network trained from several starts, as one network that gives their mean
+    log-odds."""
     assert first.network is not None
     networks = [first.network]
     for member in range(1, settings.members):
@@ -112,15 +136,19 @@ def _mean_rung(
             networks.append(ladder.fit_heads(first.name, columns, settings.own_hidden, outer.orders, inner.orders,
                                              first.network.l2, settings.iterations,
                                              np.random.default_rng([seed, member]), bar))  # fmt: skip
-    mean = ladder.side_by_side(f"mean of {settings.members}: {first.name}", networks).calibrated(inner.orders)
-    return Rung(mean.name, lambda v: class_probabilities(mean.logits(v.orders.features)), network=mean)
+    mean = ladder.side_by_side(f"mean of {settings.members}: {first.name}", networks).calibrated(
+        inner.orders
+    )
+    return Rung(
+        mean.name, lambda v: class_probabilities(mean.logits(v.orders.features)), network=mean
+    )
 
 
 def choose(rungs: list[Rung], inner: Views) -> tuple[HeadNetwork, list[dict[str, object]]]:
     """The simplest rung whose worst inner regime no later one betters; a row for each.
 
-    Better is the higher log score: accuracy near one is a matter of one or two decisions.  Only rungs that the device
-    can run are chosen: those with four heads on features.
+    Better is the higher log score: accuracy near one is a matter of one or two decisions.  Only
+    rungs that the device can run are chosen: those with four heads on features.
     """
     best: tuple[float, HeadNetwork] | None = None
     rows: list[dict[str, object]] = []

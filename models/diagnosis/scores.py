@@ -19,16 +19,17 @@ CALIBRATION_BINS = 10
 LEAST_PROBABILITY = 1e-4
 """One decision costs no more than this in the log score."""
 LEAST_ODDS = 100.0
-"""Odds against normal below which no fault is named: a rarer machine than the training's healthy ones reaches them."""
+"""Odds against normal below which no fault is named: a rarer machine than the training's healthy
+ones reaches them."""
 SPEED_BORDERS = np.log10(np.array([3000.0, 6000.0]) * np.pi / 30.0)
 REGIMES = (LOOPS, DUTIES, ("below 3000 rpm", "3000 to 6000 rpm", "above 6000 rpm"))
 """Names of the columns of :attr:`Decisions.regime`."""
 
 
-
 @dataclass(frozen=True)
 class Decisions:
-    """Class probabilities ``(n, 6)`` beside the truth, one row a decision; ``regime`` ``(n, k)`` for worst groups."""
+    """Class probabilities ``(n, 6)`` beside the truth, one row a decision; ``regime`` ``(n, k)``
+    for worst groups."""
 
     probability: Floats
     kind: NDArray[np.intp]
@@ -86,7 +87,8 @@ def regimes(data: Dataset) -> NDArray[np.intp]:
 def worst_group(
     decisions: Decisions, score: Callable[[Decisions], float] | None = None
 ) -> tuple[str, NDArray[np.bool_]]:
-    """Name and rows of the regime with the lowest ``score`` (default: six-class balanced accuracy)."""
+    """Name and rows of the regime with the lowest ``score`` (default: six-class balanced
+    accuracy)."""
     found: list[tuple[float, str, NDArray[np.bool_]]] = []
     for column, names in enumerate(REGIMES):
         for index, name in enumerate(names):
@@ -103,18 +105,26 @@ def six_classes(decisions: Decisions) -> float:
 
 
 def log_score(decisions: Decisions) -> float:
-    """Mean log probability of the truth, every class with the same weight (Good 1952); 0 is the best."""
-    right = np.log(decisions.probability[np.arange(len(decisions.kind)), decisions.kind] + LEAST_PROBABILITY)
-    return float(np.mean([right[decisions.kind == kind].mean() for kind in np.unique(decisions.kind)]))
+    """Mean log probability of the truth, every class with the same weight (Good 1952); 0 is the
+    best."""
+    right = np.log(
+        decisions.probability[np.arange(len(decisions.kind)), decisions.kind] + LEAST_PROBABILITY
+    )
+    return float(
+        np.mean([right[decisions.kind == kind].mean() for kind in np.unique(decisions.kind)])
+    )
 
 
 def two_classes(decisions: Decisions) -> float:
     """Balanced accuracy of normal against any fault."""
-    return balanced_accuracy((decisions.kind > 0).astype(np.intp), decisions.abnormal.astype(np.intp))
+    return balanced_accuracy(
+        (decisions.kind > 0).astype(np.intp), decisions.abnormal.astype(np.intp)
+    )
 
 
 def required(decisions: Decisions) -> Decisions:
-    """The decisions at the severities that must be found: G16 and more, at most 25 % of the preload."""
+    """The decisions at the severities that must be found: G16 and more, at most 25 % of the
+    preload."""
     return decisions.subset(severe(decisions.kind, decisions.severity))
 
 
@@ -128,15 +138,22 @@ def calibration_error(decisions: Decisions) -> float:
     confidence = decisions.probability.max(axis=1)
     right = decisions.named == decisions.kind
     bins = np.minimum((confidence * CALIBRATION_BINS).astype(int), CALIBRATION_BINS - 1)
-    gaps = [np.mean(bins == k) * abs(confidence[bins == k].mean() - right[bins == k].mean()) for k in np.unique(bins)]
+    gaps = [
+        np.mean(bins == k) * abs(confidence[bins == k].mean() - right[bins == k].mean())
+        for k in np.unique(bins)
+    ]
     return float(np.sum(gaps))
 
 
 def summary(decisions: Decisions) -> dict[str, object]:
-    """Six-class and two-class balanced accuracy with 95 % intervals over builds, and calibration."""
+    """Six-class and two-class balanced accuracy with 95 % intervals over builds, and
+    calibration."""
     if len(decisions.kind) == 0:
         return {"decisions": 0}
-    report: dict[str, object] = {"decisions": len(decisions.kind), "builds": len(np.unique(decisions.group))}
+    report: dict[str, object] = {
+        "decisions": len(decisions.kind),
+        "builds": len(np.unique(decisions.group)),
+    }
     for name, score in (("six_classes", six_classes), ("two_classes", two_classes)):
         worst, rows = worst_group(decisions, score)
         report[name] = {
@@ -162,7 +179,8 @@ def bootstrap(
 def beats(better: Decisions, simpler: Decisions, draws: int = 1000) -> bool:
     """True when ``better`` has the higher balanced accuracy on the same decisions, beyond luck.
 
-    The lower 95 % limit of the paired difference, builds drawn with replacement, must lie above zero.
+    The lower 95 % limit of the paired difference, builds drawn with replacement, must lie above
+    zero.
     """
     share = 1.0 / np.bincount(better.kind)[better.kind]
     right = (better.named == better.kind).astype(np.float64) - (simpler.named == simpler.kind)
@@ -174,13 +192,15 @@ def beats(better: Decisions, simpler: Decisions, draws: int = 1000) -> bool:
 
 
 def severity_grid(decisions: Decisions) -> dict[str, dict[str, float]]:
-    """Share of decisions that named the right class, per class and severity; for normal: no alarm."""
+    """Share of decisions that named the right class, per class and severity; for normal: no
+    alarm."""
     grid: dict[str, dict[str, float]] = {}
     for kind in np.unique(decisions.kind):
         of_kind = decisions.kind == kind
         grid[CLASSES[kind]] = {
             f"{severity:g}": round(
-                float(np.mean(decisions.named[of_kind & (decisions.severity == severity)] == kind)), 4
+                float(np.mean(decisions.named[of_kind & (decisions.severity == severity)] == kind)),
+                4,
             )
             for severity in np.unique(decisions.severity[of_kind])
         }
@@ -188,15 +208,18 @@ def severity_grid(decisions: Decisions) -> dict[str, dict[str, float]]:
 
 
 def nll(logits: Floats, heads: Floats, weight: Floats | float = 1.0) -> float:
-    """Mean (weighted) negative log-likelihood of the heads, equation (8) without its regulariser."""
+    """Mean (weighted) negative log-likelihood of the heads, equation (8) without its
+    regulariser."""
     return float(np.mean(weight * (np.logaddexp(0.0, logits) - heads * logits)))
 
 
 def alarm_limits(probability: Floats, rate: float, tail: float = 0.05) -> Floats:
-    """Odds of each fault against normal that healthy decisions exceed at ``rate`` over all faults at most, ``(5,)``.
+    """Odds of each fault against normal that healthy decisions exceed at ``rate`` over all faults
+    at most, ``(5,)``.
 
-    Each fault has its own limit: one that is hard to tell must not make the others wait.  Peaks over the quantile
-    ``1 - tail`` of the log-odds reach beyond what was counted (:func:`peaks_over`).
+    Each fault has its own limit: one that is hard to tell must not make the others wait.  Peaks
+    over the quantile ``1 - tail`` of the log-odds reach beyond what was counted
+    (:func:`peaks_over`).
 
     Parameters
     ----------
@@ -213,10 +236,12 @@ def alarm_limits(probability: Floats, rate: float, tail: float = 0.05) -> Floats
 
 
 def peaks_over(values: Floats, tail: float) -> tuple[float, float, float]:
-    """Quantile ``1 - tail`` of ``values``; scale and shape of the generalised Pareto distribution above it.
+    """Quantile ``1 - tail`` of ``values``; scale and shape of the generalised Pareto distribution
+    above it.
 
-    By the first two moments (Pickands 1975; Hosking and Wallis 1987).  The shape is held below 0, where 0 is
-    exponential: what is normal for a machine is bounded, and so is what its sensors make of it.
+    By the first two moments (Pickands 1975; Hosking and Wallis 1987).  The shape is held below 0,
+    where 0 is exponential: what is normal for a machine is bounded, and so is what its sensors make
+    of it.
     """
     high = float(np.quantile(values, 1.0 - tail))
     excess = values[values > high] - high
@@ -232,9 +257,11 @@ def fault_log_odds(probability: Floats) -> Floats:
 
 
 def temperatures(logits: Floats, heads: Floats, weight: Floats | float = 1.0) -> Floats:
-    """Divisor of each head's log-odds that minimises its (weighted) :func:`nll` (Guo et al. 2017), on a grid of 1 %.
+    """Divisor of each head's log-odds that minimises its (weighted) :func:`nll` (Guo et al. 2017),
+    on a grid of 1 %.
 
-    Log-odds are sharpened threefold at most: rows that a head tells apart without a miss do not say how sure it may be.
+    Log-odds are sharpened threefold at most: rows that a head tells apart without a miss do not say
+    how sure it may be.
     """
     grid = np.exp(np.arange(-1.1, 2.5, 0.01))
     return np.array([grid[np.argmin([nll(z / t, truth, weight) for t in grid])]

@@ -1,4 +1,5 @@
-"""A small convolutional network on waveforms over shaft angle: the rung that learns its own features."""
+"""A small convolutional network on waveforms over shaft angle: the rung that learns its own
+features."""
 
 from __future__ import annotations
 
@@ -61,13 +62,18 @@ def fit_waveforms(
         with torch.no_grad():
             score = float(loss(network(x_inner), inner_heads))
         if score < best:
-            best, kept = score, {name: value.clone() for name, value in network.state_dict().items()}
+            best, kept = (
+                score,
+                {name: value.clone() for name, value in network.state_dict().items()},
+            )
         progress(epoch + 1)
     network.load_state_dict(kept)
     return network.cpu()
 
 
-def waveform_probability(network: WaveformNetwork, waves: NDArray[np.floating]) -> NDArray[np.float64]:
+def waveform_probability(
+    network: WaveformNetwork, waves: NDArray[np.floating]
+) -> NDArray[np.float64]:
     """Class probabilities ``(n, 6)``."""
     with torch.no_grad():
         return class_probabilities(network(_tensor(waves)).double().numpy())

@@ -1,4 +1,5 @@
-"""Three views of the same recordings: features of windows, a raw window, a waveform over shaft angle."""
+"""Three views of the same recordings: features of windows, a raw window, a waveform over shaft
+angle."""
 
 from __future__ import annotations
 
@@ -36,7 +37,8 @@ RAW_POINTS: Final = 800
 
 @dataclass(frozen=True)
 class Views:
-    """``orders``: features of windows, or their means over decisions; ``raw``, ``waves``: one row a recording."""
+    """``orders``: features of windows, or their means over decisions; ``raw``, ``waves``: one row a
+    recording."""
 
     orders: Dataset
     raw: Dataset
@@ -45,15 +47,19 @@ class Views:
 
 @dataclass(frozen=True)
 class Look:
-    """How recordings are looked at: every window, or means of ``windows``; raw rows of the first ``raw_builds``."""
+    """How recordings are looked at: every window, or means of ``windows``; raw rows of the first
+    ``raw_builds``."""
 
     windows: int = 1
     raw_builds: int = 0
 
 
 def views_of(out: Path, plan: Plan, builds: int, workers: int, look: Look) -> Views:
-    """Views of the recordings of ``plan`` under ``out``, recorded and analysed when they are not there yet."""
-    path = folder_of(out, plan) / f"views-{builds}-{look.windows}-{look.raw_builds}-{_code_hash()}.npz"
+    """Views of the recordings of ``plan`` under ``out``, recorded and analysed when they are not
+    there yet."""
+    path = (
+        folder_of(out, plan) / f"views-{builds}-{look.windows}-{look.raw_builds}-{_code_hash()}.npz"
+    )
     if path.exists():
         return _read(path)
     with progress_bar(f"recordings of {builds} builds", builds) as bar:
@@ -68,17 +74,22 @@ def views_of(out: Path, plan: Plan, builds: int, workers: int, look: Look) -> Vi
 
 
 def per_decision(views: Views) -> Views:
-    """Features averaged over the windows of one decision; raw windows and waveforms stay one a recording."""
+    """Features averaged over the windows of one decision; raw windows and waveforms stay one a
+    recording."""
     return Views(pooled(views.orders, WINDOWS_PER_DECISION), views.raw, views.waves)
 
 
 def usable_windows(raw: Raw) -> list[Window]:
     """Windows of a recording with whole turns, as the device cuts them."""
-    windows = iter_windows(raw.counts, raw.start_us, raw.marks_us, raw.rate_hz, readings=raw.readings)
+    windows = iter_windows(
+        raw.counts, raw.start_us, raw.marks_us, raw.rate_hz, readings=raw.readings
+    )
     return [window for window in windows if not window.quality & Quality.NO_MARK]
 
 
-def _analysed(files: list[Path], look: Look, workers: int, progress: Callable[[int], None]) -> Views:
+def _analysed(
+    files: list[Path], look: Look, workers: int, progress: Callable[[int], None]
+) -> Views:
     parts = []
     for done, part in enumerate(map_in_order(partial(_views_of_build, look), files, workers), 1):
         parts.append(part)
@@ -103,7 +114,9 @@ def _views(raw: Raw, build: int, number: int) -> Views:
     windows = usable_windows(raw)
     rows = np.array([features(w) for w in windows], np.float32).reshape(-1, len(FEATURE_NAMES))
     points = raw.counts[-RAW_POINTS:].reshape(1, -1).astype(np.float32)
-    waves = np.array([waveform(w) for w in windows[-1:]], np.float32).reshape(-1, len(ROTATING) * TURNS * BINS)
+    waves = np.array([waveform(w) for w in windows[-1:]], np.float32).reshape(
+        -1, len(ROTATING) * TURNS * BINS
+    )
     return Views(*(_labelled(x, raw, build, number) for x in (rows, points, waves)))
 
 
@@ -134,4 +147,6 @@ def _read(path: Path) -> Views:
             return Views(*(Dataset(*(stored[f"{view.name}_{column.name}"] for column in fields(Dataset)))
                            for view in fields(Views)))  # fmt: skip
     except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
-        raise DatasetError(f"{path}: not whole ({error}); delete it, it is then made again") from error
+        raise DatasetError(
+            f"{path}: not whole ({error}); delete it, it is then made again"
+        ) from error

@@ -1,4 +1,5 @@
-"""Film solutions are made once: a file in the runs folder named after everything that decides them."""
+"""Film solutions are made once: a file in the runs folder named after everything that decides
+them."""
 
 from __future__ import annotations
 
@@ -38,8 +39,10 @@ def kept(folder: Path, name: str, key: object, kind: type[T], make: Callable[[],
             with np.load(path) as stored:
                 return kind(**{column: stored[column] for column in columns})
         except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
-            raise CheckpointError(f"{path}: damaged ({error}); nothing was overwritten: delete that file to make it "
-                                  "again") from error
+            raise CheckpointError(
+                f"{path}: damaged ({error}); nothing was overwritten: delete that file to make it "
+                "again"
+            ) from error
     made = make()
     folder.mkdir(parents=True, exist_ok=True)
     part = path.with_suffix(".part.npz")

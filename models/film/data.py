@@ -1,4 +1,5 @@
-"""Samples of the converged film in the two numbers that decide it: the truth the surrogate learns."""
+"""Samples of the converged film in the two numbers that decide it: the truth the surrogate
+learns."""
 
 from __future__ import annotations
 
@@ -16,9 +17,11 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class FilmSamples:
-    """Eccentricity ratio ``(a, b)`` in the frame of the squeeze velocity, ``(m, 2)``, and dimensionless answers.
+    """Eccentricity ratio ``(a, b)`` in the frame of the squeeze velocity, ``(m, 2)``, and
+    dimensionless answers.
 
-    ``force`` (along, across) is ``F c^3 / (mu R L^3 |v_s|)``, ``side_flow`` is ``Q / (2 R L |v_s|)``.
+    ``force`` (along, across) is ``F c^3 / (mu R L^3 |v_s|)``, ``side_flow`` is ``Q / (2 R L
+    |v_s|)``.
     """
 
     ab: Floats
@@ -29,8 +32,8 @@ class FilmSamples:
 def draw_points(count: int, eccentricity_max: float, rng: np.random.Generator) -> Floats:
     """Points ``(a, b >= 0)`` of the half disk, denser toward the wall where the film is steep.
 
-    The share of points beyond ``eps`` falls like ``sqrt(1 - eps)``; every eighth point is pure squeeze
-    (``b = 0``), toward or away from the wall.
+    The share of points beyond ``eps`` falls like ``sqrt(1 - eps)``; every eighth point is pure
+    squeeze (``b = 0``), toward or away from the wall.
     """
     u = rng.uniform(0.0, 1.0, count)
     depth = np.sqrt(1.0 - eccentricity_max)

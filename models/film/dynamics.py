@@ -1,4 +1,5 @@
-"""What a film model does to a rotor: its orbits beside the Reynolds film's, and the speed where whirl sets in."""
+"""What a film model does to a rotor: its orbits beside the Reynolds film's, and the speed where
+whirl sets in."""
 
 from __future__ import annotations
 
@@ -21,7 +22,8 @@ Floats = NDArray[np.float64]
 
 REVOLUTIONS = 50
 WHIRL_RATIOS = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7)
-"""Eccentricity ratios at which whirl is looked for; beyond about 0.75 a plain bearing is stable at any speed."""
+"""Eccentricity ratios at which whirl is looked for; beyond about 0.75 a plain bearing is stable at
+any speed."""
 
 _STEP = 0.01
 """Reach of the differences, in gaps, as :func:`sim_hil.equilibrium` takes them."""
@@ -32,7 +34,8 @@ CASES: Final[Mapping[str, tuple[float, float, float, float, float]]] = {
     "run_up": (3000.0, 9000.0, 100.0, 60e-6, 5.0),
     "half_order_whirl": (12000.0, 12000.0, 30.0, 75e-6, 1.0),
 }
-"""Speeds at start and end, rpm, load, N, clearance, m, and unbalance over the rig's normal one, on rig ``bench``."""
+"""Speeds at start and end, rpm, load, N, clearance, m, and unbalance over the rig's normal one, on
+rig ``bench``."""
 
 
 def follow(rig: RigData, case: str, force: Force) -> Trajectory:
@@ -43,12 +46,20 @@ def follow(rig: RigData, case: str, force: Force) -> Trajectory:
     build = replace(build, unbalance_kg_m=unbalance * build.unbalance_kg_m)
     duty = Duty((0.0, seconds), (start, end), (load, load))
     return simulate(
-        rig, duty, clearance=clearance, seconds=seconds, thermal=False, build=build, force=force, rate_hz=20_000.0
+        rig,
+        duty,
+        clearance=clearance,
+        seconds=seconds,
+        thermal=False,
+        build=build,
+        force=force,
+        rate_hz=20_000.0,
     )
 
 
 def orbit_error_percent(rig: RigData, case: str, force: Force) -> float:
-    """Largest distance between the journal and the Reynolds (table) film's, percent of the clearance."""
+    """Largest distance between the journal and the Reynolds (table) film's, percent of the
+    clearance."""
     ours, reference = follow(rig, case, force), follow(rig, case, "table")
     apart = np.hypot(*(ours.position_m - reference.position_m).T)
     return 100.0 * float(apart.max()) / CASES[case][3]
@@ -56,7 +67,10 @@ def orbit_error_percent(rig: RigData, case: str, force: Force) -> float:
 
 def orbits(rig: RigData, law: ReducedNetworkLaw) -> list[Bar]:
     """A bar for every case."""
-    return [Bar(f"orbit_{case}_percent_of_clearance", orbit_error_percent(rig, case, law), 1.0) for case in CASES]
+    return [
+        Bar(f"orbit_{case}_percent_of_clearance", orbit_error_percent(rig, case, law), 1.0)
+        for case in CASES
+    ]
 
 
 def linear_orbits(rig: RigData) -> dict[str, float]:
@@ -84,8 +98,8 @@ def whirl(film: FilmModel, length_over_diameter: float, grid: tuple[int, int]) -
 def at_rest(film: FilmModel, state: Floats, ratio: float) -> tuple[float, Floats, Floats]:
     """Load that a resting journal at ``ratio`` carries, N, and K, C along it and 90 degrees on, SI.
 
-    At a given eccentricity the load is proportional to the speed, so that the speed at the threshold is
-    ``threshold^2 W / (omega c m)`` with ``W / omega`` of the film alone.
+    At a given eccentricity the load is proportional to the speed, so that the speed at the
+    threshold is ``threshold^2 W / (omega c m)`` with ``W / omega`` of the film alone.
     """
     c, omega = state[5], state[4]
     here = state.copy()

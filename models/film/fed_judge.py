@@ -21,12 +21,16 @@ Floats = NDArray[np.float64]
 SUPPLY_NUMBERS = (0.01, 3.0)
 """Judged range of ``p_s (c/R)^2 / (mu omega)``, even in its logarithm."""
 
-RANGE = {"p_s (c/R)^2 / (mu omega)": SUPPLY_NUMBERS, "eccentricity_ratio": (0.0, ECCENTRICITY_JUDGED)}
+RANGE = {
+    "p_s (c/R)^2 / (mu omega)": SUPPLY_NUMBERS,
+    "eccentricity_ratio": (0.0, ECCENTRICITY_JUDGED),
+}
 
 
 @dataclass(frozen=True)
 class JudgedFed:
-    """``state`` ``(m, 11)``, and the Reynolds film's force ``(m, 2)``, torque and side flow ``(m,)``."""
+    """``state`` ``(m, 11)``, and the Reynolds film's force ``(m, 2)``, torque and side flow
+    ``(m,)``."""
 
     state: Floats
     force: Floats
@@ -34,11 +38,15 @@ class JudgedFed:
     side_flow: Floats
 
 
-def unseen(seed: int, count: int, length_over_diameter: float, grid: tuple[int, int], out: Path) -> JudgedFed:
+def unseen(
+    seed: int, count: int, length_over_diameter: float, grid: tuple[int, int], out: Path
+) -> JudgedFed:
     """Turning journals with random bearings, grooves and supplies on ``grid``; kept in ``out``."""
 
     def make() -> JudgedFed:
-        state = draw_fed_states(count, length_over_diameter, np.random.default_rng([JUDGE_SEED, 1 + seed, 4]))
+        state = draw_fed_states(
+            count, length_over_diameter, np.random.default_rng([JUDGE_SEED, 1 + seed, 4])
+        )
         answers = each(partial(_answers, grid), state, "unseen fed films")
         return JudgedFed(state, answers[:, :2], answers[:, 2], answers[:, 3])
 
@@ -62,7 +70,8 @@ def draw_fed_states(count: int, length_over_diameter: float, rng: np.random.Gene
 
 
 def judge(film: FilmModel, judged: JudgedFed) -> list[Bar]:
-    """Errors on unseen fed films, percent; of the side flow where the model gives one (force, torque, flow, inside)."""
+    """Errors on unseen fed films, percent; of the side flow where the model gives one (force,
+    torque, flow, inside)."""
     force, torque, *rest = film(judged.state)
     error, size = np.hypot(*(force - judged.force).T), np.hypot(*judged.force.T)
     c, mu, radius, length = judged.state[:, 5:9].T
@@ -70,24 +79,31 @@ def judge(film: FilmModel, judged: JudgedFed) -> list[Bar]:
     bars = [
         Bar("force_relative_rms_percent", 100.0 * rms(error / size), 1.0),
         Bar("force_relative_p95_percent", 100.0 * float(np.quantile(error / size, 0.95)), 3.0),
-        Bar("force_scaled_rms_over_rms_percent", 100.0 * rms(error / scale) / rms(size / scale), 1.0),
+        Bar(
+            "force_scaled_rms_over_rms_percent", 100.0 * rms(error / scale) / rms(size / scale), 1.0
+        ),
         Bar("torque_relative_rms_percent", 100.0 * rms(torque[:, 0] / judged.torque - 1.0), 1.0),
     ]
     if len(rest) == 2:
         wrong = np.abs(rest[0][:, 0] / judged.side_flow - 1.0)
-        bars.append(Bar("side_flow_relative_p95_percent", 100.0 * float(np.quantile(wrong, 0.95)), 3.0))
+        bars.append(
+            Bar("side_flow_relative_p95_percent", 100.0 * float(np.quantile(wrong, 0.95)), 3.0)
+        )
     return bars
 
 
 def tables(film: FilmModel, judged: JudgedFed, length_over_diameter: float) -> dict[str, object]:
     """The simulator's table and smaller ones on the same films, with the time of a state.
 
-    The network runs as the device runs it (onnxruntime, one thread), the tables compiled, as in the simulator.  With
-    each table stands how much the network's force error is below its own, with a 95 % interval by bootstrap over films.
+    The network runs as the device runs it (onnxruntime, one thread), the tables compiled, as in the
+    simulator.  With each table stands how much the network's force error is below its own, with a
+    95 % interval by bootstrap over films.
     """
     found = fed_table.tables(length_over_diameter)
     state = np.resize(judged.state, (1000, judged.state.shape[1]))
-    rows: dict[str, object] = {"network": {"microseconds_a_state": fed_table.microseconds(film, state)}}
+    rows: dict[str, object] = {
+        "network": {"microseconds_a_state": fed_table.microseconds(film, state)}
+    }
     for name, table in found.items():
         rival = fed_table.model(table)
         rows[name] = {"numbers": table.groove.size, **figures_of(judge(rival, judged)),
@@ -97,11 +113,20 @@ def tables(film: FilmModel, judged: JudgedFed, length_over_diameter: float) -> d
 
 
 def _less(film: FilmModel, rival: FilmModel, judged: JudgedFed) -> dict[str, object]:
-    """By how much the root-mean-square relative force error of ``film`` is below that of ``rival``, percent."""
+    """By how much the root-mean-square relative force error of ``film`` is below that of ``rival``,
+    percent."""
     size = np.hypot(*judged.force.T)
-    ours, theirs = (np.hypot(*(one(judged.state)[0] - judged.force).T) / size for one in (film, rival))
+    ours, theirs = (
+        np.hypot(*(one(judged.state)[0] - judged.force).T) / size for one in (film, rival)
+    )
     draws = np.random.default_rng(JUDGE_SEED).integers(len(size), size=(2000, len(size)))
-    gains = 100.0 * (np.sqrt(np.mean(theirs[draws] ** 2, axis=1)) - np.sqrt(np.mean(ours[draws] ** 2, axis=1)))
+    gains = 100.0 * (
+        np.sqrt(np.mean(theirs[draws] ** 2, axis=1)) - np.sqrt(np.mean(ours[draws] ** 2, axis=1))
+    )
     gain = 100.0 * (rms(theirs) - rms(ours))
     lower, upper = np.quantile(gains, (0.025, 0.975))
-    return {"gain": round(gain, 3), "lower": round(float(lower), 3), "upper": round(float(upper), 3)}
+    return {
+        "gain": round(gain, 3),
+        "lower": round(float(lower), 3),
+        "upper": round(float(upper), 3),
+    }

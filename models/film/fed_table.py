@@ -1,4 +1,5 @@
-"""The fed network's rivals: the simulator's own table of the fed film, and the same table of fewer numbers."""
+"""The fed network's rivals: the simulator's own table of the fed film, and the same table of fewer
+numbers."""
 
 from __future__ import annotations
 
@@ -17,15 +18,17 @@ from sim_hil.film.fed import FedLaw, FedTable, fed_force
 Floats = NDArray[np.float64]
 
 _CELLS = {"thinned": (5, 6, 8, 3), "smallest": (3, 3, 4, 3)}
-"""Smaller tables: cells of the eccentricity, of half a turn from the groove, of a turn from the eccentricity and of the
-share of the supply.  Its spline takes no fewer than three cells.
+"""Smaller tables: cells of the eccentricity, of half a turn from the groove, of a turn from the
+eccentricity and of the share of the supply.  Its spline takes no fewer than three cells.
 """
 
 
 def tables(length_over_diameter: float) -> dict[str, FedTable]:
     """The table that the simulator ships, and smaller ones made alike, by name."""
     groove = (length_over_diameter, float(GROOVE_WIDTH_RAD), GROOVE_LENGTH_SHARE)
-    return {"shipped": FedTable.load(*groove)} | {k: FedTable.build(*groove, cells=c) for k, c in _CELLS.items()}
+    return {"shipped": FedTable.load(*groove)} | {
+        k: FedTable.build(*groove, cells=c) for k, c in _CELLS.items()
+    }
 
 
 def model(table: FedTable) -> FilmModel:
@@ -46,7 +49,9 @@ def _evaluate(law: FedLaw, state: Floats) -> Floats:
     for i in range(state.shape[0]):
         x, y, vx, vy, omega, c, mu, radius, length, supply, groove = state[i]
         turned = FedLaw(law.unfed, law.groove, groove)
-        fx, fy, torque, flow, _ = fed_force(turned, x, y, vx, vy, omega, c, mu, radius, length, 0.0, supply)
+        fx, fy, torque, flow, _ = fed_force(
+            turned, x, y, vx, vy, omega, c, mu, radius, length, 0.0, supply
+        )
         rows[i] = fx, fy, torque, flow
     return rows
 
@@ -63,4 +68,7 @@ def microseconds(film: FilmModel, state: Floats, repeats: int = 20) -> dict[str,
             times.append(time.perf_counter() - started)
         return float(f"{1e6 * float(np.median(times)) / share:.3g}")
 
-    return {"alone": timed(partial(film, state[:1]), 1), "in_a_batch": timed(partial(film, state), len(state))}
+    return {
+        "alone": timed(partial(film, state[:1]), 1),
+        "in_a_batch": timed(partial(film, state), len(state)),
+    }

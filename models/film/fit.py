@@ -1,4 +1,5 @@
-"""Fit of a film network by Levenberg-Marquardt: every lambda of equation (6) and several starts, by validation."""
+"""Fit of a film network by Levenberg-Marquardt: every lambda of equation (6) and several starts, by
+validation."""
 
 from __future__ import annotations
 
@@ -30,8 +31,8 @@ class DataError(ValueError):
 class Targets:
     """What a network learns: inputs ``(m, n)``, targets and their weights ``(m, k)``.
 
-    With a ``mirror`` ``(input signs, output signs)`` the prediction is the mean of the network and of its mirror
-    image, so that the symmetry holds exactly.
+    With a ``mirror`` ``(input signs, output signs)`` the prediction is the mean of the network and
+    of its mirror image, so that the symmetry holds exactly.
     """
 
     x: Floats
@@ -42,11 +43,17 @@ class Targets:
     def check(self, name: str) -> None:
         """Refuse what cannot be fitted."""
         if len(self.x) <= HELD_OUT:
-            raise DataError(f"{name}: {len(self.x)} points, at least {HELD_OUT + 1} are needed: raise train_points")
+            raise DataError(
+                f"{name}: {len(self.x)} points, at least {HELD_OUT + 1} are needed: raise "
+                f"train_points"
+            )
         bad = np.flatnonzero(~np.all(np.isfinite(np.hstack([self.x, self.y, self.weight])), axis=1))
         if bad.size:
-            raise DataError(f"{name}: {bad.size} points are not finite, the first is point {bad[0]} at "
-                            f"{self.x[bad[0]].tolist()}: delete the films kept in the runs folder and solve them again")
+            raise DataError(
+                f"{name}: {bad.size} points are not finite, the first is point {bad[0]} at "
+                f"{self.x[bad[0]].tolist()}: delete the films kept in the runs folder and solve "
+                f"them again"
+            )
 
     def subset(self, rows: NDArray[np.bool_]) -> Targets:
         """The targets at ``rows``."""
@@ -75,7 +82,8 @@ class Search:
 
 @dataclass(frozen=True)
 class Start:
-    """Best weights of one start by validation, their score, the way there, and how the search ended."""
+    """Best weights of one start by validation, their score, the way there, and how the search
+    ended."""
 
     theta: Floats
     score: Floats
@@ -86,7 +94,8 @@ class Start:
 
 @dataclass(frozen=True)
 class Fit:
-    """Best weights by validation, their score, the scores on the way there, and one row for every start."""
+    """Best weights by validation, their score, the scores on the way there, and one row for every
+    start."""
 
     theta: Floats
     score: float
@@ -101,8 +110,8 @@ def fit(
 ) -> Fit:  # fmt: skip
     """Weights of ``net`` with the lambda and the start that are best on the held-out points.
 
-    Every start is kept in ``folder`` as it is done, so that an interrupted search goes on where it was; ``log`` gets
-    its row.
+    Every start is kept in ``folder`` as it is done, so that an interrupted search goes on where it
+    was; ``log`` gets its row.
 
     Raises
     ------
@@ -115,9 +124,20 @@ def fit(
     for l2 in search.l2:
         for number in range(1, search.restarts + 1):
             first = net.initial(rng)
-            key = (net.sizes, l2, search.iterations, data_hash(first, targets.x, targets.y, targets.weight))
+            key = (
+                net.sizes,
+                l2,
+                search.iterations,
+                data_hash(first, targets.x, targets.y, targets.weight),
+            )
             bar = f"{name}: Levenberg-Marquardt, lambda {l2:g}, start {number}"
-            start = kept(folder, "start", key, Start, partial(_search, net, targets, first, l2, search.iterations, bar))
+            start = kept(
+                folder,
+                "start",
+                key,
+                Start,
+                partial(_search, net, targets, first, l2, search.iterations, bar),
+            )
             tried.append((l2, start))
             rows.append({"network": name, "lambda": l2, "start": number,
                          "validation": float(f"{float(start.score):.4g}"), "iterations": int(start.iterations),
@@ -127,7 +147,9 @@ def fit(
     return Fit(best.theta, float(best.score), best.scores, l2, rows)
 
 
-def _search(net: Mlp, targets: Targets, first: Floats, l2: float, iterations: int, title: str) -> Start:
+def _search(
+    net: Mlp, targets: Targets, first: Floats, l2: float, iterations: int, title: str
+) -> Start:
     held_out = np.arange(len(targets.x)) % HELD_OUT == 0
     train_on, validate = targets.subset(~held_out), targets.subset(held_out)
     with progress_bar(title, iterations) as bar:
@@ -141,7 +163,8 @@ def _search(net: Mlp, targets: Targets, first: Floats, l2: float, iterations: in
 
 
 def spread(errors_percent: Sequence[float], fits: Sequence[Fit]) -> dict[str, object]:
-    """Force error of every seed's fit on the judged films: their median, with the range as its interval.
+    """Force error of every seed's fit on the judged films: their median, with the range as its
+    interval.
 
     Smallest and largest of five enclose the median with 94 % probability (order statistics).
     """

@@ -1,4 +1,5 @@
-"""The bars of a film model: accuracy on unseen films, symmetry, dissipation, orbits and whirl threshold."""
+"""The bars of a film model: accuracy on unseen films, symmetry, dissipation, orbits and whirl
+threshold."""
 
 from __future__ import annotations
 
@@ -15,7 +16,8 @@ from models.film.states import JudgedFilms, draw_states, squeeze_velocity
 
 Floats = NDArray[np.float64]
 FilmModel = Callable[[Floats], Sequence[Floats]]
-"""State ``(m, 9)`` in SI to force ``(m, 2)``, friction torque, side flow and ``inside`` ``(m, 1)``."""
+"""State ``(m, 9)`` in SI to force ``(m, 2)``, friction torque, side flow and ``inside`` ``(m,
+1)``."""
 
 JUDGE_SEED = 99
 """Stands before the seed of judged films, so that they are never those of a training seed."""
@@ -54,13 +56,22 @@ class Bar:
 
     def row(self) -> dict[str, object]:
         """The bar for a report."""
-        return {"bar": self.name, "value": float(f"{self.value:.4g}"), "limit": self.limit, "pass": self.passed}
+        return {
+            "bar": self.name,
+            "value": float(f"{self.value:.4g}"),
+            "limit": self.limit,
+            "pass": self.passed,
+        }
 
 
 def verdict(bars: Sequence[Bar]) -> dict[str, object]:
     """Figures, rows and the whole verdict, for a report."""
     rows = [bar.row() for bar in bars]
-    return {"unseen_films": figures_of(bars), "bars": rows, "all_passed": all(bar.passed for bar in bars)}
+    return {
+        "unseen_films": figures_of(bars),
+        "bars": rows,
+        "all_passed": all(bar.passed for bar in bars),
+    }
 
 
 def figures_of(bars: Sequence[Bar]) -> dict[str, float]:
@@ -69,7 +80,8 @@ def figures_of(bars: Sequence[Bar]) -> dict[str, float]:
 
 
 def accuracy(film: FilmModel, judged: JudgedFilms) -> list[Bar]:
-    """Relative errors of force, torque (of turning journals) and side flow on unseen films, percent."""
+    """Relative errors of force, torque (of turning journals) and side flow on unseen films,
+    percent."""
     force, torque, flow = film(judged.state)[:3]
     error = np.hypot(*(force - judged.force).T) / np.hypot(*judged.force.T)
     turning = judged.state[:, 4] != 0.0
@@ -103,8 +115,11 @@ def force_scale(state: Floats) -> Floats:
     return np.asarray(mu * radius * length**3 / c**3 * np.hypot(*squeeze_velocity(state).T))
 
 
-def symmetry(film: FilmModel, length_over_diameter: float, rng: np.random.Generator, count: int = 10_000) -> list[Bar]:
-    """Largest departures from rotation, mirror and homogeneity, relative to the force; float tolerance."""
+def symmetry(
+    film: FilmModel, length_over_diameter: float, rng: np.random.Generator, count: int = 10_000
+) -> list[Bar]:
+    """Largest departures from rotation, mirror and homogeneity, relative to the force; float
+    tolerance."""
     state = draw_states(count, length_over_diameter, rng)
     force = film(state)[0]
     size = np.hypot(*force.T)
@@ -118,7 +133,9 @@ def symmetry(film: FilmModel, length_over_diameter: float, rng: np.random.Genera
     rotated[:, :2], rotated[:, 2:4] = state[:, :2] @ turn, state[:, 2:4] @ turn
     mirrored = state * np.array([1, -1, 1, -1, -1, 1, 1, 1, 1])
     faster = state * np.array([1, 1, 3, 3, 3, 1, 1, 1, 1])
-    wider = state * np.array([2, 2, 2, 2, 1, 2, 1, 1, 1])  # v scales with c: the force falls as 1 / c^2
+    wider = state * np.array(
+        [2, 2, 2, 2, 1, 2, 1, 1, 1]
+    )  # v scales with c: the force falls as 1 / c^2
     thicker = state * np.array([1, 1, 1, 1, 1, 1, 7, 1, 1])
     larger = state * np.array([1, 1, 1, 1, 1, 1, 1, 1.5, 1.5])
     scaled = [(faster, 3.0), (wider, 0.25), (thicker, 7.0), (larger, 1.5**4)]
@@ -130,16 +147,28 @@ def symmetry(film: FilmModel, length_over_diameter: float, rng: np.random.Genera
 
 
 def dissipation(
-    film: FilmModel, length_over_diameter: float, eccentricity_max: float, rng: np.random.Generator, points: int
+    film: FilmModel,
+    length_over_diameter: float,
+    eccentricity_max: float,
+    rng: np.random.Generator,
+    points: int,
 ) -> list[Bar]:
-    """Of ``points`` inside and outside the domain: those with ``F . v_s > 0``, and those with a wrong domain flag."""
+    """Of ``points`` inside and outside the domain: those with ``F . v_s > 0``, and those with a
+    wrong domain flag."""
     driven = mistaken = 0
     for first in range(0, points, _CHUNK):
-        state = draw_states(min(_CHUNK, points - first), length_over_diameter, rng, eccentricity_max=0.999)
+        state = draw_states(
+            min(_CHUNK, points - first), length_over_diameter, rng, eccentricity_max=0.999
+        )
         answers = film(state)
         force, inside = answers[0], answers[3]
         driven += int(np.sum(np.sum(force * squeeze_velocity(state), axis=1) > 0.0))
-        mistaken += int(np.sum((inside[:, 0] > 0.5) != (np.hypot(*state[:, :2].T) / state[:, 5] <= eccentricity_max)))
+        mistaken += int(
+            np.sum(
+                (inside[:, 0] > 0.5)
+                != (np.hypot(*state[:, :2].T) / state[:, 5] <= eccentricity_max)
+            )
+        )
     return [
         Bar("points_driven", float(driven), 0.0),
         Bar("points_with_wrong_domain", float(mistaken), 0.0),

@@ -17,7 +17,10 @@ Floats = NDArray[np.float64]
 def each(solve: Callable[[Floats], Floats], rows: Floats, title: str) -> Floats:
     """``solve`` of every row, in order, stacked."""
     done = []
-    with progress_bar(title, len(rows)) as bar, ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
+    with (
+        progress_bar(title, len(rows)) as bar,
+        ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool,
+    ):
         for answer in pool.map(solve, rows):
             done.append(answer)
             bar(len(done))

@@ -1,16 +1,18 @@
-"""The reduced film-force network as one graph: SI in, newtons out, symmetry and dissipation by construction.
+"""The reduced film-force network as one graph: SI in, newtons out, symmetry and dissipation by
+construction.
 
-For a plain aligned unfed film with ambient rupture, the force depends on the effective squeeze velocity
-``v_s = v - (omega / 2) z x e`` and the eccentricity alone.  In the frame of ``v_s`` the eccentricity ratio is
-``(a, b)``, and mirror symmetry makes the force along ``v_s`` even and the force across it odd in ``b``:
+For a plain aligned unfed film with ambient rupture, the force depends on the effective squeeze
+velocity ``v_s = v - (omega / 2) z x e`` and the eccentricity alone.  In the frame of ``v_s`` the
+eccentricity ratio is ``(a, b)``, and mirror symmetry makes the force along ``v_s`` even and the
+force across it odd in ``b``:
 
     F_along  = -g |v_s| J_along(a, b)  exp(n1(a, b**2))
     F_across = -g |v_s| J_across(a, b) exp(n2(a, b**2))          g = mu R L**3 / c**3
     Q_side   = 2 R L |v_s| exp(n3(a, b**2))
 
-``J`` are the integrals of the short (Ocvirk) half film, ``n`` one small network: it learns only how a film of
-this length departs from a short one.  The torque needs no network: ``(e x F) / 2`` is the pressure part, full
-Couette shear the rest.
+``J`` are the integrals of the short (Ocvirk) half film, ``n`` one small network: it learns only how
+a film of this length departs from a short one.  The torque needs no network: ``(e x F) / 2`` is the
+pressure part, full Couette shear the rest.
 """
 
 from __future__ import annotations
@@ -27,13 +29,15 @@ from models.film.states import STATE
 Floats = NDArray[np.float64]
 
 ECCENTRICITY_LIMIT = 0.98
-"""Beyond it the film keeps the shape it has here: an answer, never a NaN, and outside the stated domain."""
+"""Beyond it the film keeps the shape it has here: an answer, never a NaN, and outside the stated
+domain."""
 
 _NODES = 40
 
 
 def half_film_integrals(a: Tensor, b: Tensor) -> tuple[Tensor, Tensor]:
-    """Short-bearing integrals over the loaded half, ``int (cos^2, cos sin) phi / (1 - a cos - b sin)^3 dphi``.
+    """Short-bearing integrals over the loaded half, ``int (cos^2, cos sin) phi / (1 - a cos - b
+    sin)^3 dphi``.
 
     Gauss-Legendre in ``t = tan(phi / 2)``; ``a``, ``b`` of shape ``(m, 1)``.
     """
@@ -68,22 +72,32 @@ class Perceptron(nn.Module):
 
 
 class ReducedFilm(nn.Module):
-    """``state (m, 9)`` -> ``force (m, 2)`` N, ``friction_torque (m, 1)`` N m, ``side_flow (m, 1)`` m3/s, ``inside``.
+    """``state (m, 9)`` -> ``force (m, 2)`` N, ``friction_torque (m, 1)`` N m, ``side_flow (m, 1)``
+    m3/s, ``inside``.
 
-    ``inside (m, 1)`` is 1 where the state lies in the domain (a film, no thinner than the training's, in a bearing of
-    its length over diameter), else 0: the other outputs are finite there and mean nothing.
+    ``inside (m, 1)`` is 1 where the state lies in the domain (a film, no thinner than the
+    training's, in a bearing of its length over diameter), else 0: the other outputs are finite
+    there and mean nothing.
     """
 
-    def __init__(self, layers: list[Floats], length_over_diameter: float, eccentricity_max: float) -> None:
+    def __init__(
+        self, layers: list[Floats], length_over_diameter: float, eccentricity_max: float
+    ) -> None:
         super().__init__()
         self.net = Perceptron(layers)
         self.length_over_diameter, self.eccentricity_max = length_over_diameter, eccentricity_max
 
     def forward(self, state: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-        """Force on the journal, torque braking it (for either sense), flow out of both ends, domain."""
-        x, y, vx, vy, omega, c, mu, radius, length = (state[:, k : k + 1] for k in range(len(STATE)))
+        """Force on the journal, torque braking it (for either sense), flow out of both ends,
+        domain."""
+        x, y, vx, vy, omega, c, mu, radius, length = (
+            state[:, k : k + 1] for k in range(len(STATE))
+        )
         eccentric = torch.sqrt(x * x + y * y) / c <= self.eccentricity_max
-        shaped = torch.abs(length / (2.0 * radius) - self.length_over_diameter) <= 1e-6 * self.length_over_diameter
+        shaped = (
+            torch.abs(length / (2.0 * radius) - self.length_over_diameter)
+            <= 1e-6 * self.length_over_diameter
+        )
         inside = eccentric & shaped & (c > 0.0) & (mu > 0.0)
         ex, ey = _inside(x / c, y / c)
         sx, sy = vx + 0.5 * omega * y, vy - 0.5 * omega * x
@@ -103,12 +117,17 @@ class ReducedFilm(nn.Module):
 
 
 def layers_of_file(path: Path) -> list[Floats]:
-    """Weights in an exported file, one ``(inputs + 1, outputs)`` matrix a layer, biases in row 0."""
+    """Weights in an exported file, one ``(inputs + 1, outputs)`` matrix a layer, biases in row
+    0."""
     import onnx
     from onnx import numpy_helper
 
-    stored = {tensor.name: numpy_helper.to_array(tensor) for tensor in onnx.load(path).graph.initializer}
-    names = sorted(name for name in stored if name.startswith("net.layers.") and name.endswith(".weight"))
+    stored = {
+        tensor.name: numpy_helper.to_array(tensor) for tensor in onnx.load(path).graph.initializer
+    }
+    names = sorted(
+        name for name in stored if name.startswith("net.layers.") and name.endswith(".weight")
+    )
     pairs = [(stored[name.replace(".weight", ".bias")], stored[name]) for name in names]
     return [np.vstack([bias[None], weight.T]) for bias, weight in pairs]
 

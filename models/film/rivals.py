@@ -1,4 +1,5 @@
-"""What the reduced network stands beside: the paper's own networks, and the spline table of two numbers."""
+"""What the reduced network stands beside: the paper's own networks, and the spline table of two
+numbers."""
 
 from __future__ import annotations
 
@@ -36,7 +37,8 @@ def table_model(length_over_diameter: float) -> FilmModel:
 
 @dataclass(frozen=True)
 class Bearing:
-    """The one bearing, speed and viscosity that a raw network holds for; ``clearances_m`` apart only for 5-n-2."""
+    """The one bearing, speed and viscosity that a raw network holds for; ``clearances_m`` apart
+    only for 5-n-2."""
 
     clearances_m: tuple[float, float]
     viscosity_Pa_s: float
@@ -45,7 +47,9 @@ class Bearing:
     length_m: float
 
     @classmethod
-    def of_rig(cls, name: str, speed_rpm: float, clearances_m: tuple[float, float] | None = None) -> Bearing:
+    def of_rig(
+        cls, name: str, speed_rpm: float, clearances_m: tuple[float, float] | None = None
+    ) -> Bearing:
         """A rig's bearing at one speed; at its nominal clearance unless a range is given."""
         rig = load_rig(name)
         nominal = rig.bearing.clearance_nominal_m
@@ -58,7 +62,8 @@ class Bearing:
         return self.clearances_m[1]
 
     def draw(self, count: int, rng: np.random.Generator) -> Floats:
-        """States ``(count, 9)``: eccentricities to 0.95 evenly in radius, velocities to 0.25 c omega."""
+        """States ``(count, 9)``: eccentricities to 0.95 evenly in radius, velocities to 0.25 c
+        omega."""
         eps, angle = rng.uniform(0.0, ECCENTRICITY_JUDGED, count), rng.uniform(-np.pi, np.pi, count)
         speed, heading = rng.uniform(0.0, VELOCITY_JUDGED, count), rng.uniform(-np.pi, np.pi, count)
         c = rng.uniform(*self.clearances_m, count)
@@ -70,15 +75,21 @@ class Bearing:
         ])  # fmt: skip
 
     def inputs(self, state: Floats) -> Floats:
-        """``(X1 X2 V1 V2)``, and the clearance where it varies, in units of the widest and of the speed."""
+        """``(X1 X2 V1 V2)``, and the clearance where it varies, in units of the widest and of the
+        speed."""
         scale = np.array([1.0, 1.0, self.speed_rad_s, self.speed_rad_s]) * self.widest_m
         moves = self.clearances_m[0] < self.clearances_m[1]
-        return np.hstack([state[:, :4] / scale, state[:, 5:6] / self.widest_m]) if moves else state[:, :4] / scale
+        return (
+            np.hstack([state[:, :4] / scale, state[:, 5:6] / self.widest_m])
+            if moves
+            else state[:, :4] / scale
+        )
 
 
 @dataclass(frozen=True)
 class RawNetwork:
-    """Equation (5) as printed, trained on the table's film; ``error_percent`` is RMS over RMS of the force."""
+    """Equation (5) as printed, trained on the table's film; ``error_percent`` is RMS over RMS of
+    the force."""
 
     bearing: Bearing
     net: Mlp
@@ -102,7 +113,8 @@ class RawNetwork:
 def raw_network(
     bearing: Bearing, rng: np.random.Generator, search: Search, out: Path, points: int = 3000
 ) -> RawNetwork:
-    """Sigmoid network 4-n-2 on (X1 X2 V1 V2), or 5-n-2 with the clearance, by Levenberg-Marquardt."""
+    """Sigmoid network 4-n-2 on (X1 X2 V1 V2), or 5-n-2 with the clearance, by
+    Levenberg-Marquardt."""
     film = table_model(bearing.length_m / (2.0 * bearing.radius_m))
     train, judged = bearing.draw(points, rng), bearing.draw(points // 3, rng)
     force, truth = film(train)[0], film(judged)[0]

@@ -1,4 +1,5 @@
-"""Unseen films that judge a film model: states of real bearings in SI, each solved by the Reynolds equation."""
+"""Unseen films that judge a film model: states of real bearings in SI, each solved by the Reynolds
+equation."""
 
 from __future__ import annotations
 
@@ -23,7 +24,8 @@ VELOCITY_JUDGED = 0.25
 
 @dataclass(frozen=True)
 class JudgedFilms:
-    """``state`` ``(m, 9)``, and what the Reynolds film answers: force ``(m, 2)``, torque and side flow ``(m,)``."""
+    """``state`` ``(m, 9)``, and what the Reynolds film answers: force ``(m, 2)``, torque and side
+    flow ``(m,)``."""
 
     state: Floats
     force: Floats
@@ -36,13 +38,19 @@ class JudgedFilms:
         along = squeeze_velocity(self.state)
         along /= np.hypot(*along.T)[:, None]
         x, y = (self.state[:, :2] / self.state[:, 5:6]).T
-        return np.column_stack([x * along[:, 0] + y * along[:, 1], y * along[:, 0] - x * along[:, 1]])
+        return np.column_stack(
+            [x * along[:, 0] + y * along[:, 1], y * along[:, 0] - x * along[:, 1]]
+        )
 
 
 def draw_states(
-    count: int, length_over_diameter: float, rng: np.random.Generator, eccentricity_max: float = ECCENTRICITY_JUDGED
+    count: int,
+    length_over_diameter: float,
+    rng: np.random.Generator,
+    eccentricity_max: float = ECCENTRICITY_JUDGED,
 ) -> Floats:
-    """States ``(count, 9)``: either sense, eccentricities denser toward the wall, velocities to 0.25 c omega."""
+    """States ``(count, 9)``: either sense, eccentricities denser toward the wall, velocities to
+    0.25 c omega."""
     depth = np.sqrt(1.0 - eccentricity_max)
     eps = 1.0 - (1.0 - rng.uniform(0.0, 1.0, count) * (1.0 - depth)) ** 2
     c, radius = rng.uniform(4e-5, 1.6e-4, count), rng.uniform(0.01, 0.05, count)

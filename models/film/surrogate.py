@@ -1,4 +1,5 @@
-"""Trainer of the film-force surrogate: the reduced network by Levenberg-Marquardt, with its bars and rivals."""
+"""Trainer of the film-force surrogate: the reduced network by Levenberg-Marquardt, with its bars
+and rivals."""
 
 from __future__ import annotations
 
@@ -63,7 +64,9 @@ def train(run: Run, settings: SurrogateSettings) -> dict[str, object]:
     targets, fits = targets_of(samples), []
     for seed in range(settings.seeds):
         rng = np.random.default_rng([run.seed, seed])
-        fits.append(fit(net, targets, _search(settings), rng, f"seed {seed}", run.folder.parent, run.log))
+        fits.append(
+            fit(net, targets, _search(settings), rng, f"seed {seed}", run.folder.parent, run.log)
+        )
     best = min(fits, key=lambda one: one.score)
     module = _module(net, best, settings)
     judged = unseen(settings, run.seed, run.folder.parent)
@@ -82,14 +85,20 @@ def train(run: Run, settings: SurrogateSettings) -> dict[str, object]:
 
 
 def judge(
-    film: FilmModel, law: ReducedNetworkLaw, judged: JudgedFilms, settings: SurrogateSettings, seed: int
+    film: FilmModel,
+    law: ReducedNetworkLaw,
+    judged: JudgedFilms,
+    settings: SurrogateSettings,
+    seed: int,
 ) -> dict[str, object]:
     """Every bar of the reduced network with its verdict."""
     rng, shape = np.random.default_rng([JUDGE_SEED, 1 + seed, 1]), settings.length_over_diameter
     bars = [
         *film_judge.accuracy(film, judged),
         *film_judge.symmetry(film, shape, rng),
-        *film_judge.dissipation(film, shape, settings.eccentricity_max, rng, settings.dissipation_points),
+        *film_judge.dissipation(
+            film, shape, settings.eccentricity_max, rng, settings.dissipation_points
+        ),
         *film_dynamics.whirl(film, shape, settings.grid),
         *film_dynamics.orbits(load_rig("bench"), law),
     ]
@@ -97,7 +106,8 @@ def judge(
 
 
 def evaluate(path: Path, seed: int, points: int | None, out: Path) -> dict[str, object]:
-    """Bars of an exported file on films that follow from ``seed``, with the spline table and K, C beside."""
+    """Bars of an exported file on films that follow from ``seed``, with the spline table and K, C
+    beside."""
     settings = SurrogateSettings(judge_points=points or SurrogateSettings().judge_points)
     judged = unseen(settings, seed, out)
     shape = settings.length_over_diameter
@@ -108,19 +118,27 @@ def evaluate(path: Path, seed: int, points: int | None, out: Path) -> dict[str, 
     }
 
 
-def rivals(judged: JudgedFilms, settings: SurrogateSettings, seed: int, out: Path) -> dict[str, object]:
+def rivals(
+    judged: JudgedFilms, settings: SurrogateSettings, seed: int, out: Path
+) -> dict[str, object]:
     """The spline table, the paper's two networks and the linear model, on the same measures."""
     rng = np.random.default_rng([seed, 2])
     search = Search((1e-8, 1e-4), settings.restarts, settings.paper_iterations)
     bench = load_rig("bench").bearing
 
     def raw(clearances_m: tuple[float, float] | None) -> RawNetwork:
-        return raw_network(Bearing.of_rig("bench", 6000.0, clearances_m), rng, search, out, settings.paper_points)
+        return raw_network(
+            Bearing.of_rig("bench", 6000.0, clearances_m), rng, search, out, settings.paper_points
+        )
 
     return {
-        "spline_table": figures_of(film_judge.accuracy(table_model(settings.length_over_diameter), judged)),
+        "spline_table": figures_of(
+            film_judge.accuracy(table_model(settings.length_over_diameter), judged)
+        ),
         "paper_4_n_2_at_one_clearance": raw(None).report(),
-        "paper_5_n_2_with_the_clearance": raw((bench.clearance_min_m, bench.clearance_max_m)).report(),
+        "paper_5_n_2_with_the_clearance": raw(
+            (bench.clearance_min_m, bench.clearance_max_m)
+        ).report(),
         "linear_orbit_error_percent_of_clearance": film_dynamics.linear_orbits(load_rig("bench")),
     }
 
@@ -140,7 +158,8 @@ def unseen(settings: SurrogateSettings, seed: int, out: Path) -> JudgedFilms:
 def targets_of(samples: FilmSamples) -> Targets:
     """Inputs ``(a, b^2)``; logarithms of film over short film (along, across) and of the side flow.
 
-    The weights are each part's share in the force, so that the first two errors are the relative force error.
+    The weights are each part's share in the force, so that the first two errors are the relative
+    force error.
     """
     a, b = samples.ab[:, :1], samples.ab[:, 1:]
     along, across = (j.numpy()[:, 0] for j in half_film_integrals(torch.tensor(a), torch.tensor(b)))
@@ -162,10 +181,20 @@ def law_of(path: Path) -> ReducedNetworkLaw:
 
 def _samples(run: Run, settings: SurrogateSettings) -> FilmSamples:
     def make() -> FilmSamples:
-        points = draw_points(settings.train_points, settings.eccentricity_max, np.random.default_rng(run.seed))
-        return solve_points(points, length_over_diameter=settings.length_over_diameter, grid=settings.grid)
+        points = draw_points(
+            settings.train_points, settings.eccentricity_max, np.random.default_rng(run.seed)
+        )
+        return solve_points(
+            points, length_over_diameter=settings.length_over_diameter, grid=settings.grid
+        )
 
-    key = (run.seed, settings.train_points, settings.eccentricity_max, settings.length_over_diameter, settings.grid)
+    key = (
+        run.seed,
+        settings.train_points,
+        settings.eccentricity_max,
+        settings.length_over_diameter,
+        settings.grid,
+    )
     return kept(run.folder.parent, "films", key, FilmSamples, make)
 
 
@@ -174,7 +203,9 @@ def _search(settings: SurrogateSettings) -> Search:
 
 
 def _module(net: Mlp, fitted: Fit, settings: SurrogateSettings) -> ReducedFilm:
-    return ReducedFilm(net.layers(fitted.theta), settings.length_over_diameter, settings.eccentricity_max)
+    return ReducedFilm(
+        net.layers(fitted.theta), settings.length_over_diameter, settings.eccentricity_max
+    )
 
 
 def _error_percent(module: ReducedFilm, judged: JudgedFilms) -> float:
@@ -182,7 +213,11 @@ def _error_percent(module: ReducedFilm, judged: JudgedFilms) -> float:
 
 
 def _export(
-    module: ReducedFilm, run: Run, samples: FilmSamples, settings: SurrogateSettings, report: dict[str, object]
+    module: ReducedFilm,
+    run: Run,
+    samples: FilmSamples,
+    settings: SurrogateSettings,
+    report: dict[str, object],
 ) -> None:
     shape = settings.length_over_diameter
     bearings = {name: load_rig(name).bearing for name in RIGS}
@@ -196,14 +231,24 @@ def _export(
     )  # fmt: skip
     example = torch.zeros((2, len(STATE)), dtype=torch.float64)
     example[:, 5:] = torch.tensor([6e-5, 0.01, 0.02, 0.02], dtype=torch.float64)
-    export.export(module, example, run.model, input_name="state", output_names=metadata.outputs, metadata=metadata)
-    report["export_parity"] = export.parity(module, run.model, random_states(10_000, settings, run.seed))
+    export.export(
+        module,
+        example,
+        run.model,
+        input_name="state",
+        output_names=metadata.outputs,
+        metadata=metadata,
+    )
+    report["export_parity"] = export.parity(
+        module, run.model, random_states(10_000, settings, run.seed)
+    )
     run.write_json("surrogate.json", report)
     card.write(run, report, card.SURROGATE)
 
 
 def random_states(count: int, settings: SurrogateSettings, seed: int) -> Floats:
-    """States over and beyond the domain: corners, zero speed, both senses, journal outside the clearance.
+    """States over and beyond the domain: corners, zero speed, both senses, journal outside the
+    clearance.
 
     The outer corners lie a hair inside the domain: on its very edge rounding decides.
     """

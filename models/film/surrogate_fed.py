@@ -1,4 +1,5 @@
-"""Trainer of the fed film surrogate: supply pressure, groove and temperature (through the viscosity) as inputs."""
+"""Trainer of the fed film surrogate: supply pressure, groove and temperature (through the
+viscosity) as inputs."""
 
 from __future__ import annotations
 
@@ -27,7 +28,8 @@ from models.workers import map_in_order
 Floats = NDArray[np.float64]
 
 FLOOR = 0.05
-"""Below this share of ``|f0| + s`` the training counts the force error against that share, not the force itself."""
+"""Below this share of ``|f0| + s`` the training counts the force error against that share, not the
+force itself."""
 
 FLOW_WEIGHT = 0.3
 """Of the flow's error beside the force's."""
@@ -52,7 +54,13 @@ class FedSettings(Settings, frozen=True):
     def smoked(self) -> FedSettings:
         """The same training in some seconds."""
         return FedSettings(
-            train_points=120, judge_points=16, grid=(72, 12), judge_grid=(96, 16), hidden=(6,), iterations=20, seeds=2,
+            train_points=120,
+            judge_points=16,
+            grid=(72, 12),
+            judge_grid=(96, 16),
+            hidden=(6,),
+            iterations=20,
+            seeds=2,
             workers=1,
         )
 
@@ -64,10 +72,15 @@ def train(run: Run, settings: FedSettings) -> dict[str, object]:
     """Train, judge and export; returns the report that is written beside the model."""
     samples = _samples(run, settings)
     unfed = ReducedFilm(
-        layers_of_file(ARTIFACTS / "surrogate.onnx"), settings.length_over_diameter, settings.eccentricity_max
+        layers_of_file(ARTIFACTS / "surrogate.onnx"),
+        settings.length_over_diameter,
+        settings.eccentricity_max,
     )
     net = Mlp((len(INPUT_SIGNS), *settings.hidden, len(OUTPUT_SIGNS)))
-    targets, search = targets_of(samples, unfed), Search(settings.l2, settings.restarts, settings.iterations)
+    targets, search = (
+        targets_of(samples, unfed),
+        Search(settings.l2, settings.restarts, settings.iterations),
+    )
     fits = _fits(run, settings, partial(_fit, net, targets, search, run.folder.parent, run.seed))
     modules = [FedFilm(net.layers(one.theta), unfed) for one in fits]
     best, module = min(zip(fits, modules, strict=True), key=lambda pair: pair[0].score)
@@ -103,7 +116,14 @@ def _fits(run: Run, settings: FedSettings, one: Callable[[int], Fit]) -> list[Fi
 
 
 def _fit(net: Mlp, targets: Targets, search: Search, folder: Path, run_seed: int, seed: int) -> Fit:
-    return fit(net, targets, search, np.random.default_rng([run_seed, 3, seed]), f"fed film, seed {seed}", folder)
+    return fit(
+        net,
+        targets,
+        search,
+        np.random.default_rng([run_seed, 3, seed]),
+        f"fed film, seed {seed}",
+        folder,
+    )
 
 
 def evaluate(path: Path, seed: int, points: int | None, out: Path) -> dict[str, object]:
@@ -115,9 +135,12 @@ def evaluate(path: Path, seed: int, points: int | None, out: Path) -> dict[str, 
 
 
 def targets_of(samples: FedSamples, unfed: ReducedFilm) -> Targets:
-    """Inputs and targets of the network, weighted to give the relative errors: of the force down to :data:`FLOOR`."""
+    """Inputs and targets of the network, weighted to give the relative errors: of the force down to
+    :data:`FLOOR`."""
     with torch.no_grad():
-        z, gain, flow_gain = (tensor.numpy() for tensor in features(torch.from_numpy(samples.points), unfed))
+        z, gain, flow_gain = (
+            tensor.numpy() for tensor in features(torch.from_numpy(samples.points), unfed)
+        )
     y = samples.force / gain
     weight = 1.0 / np.maximum(np.hypot(*y.T), FLOOR)
     flow = np.log(samples.side_flow / flow_gain[:, 0])
@@ -127,8 +150,12 @@ def targets_of(samples: FedSamples, unfed: ReducedFilm) -> Targets:
 
 def _samples(run: Run, settings: FedSettings) -> FedSamples:
     def make() -> FedSamples:
-        points = draw_fed(settings.train_points, settings.eccentricity_max, np.random.default_rng(run.seed))
-        return solve_fed(points, length_over_diameter=settings.length_over_diameter, grid=settings.grid)
+        points = draw_fed(
+            settings.train_points, settings.eccentricity_max, np.random.default_rng(run.seed)
+        )
+        return solve_fed(
+            points, length_over_diameter=settings.length_over_diameter, grid=settings.grid
+        )
 
     key = (run.seed, settings.train_points, settings.eccentricity_max, settings.length_over_diameter, settings.grid,
            SUPPLY_DRAWN, VELOCITY_DRAWN)  # fmt: skip
@@ -151,12 +178,22 @@ def _export(
     )  # fmt: skip
     example = torch.zeros((2, len(FED_STATE)), dtype=torch.float64)
     example[:, 5:9] = torch.tensor([6e-5, 0.01, 0.02, 0.02], dtype=torch.float64)
-    export.export(module, example, run.model, input_name="state", output_names=metadata.outputs, metadata=metadata)
-    report["export_parity"] = export.parity(module, run.model, random_states(10_000, settings, run.seed))
+    export.export(
+        module,
+        example,
+        run.model,
+        input_name="state",
+        output_names=metadata.outputs,
+        metadata=metadata,
+    )
+    report["export_parity"] = export.parity(
+        module, run.model, random_states(10_000, settings, run.seed)
+    )
 
 
 def random_states(count: int, settings: FedSettings, seed: int) -> Floats:
-    """States over and beyond the domain: as :func:`models.film.surrogate.random_states`, no supply, one below ambient.
+    """States over and beyond the domain: as :func:`models.film.surrogate.random_states`, no supply,
+    one below ambient.
 
     Grooves lie at both ends of the turn as well.
     """
@@ -169,13 +206,20 @@ def random_states(count: int, settings: FedSettings, seed: int) -> Floats:
 
 CARD = card.Prose(
     "Fed film-force surrogate",
-    "Force, friction torque and side flow of the film with one axial groove under supply pressure (Reynolds rupture), "
-    "for studies of supply pressure.  Temperature is an input through the viscosity, and exactly: the film of one "
-    "viscosity is that of another at the supply number `p_s (c/R)^2 / (mu omega)` and the force over `mu`.",
+    "Force, friction torque and side flow of the film with one axial groove under supply pressure "
+    "(Reynolds rupture), "
+    "for studies of supply pressure.  Temperature is an input through the viscosity, and exactly: "
+    "the film of one "
+    "viscosity is that of another at the supply number `p_s (c/R)^2 / (mu omega)` and the force "
+    "over `mu`.",
     (
-        "One length over diameter and one groove (20 degrees wide, 0.8 of the length, as on rig bench).",
-        "Accuracy is stated for the range of the supply number in `range`; the supply may not be below ambient.",
-        "Where supply and squeeze nearly cancel, the error of the small net force is larger (`force_relative_p95`).",
-        "No tilt, wear or film memory, one viscosity over the whole film; a moving clearance is not among its inputs.",
+        "One length over diameter and one groove (20 degrees wide, 0.8 of the length, as on rig "
+        "bench).",
+        "Accuracy is stated for the range of the supply number in `range`; the supply may not be "
+        "below ambient.",
+        "Where supply and squeeze nearly cancel, the error of the small net force is larger "
+        "(`force_relative_p95`).",
+        "No tilt, wear or film memory, one viscosity over the whole film; a moving clearance is "
+        "not among its inputs.",
     ),
 )

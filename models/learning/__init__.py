@@ -1,1 +1,2 @@
-"""Learning methods of our own: Levenberg-Marquardt, scaled conjugate gradient, DDPG; they know nothing of rotors."""
+"""Learning methods of our own: Levenberg-Marquardt, scaled conjugate gradient, DDPG; they know
+nothing of rotors."""

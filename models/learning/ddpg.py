@@ -1,8 +1,10 @@
-"""Deep deterministic policy gradient (Lillicrap et al. 2016), equations (9) and (10), with TD3 by switches.
+"""Deep deterministic policy gradient (Lillicrap et al. 2016), equations (9) and (10), with TD3 by
+switches.
 
-Equation (9) is the target ``v = r + gamma q'(s', mu'(s'))`` and (10) the critic's loss; the paper leaves out
-the actor's objective, which is its reference [8]'s: ``mean q(s, mu(s))`` to be raised.  The three switches
-``twin_critics``, ``policy_delay`` and ``target_noise`` are those of TD3 (Fujimoto et al. 2018).
+Equation (9) is the target ``v = r + gamma q'(s', mu'(s'))`` and (10) the critic's loss; the paper
+leaves out the actor's objective, which is its reference [8]'s: ``mean q(s, mu(s))`` to be raised.
+The three switches ``twin_critics``, ``policy_delay`` and ``target_noise`` are those of TD3
+(Fujimoto et al. 2018).
 """
 
 from __future__ import annotations
@@ -44,7 +46,8 @@ class DdpgSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Scale(nn.Module):
-    """``(x - middle) / half``, clipped to a few ranges so that a strange reading stays a finite input."""
+    """``(x - middle) / half``, clipped to a few ranges so that a strange reading stays a finite
+    input."""
 
     def __init__(self, low: Floats, high: Floats) -> None:
         super().__init__()
@@ -81,7 +84,9 @@ class Critic(nn.Module):
     def __init__(self, scale: Scale, actions: int, hidden: tuple[int, ...]) -> None:
         super().__init__()
         self.scale = scale
-        self.net = nn.Sequential(*hidden_layers(scale.size + actions, hidden), nn.Linear(hidden[-1], 1))
+        self.net = nn.Sequential(
+            *hidden_layers(scale.size + actions, hidden), nn.Linear(hidden[-1], 1)
+        )
 
     def forward(self, observation: Tensor, action: Tensor) -> Tensor:
         """``q(s, a)`` of shape ``(m, 1)``."""
@@ -120,7 +125,9 @@ class Learner:
         self.settings = settings
         self.noise = torch.Generator().manual_seed(seed)
         self.actor = Actor(scale, actions, settings.hidden)
-        self.critics = nn.ModuleList(Critic(scale, actions, settings.hidden) for _ in range(1 + settings.twin_critics))
+        self.critics = nn.ModuleList(
+            Critic(scale, actions, settings.hidden) for _ in range(1 + settings.twin_critics)
+        )
         self.actor_target = copy.deepcopy(self.actor)
         self.critics_target = copy.deepcopy(self.critics)
         self.actor_optimiser = torch.optim.Adam(self.actor.parameters(), settings.actor_rate)
@@ -135,9 +142,13 @@ class Learner:
             if self.settings.target_noise > 0.0:
                 noise = self.settings.target_noise * torch.randn(a_next.shape, generator=self.noise)
                 a_next = torch.clamp(a_next + torch.clamp(noise, -0.5, 0.5), -1.0, 1.0)
-            q_next = torch.min(torch.stack([q(s_next, a_next) for q in self.critics_target]), dim=0).values
+            q_next = torch.min(
+                torch.stack([q(s_next, a_next) for q in self.critics_target]), dim=0
+            ).values
             target = reward + self.settings.discount * (1.0 - terminated) * q_next  # equation (9)
-        critic_loss = torch.stack([torch.mean((target - q(s, a)) ** 2) for q in self.critics]).sum()  # (10)
+        critic_loss = torch.stack(
+            [torch.mean((target - q(s, a)) ** 2) for q in self.critics]
+        ).sum()  # (10)
         self.critic_optimiser.zero_grad()
         critic_loss.backward()
         self.critic_optimiser.step()
@@ -176,7 +187,8 @@ def train_ddpg(
     seed
         Decides weights, noise, batches and every episode.
     on_step, on_episode
-        Called with the steps done; with the step and the mean return of the episodes that ended in it.
+        Called with the steps done; with the step and the mean return of the episodes that ended in
+        it.
     """
     rng = np.random.default_rng(seed)
     actions = int(np.prod(environment.single_action_space.shape or (1,)))
@@ -210,7 +222,9 @@ def act(actor: Actor, observation: Floats) -> Floats:
     return actions
 
 
-def _explore(actor: Actor, s: Floats, settings: DdpgSettings, rng: np.random.Generator, *, random: bool) -> Floats:
+def _explore(
+    actor: Actor, s: Floats, settings: DdpgSettings, rng: np.random.Generator, *, random: bool
+) -> Floats:
     policy = act(actor, s)
     if random:
         return rng.uniform(-1.0, 1.0, policy.shape).astype(np.float32)

@@ -67,7 +67,11 @@ def train_dqn(
 
 
 def _update(
-    values: Values, target: Values, optimiser: torch.optim.Optimizer, batch: list[Tensor], settings: DdpgSettings
+    values: Values,
+    target: Values,
+    optimiser: torch.optim.Optimizer,
+    batch: list[Tensor],
+    settings: DdpgSettings,
 ) -> None:
     s, chosen, reward, s_next, terminated = batch
     with torch.no_grad():

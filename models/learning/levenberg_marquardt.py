@@ -1,8 +1,8 @@
 """Levenberg-Marquardt for sums of squares with an L2 penalty, in float64.
 
-Marquardt (1963) scaling by the running maximum of the normal matrix's diagonal (More 1978), damping after
-Nielsen (1999).  The cost is equation (6) up to the constant ``m``:
-``1/2 sum r**2 + lambda/2 sum theta**2`` over the penalised parameters.
+Marquardt (1963) scaling by the running maximum of the normal matrix's diagonal (More 1978), damping
+after Nielsen (1999).  The cost is equation (6) up to the constant ``m``: ``1/2 sum r**2 + lambda/2
+sum theta**2`` over the penalised parameters.
 """
 
 from __future__ import annotations
@@ -36,7 +36,8 @@ class LmResult:
 
 @dataclass(frozen=True)
 class LmOptions:
-    """Stops: relative fall of the cost, infinity norm of the scaled gradient, patience of the monitor."""
+    """Stops: relative fall of the cost, infinity norm of the scaled gradient, patience of the
+    monitor."""
 
     iterations: int = 300
     cost_tolerance: float = 1e-12
@@ -78,7 +79,8 @@ def levenberg_marquardt(
     options: LmOptions = LmOptions(),
     progress: Callable[[int, float], None] | None = None,
 ) -> LmResult:
-    """Minimise ``1/2 |r(theta)|**2 + l2/2 |theta[penalised]|**2``, the residuals ``r`` known by their squares.
+    """Minimise ``1/2 |r(theta)|**2 + l2/2 |theta[penalised]|**2``, the residuals ``r`` known by
+    their squares.
 
     Parameters
     ----------
@@ -102,7 +104,9 @@ def levenberg_marquardt(
     decay = l2 * (np.ones(start.size) if penalised is None else penalised.astype(np.float64))
     point = _Point(start, squares(start), decay)
     if not np.isfinite(point.cost):
-        raise ValueError("residuals at the start are not finite: scale the data or choose another start")
+        raise ValueError(
+            "residuals at the start are not finite: scale the data or choose another start"
+        )
     best = BestSoFar(monitor, options.patience)
     best.offer(start, point.cost)
     damping, growth, scale = options.damping, 2.0, np.full(start.size, np.finfo(float).tiny)
@@ -110,12 +114,16 @@ def levenberg_marquardt(
     reason, iteration = "iterations", 0
     for iteration in range(1, options.iterations + 1):
         scale = np.maximum(scale, np.diag(normal))
-        if np.max(np.abs(gradient) / np.sqrt(scale)) <= options.gradient_tolerance * (1.0 + point.cost):
+        if np.max(np.abs(gradient) / np.sqrt(scale)) <= options.gradient_tolerance * (
+            1.0 + point.cost
+        ):
             reason = "gradient"
             break
         step = np.linalg.solve(normal + damping * np.diag(scale), -gradient)
         trial = _Point(point.theta + step, squares(point.theta + step), decay)
-        gain = _gain(point.cost, trial.cost, 0.5 * float(step @ (damping * scale * step - gradient)))
+        gain = _gain(
+            point.cost, trial.cost, 0.5 * float(step @ (damping * scale * step - gradient))
+        )
         if gain <= 0.0:
             damping, growth = damping * growth, growth * 2.0
             if damping > 1e16:
@@ -135,5 +143,6 @@ def levenberg_marquardt(
 
 
 def _gain(cost: float, trial_cost: float, expected: float) -> float:
-    """Fall of the cost as a share of what the quadratic model expects; negative for a step to refuse."""
+    """Fall of the cost as a share of what the quadratic model expects; negative for a step to
+    refuse."""
     return (cost - trial_cost) / expected if np.isfinite(trial_cost) and expected > 0.0 else -1.0

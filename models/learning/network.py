@@ -1,6 +1,8 @@
-"""The multilayer perceptron of equations (1) and (5): sigmoid hidden layers, linear output, float64 numpy.
+"""The multilayer perceptron of equations (1) and (5): sigmoid hidden layers, linear output, float64
+numpy.
 
-The weights travel as one flat vector, which is what Levenberg-Marquardt and scaled conjugate gradient want.
+The weights travel as one flat vector, which is what Levenberg-Marquardt and scaled conjugate
+gradient want.
 """
 
 from __future__ import annotations
@@ -43,7 +45,8 @@ class Mlp:
         return sum((n + 1) * m for n, m in pairwise(self.sizes))
 
     def layers(self, theta: Vector) -> list[Vector]:
-        """``theta``, an array or a tensor, as one ``(inputs + 1, outputs)`` matrix a layer; row 0 is the bias."""
+        """``theta``, an array or a tensor, as one ``(inputs + 1, outputs)`` matrix a layer; row 0
+        is the bias."""
         matrices: list[Vector] = []
         start = 0
         for n, m in pairwise(self.sizes):
@@ -52,7 +55,8 @@ class Mlp:
         return matrices
 
     def is_weight(self) -> NDArray[np.bool_]:
-        """True where ``theta`` holds a weight, False for a bias: equations (6) and (8) penalise only weights."""
+        """True where ``theta`` holds a weight, False for a bias: equations (6) and (8) penalise
+        only weights."""
         mask, start = np.ones(self.count, dtype=bool), 0
         for n, m in pairwise(self.sizes):
             mask[start : start + m] = False

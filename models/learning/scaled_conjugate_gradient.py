@@ -1,4 +1,5 @@
-"""Scaled conjugate gradient (Moller 1993, Neural Networks 6:525): no line search, no step size to choose."""
+"""Scaled conjugate gradient (Moller 1993, Neural Networks 6:525): no line search, no step size to
+choose."""
 
 from __future__ import annotations
 
@@ -15,7 +16,8 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ScgResult:
-    """Best point by ``monitor`` (or the last one without it), and the cost where the search ended."""
+    """Best point by ``monitor`` (or the last one without it), and the cost where the search
+    ended."""
 
     theta: Floats
     cost: float
@@ -43,8 +45,8 @@ def scaled_conjugate_gradient(
     gradient_tolerance
         Stop on the infinity norm of the gradient.
     monitor, patience
-        Score on held-out data; the best ``theta`` by it is returned, and the search stops after ``patience``
-        successful steps without a better one.
+        Score on held-out data; the best ``theta`` by it is returned, and the search stops after
+        ``patience`` successful steps without a better one.
 
     Raises
     ------
@@ -54,7 +56,9 @@ def scaled_conjugate_gradient(
     w = start
     cost, gradient = cost_and_gradient(w)
     if not (np.isfinite(cost) and np.all(np.isfinite(gradient))):
-        raise ValueError("cost or gradient at the start is not finite: scale the data or choose another start")
+        raise ValueError(
+            "cost or gradient at the start is not finite: scale the data or choose another start"
+        )
     best = BestSoFar(monitor, patience)
     best.offer(w, cost)
     r = p = -gradient
@@ -92,8 +96,11 @@ def scaled_conjugate_gradient(
     return ScgResult(best.theta, cost, best.score, k, reason)
 
 
-def _next_direction(p: Floats, r: Floats, r_new: Floats, mu: float, *, restart: bool) -> tuple[Floats, Floats]:
-    """Conjugate direction and residual; steepest descent at a restart or when rounding has lost descent."""
+def _next_direction(
+    p: Floats, r: Floats, r_new: Floats, mu: float, *, restart: bool
+) -> tuple[Floats, Floats]:
+    """Conjugate direction and residual; steepest descent at a restart or when rounding has lost
+    descent."""
     p_new = r_new + float(r_new @ (r_new - r)) / mu * p
     return (r_new, r_new) if restart or p_new @ r_new <= 0.0 else (p_new, r_new)
 

@@ -1,4 +1,5 @@
-"""Sums of squares as Levenberg-Marquardt wants them: cost, gradient and Gauss-Newton matrix, never a whole Jacobian."""
+"""Sums of squares as Levenberg-Marquardt wants them: cost, gradient and Gauss-Newton matrix, never
+a whole Jacobian."""
 
 from __future__ import annotations
 
@@ -15,7 +16,8 @@ from models.learning.network import Mlp
 Floats = NDArray[np.float64]
 
 _ROWS = 256
-"""Samples at a time: of 1024 the fed film's Jacobian is 25 MB and a pass takes a fifth longer, of 64 as well."""
+"""Samples at a time: of 1024 the fed film's Jacobian is 25 MB and a pass takes a fifth longer, of
+64 as well."""
 
 
 @dataclass(frozen=True)
@@ -40,10 +42,13 @@ class NetworkSquares:
     x, y, weight
         Inputs ``(m, n)``, targets and their weights ``(m, k)``.
     mirror
-        Signs of the inputs and of the outputs: the prediction is the mean of the network and of its mirror image.
+        Signs of the inputs and of the outputs: the prediction is the mean of the network and of its
+        mirror image.
     """
 
-    def __init__(self, net: Mlp, x: Floats, y: Floats, weight: Floats, mirror: tuple[Floats, Floats] | None) -> None:
+    def __init__(
+        self, net: Mlp, x: Floats, y: Floats, weight: Floats, mirror: tuple[Floats, Floats] | None
+    ) -> None:
         self._net, self._device = net, device()
         self._x, self._y, self._weight = (self._put(array) for array in (x, y, weight))
         self._mirror = None if mirror is None else (self._put(mirror[0]), self._put(mirror[1]))
@@ -58,7 +63,11 @@ class NetworkSquares:
         for first in range(0, len(self._x), _ROWS):
             r, slope = self._errors(weights, slice(first, first + _ROWS))
             part = Squares.of(r.numpy(), slope.numpy()) if slope.is_cpu else _on_gpu(r, slope)
-            cost, gradient, normal = cost + part.cost, gradient + part.gradient, normal + part.normal
+            cost, gradient, normal = (
+                cost + part.cost,
+                gradient + part.gradient,
+                normal + part.normal,
+            )
         return Squares(cost, gradient, normal)
 
     def _errors(self, theta: Tensor, rows: slice) -> tuple[Tensor, Tensor]:
@@ -80,7 +89,8 @@ def _on_gpu(r: Tensor, slope: Tensor) -> Squares:
 
 
 def jacobian(net: Mlp, theta: Tensor, x: Tensor) -> tuple[Tensor, Tensor]:
-    """Predictions ``(m, outputs)`` for ``x (m, inputs)`` and their derivatives ``(m, outputs, count)``."""
+    """Predictions ``(m, outputs)`` for ``x (m, inputs)`` and their derivatives ``(m, outputs,
+    count)``."""
     matrices, activations = net.layers(theta), [x]
     for matrix in matrices[:-1]:
         activations.append(torch.sigmoid(activations[-1] @ matrix[1:] + matrix[0]))

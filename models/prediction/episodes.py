@@ -1,9 +1,11 @@
-"""Episodes of the whole machine for the predictor: drawn from a seed, heard by the brain's own stages, judged later.
+"""Episodes of the whole machine for the predictor: drawn from a seed, heard by the brain's own
+stages, judged later.
 
-An episode is ten seconds: the slowest speed, a run-up, and two forecasts of two seconds, whose future is declared
-and then takes place.  Four regimes take turns: steady (the clearance may move), ramp (speed and
-load move as well), near whirl, and a fault that grows (unbalance, starvation, wear).  Every recording is heard
-twice: with the errors of ``sensors.json`` as they are, and after the slow-roll and zero procedure.
+An episode is ten seconds: the slowest speed, a run-up, and two forecasts of two seconds, whose
+future is declared and then takes place.  Four regimes take turns: steady (the clearance may move),
+ramp (speed and load move as well), near whirl, and a fault that grows (unbalance, starvation,
+wear).  Every recording is heard twice: with the errors of ``sensors.json`` as they are, and after
+the slow-roll and zero procedure.
 """
 
 from __future__ import annotations
@@ -60,7 +62,8 @@ REACH_M: Final = {"near_whirl": 6e-6, "fault": 0.0}
 
 @dataclass(frozen=True)
 class Episode:
-    """What is going to happen; ``clearance_m`` holds before, between and after the two forecasts' moves."""
+    """What is going to happen; ``clearance_m`` holds before, between and after the two forecasts'
+    moves."""
 
     number: int
     regime: str
@@ -103,16 +106,28 @@ def draw(rig: RigData, seed: int, number: int) -> Episode:
         for _ in range(2 * (regime == "ramp")):
             points.append(_near(rig, points[-1], rng))
         clearance = _clearances(rig, regime, rng)
-        pairs = zip([points[0], points[1], *points[2:], points[-1]][:4], [clearance[0], clearance[0], *clearance[1:]],
-                    strict=False)
+        pairs = zip(
+            [points[0], points[1], *points[2:], points[-1]][:4],
+            [clearance[0], clearance[0], *clearance[1:]],
+            strict=False,
+        )
         if all(_feasible(rig, regime, i, *pair, inlet_C) for i, pair in enumerate(pairs)):
             break
     corners = [(0.0, *points[0]), (1.2, *points[0]), (4.0, *points[1])]
     for start_s, before, after in zip(FORECASTS_S, points[1:], points[2:], strict=False):
         corners += [(start_s, *before), (start_s + HORIZON_S + 0.2, *after)]
     time_s, speed, load = zip(*corners, strict=True)
-    return Episode(number, regime, build, Duty(time_s, speed, load), clearance, inlet_C, fault, severity,
-                   int(rng.integers(2**31)))
+    return Episode(
+        number,
+        regime,
+        build,
+        Duty(time_s, speed, load),
+        clearance,
+        inlet_C,
+        fault,
+        severity,
+        int(rng.integers(2**31)),
+    )
 
 
 def _point(rig: RigData, rng: np.random.Generator) -> tuple[float, float]:
@@ -121,15 +136,21 @@ def _point(rig: RigData, rng: np.random.Generator) -> tuple[float, float]:
     return float(rng.uniform(rig.speed_min_rpm, rig.speed_max_rpm)), load
 
 
-def _near(rig: RigData, point: tuple[float, float], rng: np.random.Generator) -> tuple[float, float]:
+def _near(
+    rig: RigData, point: tuple[float, float], rng: np.random.Generator
+) -> tuple[float, float]:
     """A point that two seconds at the declared rates can reach."""
     speed = point[0] + float(rng.uniform(-2.0, 2.0)) * SPEED_RATE_RPM_S
     load = point[1] + float(rng.uniform(-2.0, 2.0)) * LOAD_RATE_N_S
-    return (min(max(speed, rig.speed_min_rpm), rig.speed_max_rpm), min(max(load, rig.load_min_N), rig.load_max_N))
+    return (
+        min(max(speed, rig.speed_min_rpm), rig.speed_max_rpm),
+        min(max(load, rig.load_min_N), rig.load_max_N),
+    )
 
 
 def _clearances(rig: RigData, regime: str, rng: np.random.Generator) -> tuple[float, float, float]:
-    """A clearance and two moves of it, each as likely as none; small ones near whirl, none under a fault."""
+    """A clearance and two moves of it, each as likely as none; small ones near whirl, none under a
+    fault."""
     low, high = rig.bearing.clearance_min_m, rig.bearing.clearance_max_m
     reach_m = REACH_M.get(regime, 60e-6)
     values = [float(rng.uniform(low, high))]
@@ -139,9 +160,16 @@ def _clearances(rig: RigData, regime: str, rng: np.random.Generator) -> tuple[fl
     return values[0], values[1], values[2]
 
 
-def _feasible(rig: RigData, regime: str, index: int, point: tuple[float, float], clearance_m: float,
-              inlet_C: float) -> bool:
-    """Whether the nominal machine runs there as the regime wants it; the first point is only on the way."""
+def _feasible(
+    rig: RigData,
+    regime: str,
+    index: int,
+    point: tuple[float, float],
+    clearance_m: float,
+    inlet_C: float,
+) -> bool:
+    """Whether the nominal machine runs there as the regime wants it; the first point is only on the
+    way."""
     viscosity = rig.oil.viscosity_at(inlet_C + WARMER_C)
     film_m, ratio = damping_ratio(rig, point[0] * RAD_S_PER_RPM, point[1], clearance_m, viscosity)
     low, high = DAMPING.get(regime, DAMPING_ELSE)
@@ -149,9 +177,16 @@ def _feasible(rig: RigData, regime: str, index: int, point: tuple[float, float],
 
 
 def play(rig: RigData, episode: Episode, rate_hz: int = 5000) -> Recording:
-    """What the device would receive, and the truth; faults grow linearly from :data:`FAULT_START_S` on."""
-    machine = Machine(rig, episode.build, episode.seed, rate_hz=rate_hz, inlet_C=episode.inlet_C,
-                      clearance_m=episode.clearance_m[0])
+    """What the device would receive, and the truth; faults grow linearly from :data:`FAULT_START_S`
+    on."""
+    machine = Machine(
+        rig,
+        episode.build,
+        episode.seed,
+        rate_hz=rate_hz,
+        inlet_C=episode.inlet_C,
+        clearance_m=episode.clearance_m[0],
+    )
     edges = [0.0, SECONDS]
     if episode.fault:
         edges = [0.0, *np.arange(FAULT_START_S, SECONDS, FAULT_STEP_S).tolist(), SECONDS]
@@ -159,8 +194,17 @@ def play(rig: RigData, episode: Episode, rate_hz: int = 5000) -> Recording:
     for start_s, end_s in pairwise(edges):
         if start_s > 0.0:
             machine.inject(episode.fault, _severity(rig, episode, start_s))
-        batches.append(run(machine, episode.duty, end_s - start_s, clearance=episode.clearance, start_s=start_s))
-    whole = Batch(*(np.concatenate([getattr(b, name) for b in batches]) for name in ("counts", "truth", "marks")))
+        batches.append(
+            run(
+                machine, episode.duty, end_s - start_s, clearance=episode.clearance, start_s=start_s
+            )
+        )
+    whole = Batch(
+        *(
+            np.concatenate([getattr(b, name) for b in batches])
+            for name in ("counts", "truth", "marks")
+        )
+    )
     return recording_of(machine, whole, np.random.default_rng([episode.seed, 1]))
 
 
@@ -174,7 +218,8 @@ def _severity(rig: RigData, episode: Episode, time_s: float) -> float:
 
 
 def heard(recording: Recording) -> Iterator[Block | RigReading]:
-    """The recording as the guard would pass it on: blocks, and readings before the block in which they came."""
+    """The recording as the guard would pass it on: blocks, and readings before the block in which
+    they came."""
     period_us = round(1e6 / recording.rate_hz)
     start_us = round(float(recording.time_s[0]) * 1e6)
     marks = np.round(recording.mark_s * 1e6).astype(np.int64)
@@ -186,8 +231,19 @@ def heard(recording: Recording) -> Iterator[Block | RigReading]:
         inside = marks[(marks >= tick) & (marks < end)]
         known = marks[marks < end]
         speed = 2.0 * math.pi * 1e6 / float(known[-1] - known[-2]) if len(known) > 1 else 0.0
-        yield Block(seq, tick * 1000, period_us * 1000, tick, period_us, Quality.GOOD, 0xFF, speed, len(known),
-                    inside.tolist(), recording.counts[first : first + BLOCK].astype("<i2").tobytes())
+        yield Block(
+            seq,
+            tick * 1000,
+            period_us * 1000,
+            tick,
+            period_us,
+            Quality.GOOD,
+            0xFF,
+            speed,
+            len(known),
+            inside.tolist(),
+            recording.counts[first : first + BLOCK].astype("<i2").tobytes(),
+        )
         for row in status[(status[:, 0] * 1e6 >= tick) & (status[:, 0] * 1e6 < end)]:
             at_us = round(row[0] * 1e6)
             said = RigStatus(0, at_us, row[1], row[2], row[3] * 1e6, row[4] * 1e-5)
@@ -201,22 +257,35 @@ def truth_at(rig: RigData, episode: Episode, recording: Recording, time_s: float
     rows = slice(max(0, middle - half), middle + half)
     power, speed = recording.column("shaft_power_W")[rows], recording.column("speed_rad_s")[rows]
     x, y = recording.column("eccentricity_x_m")[rows], recording.column("eccentricity_y_m")[rows]
-    load, clearance, viscosity = (float(recording.column(name)[rows].mean())
-                                  for name in ("load_N", "clearance_m", "viscosity_Pa_s"))
+    load, clearance, viscosity = (
+        float(recording.column(name)[rows].mean())
+        for name in ("load_N", "clearance_m", "viscosity_Pa_s")
+    )
     carried, drop_m = _fault_of_film(rig, episode, time_s)
-    _, ratio = damping_ratio(rig, float(speed.mean()), load, clearance, viscosity * carried, episode.build)
+    _, ratio = damping_ratio(
+        rig, float(speed.mean()), load, clearance, viscosity * carried, episode.build
+    )
     windage = float(np.mean(rig.windage_W_s3 * speed**3))
     swing = max(np.ptp(_at_rest(x + y)), np.ptp(_at_rest(y - x))) * math.sqrt(0.5)
-    return Truth(float(power.mean()), float(swing),
-                 float(recording.column("min_film_m")[rows].min()), ratio, load, float(power.mean()) - windage,
-                 clearance - math.hypot(float(x.mean()), float(y.mean()) + drop_m))
+    return Truth(
+        float(power.mean()),
+        float(swing),
+        float(recording.column("min_film_m")[rows].min()),
+        ratio,
+        load,
+        float(power.mean()) - windage,
+        clearance - math.hypot(float(x.mean()), float(y.mean()) + drop_m),
+    )
 
 
 def _fault_of_film(rig: RigData, episode: Episode, time_s: float) -> tuple[float, float]:
-    """What starvation leaves of the load that the film carries, and how far (m) wear has lowered the bore's middle."""
+    """What starvation leaves of the load that the film carries, and how far (m) wear has lowered
+    the bore's middle."""
     severity = _severity(rig, episode, time_s)
     carried = (1.0 - STARVED_SHARE * severity) ** 2.5 if episode.fault == "starvation" else 1.0
-    _, drop_m = worn_bore(WEAR_M * severity if episode.fault == "wear" else 0.0, rig.bearing.clearance_nominal_m)
+    _, drop_m = worn_bore(
+        WEAR_M * severity if episode.fault == "wear" else 0.0, rig.bearing.clearance_nominal_m
+    )
     return carried, drop_m
 
 
@@ -236,22 +305,32 @@ def as_shipped(config: Config, rng: np.random.Generator) -> Config:
 
 
 def after_procedure(config: Config, rig: RigData, build: Build, rng: np.random.Generator) -> Config:
-    """``config`` after the slow-roll and zero procedure on this build, with the residual errors of ``sensors.json``.
+    """``config`` after the slow-roll and zero procedure on this build, with the residual errors of
+    ``sensors.json``.
 
-    The first order at slow roll is measured (a recording of the turning machine through the device's own order
-    analysis); zero and gain are set as if by a bump test, which this rig cannot play: the true ones, missed by
-    what the file says is left.
+    The first order at slow roll is measured (a recording of the turning machine through the
+    device's own order analysis); zero and gain are set as if by a bump test, which this rig cannot
+    play: the true ones, missed by what the file says is left.
     """
     left = read_json("sensors.json")["after_slow_roll_and_zero_procedure"]
     vectors = slow_roll_vectors(rig, build, int(rng.integers(2**31)))
-    vectors = vectors + left["residual_runout_um"] * 1e-6 * np.exp(2j * np.pi * rng.random(2)) * rng.random(2)
+    vectors = vectors + left["residual_runout_um"] * 1e-6 * np.exp(
+        2j * np.pi * rng.random(2)
+    ) * rng.random(2)
     channels = []
     for i, channel in enumerate(config.channel[:2]):
         gain = build.gain[i] * (1.0 + left["gain_error"] * float(rng.uniform(-1, 1)))
         zero = build.zero[i] + left["zero_error_um"] * 1e-6 * float(rng.uniform(-1, 1))
-        channels.append(changed(
-            channel, scale=channel.scale / gain, offset=-zero / gain, zeroed=True,
-            slow_roll_um=float(abs(vectors[i])) * 1e6, slow_roll_deg=math.degrees(float(np.angle(vectors[i])))))
+        channels.append(
+            changed(
+                channel,
+                scale=channel.scale / gain,
+                offset=-zero / gain,
+                zeroed=True,
+                slow_roll_um=float(abs(vectors[i])) * 1e6,
+                slow_roll_deg=math.degrees(float(np.angle(vectors[i]))),
+            )
+        )
     return changed(config, channel=[*channels, *config.channel[2:]])
 
 
@@ -260,10 +339,18 @@ def slow_roll_vectors(rig: RigData, build: Build, seed: int) -> NDArray[np.compl
     machine = Machine(rig, build, seed)
     duty = Duty.hold(SLOW_ROLL_RPM, SLOW_ROLL_LOAD_N)
     run(machine, duty, 0.5, clearance=rig.bearing.clearance_nominal_m)
-    recording = recording_of(machine, run(machine, duty, 1.3, clearance=rig.bearing.clearance_nominal_m),
-                             np.random.default_rng([seed, 1]))
+    recording = recording_of(
+        machine,
+        run(machine, duty, 1.3, clearance=rig.bearing.clearance_nominal_m),
+        np.random.default_rng([seed, 1]),
+    )
     as_probes = replace(ChannelMap.wire(), to_xy=np.eye(2))
-    windows = iter_windows(recording.counts, round(float(recording.time_s[0]) * 1e6),
-                           np.round(recording.mark_s * 1e6).astype(np.int64), recording.rate_hz, channels=as_probes)
+    windows = iter_windows(
+        recording.counts,
+        round(float(recording.time_s[0]) * 1e6),
+        np.round(recording.mark_s * 1e6).astype(np.int64),
+        recording.rate_hz,
+        channels=as_probes,
+    )
     usable = [window for window in windows if not window.quality & Quality.NO_MARK]
     return np.asarray(analyse(usable[-1]).harmonics[:2, 0])

@@ -1,4 +1,5 @@
-"""An episode heard by the brain's own stages: what the predictor and its rivals said, beside what then was true."""
+"""An episode heard by the brain's own stages: what the predictor and its rivals said, beside what
+then was true."""
 
 from __future__ import annotations
 
@@ -29,13 +30,14 @@ LIMIT_S: Final = 3.5
 
 @dataclass(frozen=True)
 class Said:
-    """``n`` forecasts; columns of the quantities: power, peak-to-peak, smallest film, damping ratio (SI).
+    """``n`` forecasts; columns of the quantities: power, peak-to-peak, smallest film, damping ratio
+    (SI).
 
-    ``expected``, ``deviation``, ``true`` (n, 4); ``rivals`` (n, 3, 4); ``now`` (n, 3, 3) virtual sensors at the time
-    of the forecast, rows smallest film, bearing force, friction power, columns expected, deviation, true;
-    ``static_film`` (n, 3) likewise, at the mean position; ``limit_s`` (n, 3) time to a limit that a growing
-    fault passes after :data:`LIMIT_S`: earliest, expected, latest (NaN: none); ``episode``,
-    ``regime``, ``recognised`` (n,).
+    ``expected``, ``deviation``, ``true`` (n, 4); ``rivals`` (n, 3, 4); ``now`` (n, 3, 3) virtual
+    sensors at the time of the forecast, rows smallest film, bearing force, friction power, columns
+    expected, deviation, true; ``static_film`` (n, 3) likewise, at the mean position; ``limit_s``
+    (n, 3) time to a limit that a growing fault passes after :data:`LIMIT_S`: earliest, expected,
+    latest (NaN: none); ``episode``, ``regime``, ``recognised`` (n,).
     """
 
     expected: Floats
@@ -55,10 +57,16 @@ def join(parts: list[Said]) -> Said:
     return Said(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(Said)))
 
 
-def listen(rig: RigData, episode: Episode, recording: Recording, model: Model, config: Config) -> Said:
+def listen(
+    rig: RigData, episode: Episode, recording: Recording, model: Model, config: Config
+) -> Said:
     """Feed ``recording`` to the brain's stages and note the forecasts of the episode."""
     channels = ChannelMap.from_config(config)
-    observer, windower, predictor = Observer(channels), Windower(channels, recording.rate_hz), Predictor(model, config)
+    observer, windower, predictor = (
+        Observer(channels),
+        Windower(channels, recording.rate_hz),
+        Predictor(model, config),
+    )
     due = list(FORECASTS_S)
     next_s, rows = 0.0, []
     for record in heard(recording):
@@ -85,9 +93,16 @@ def listen(rig: RigData, episode: Episode, recording: Recording, model: Model, c
     return join(rows)
 
 
-def _row(rig: RigData, episode: Episode, recording: Recording, predictor: Predictor, measured: Measured,
-         now_s: float) -> Said:
-    """One forecast: the declared future is the episode's own, the clearance where it is told to go."""
+def _row(
+    rig: RigData,
+    episode: Episode,
+    recording: Recording,
+    predictor: Predictor,
+    measured: Measured,
+    now_s: float,
+) -> Said:
+    """One forecast: the declared future is the episode's own, the clearance where it is told to
+    go."""
     then_s = now_s + HORIZON_S
     (speed, load), (speed_then, load_then) = episode.duty.point(now_s), episode.duty.point(then_s)
     moves = speed_then != speed or load_then != load
@@ -96,30 +111,50 @@ def _row(rig: RigData, episode: Episode, recording: Recording, predictor: Predic
     estimate = predictor.estimate(measured)
     outlook = predictor.forecast(measured, estimate, np.array([target_m]), future)
     here = predictor.forecast(measured, estimate, np.array([measured.clearance_m]), Future(0.0))
-    true, now = truth_at(rig, episode, recording, then_s), truth_at(rig, episode, recording, now_s - 0.1)
+    true, now = (
+        truth_at(rig, episode, recording, then_s),
+        truth_at(rig, episode, recording, now_s - 0.1),
+    )
     film_m, bound_m = predictor.static_film()
     virtual = [
         [here.min_film_m[0, 1], here.deviation[0, 2], now.min_film_m],
         [estimate.load_N, estimate.load_N * estimate.log_covariance[0, 0] ** 0.5, now.load_N],
         [here.friction_W[0, 1], here.deviation[0, 0], now.friction_W],
     ]
-    expected = [q[0, 1] for q in (outlook.power_W, outlook.peak_to_peak_m, outlook.min_film_m, outlook.whirl_margin)]
+    expected = [
+        q[0, 1]
+        for q in (outlook.power_W, outlook.peak_to_peak_m, outlook.min_film_m, outlook.whirl_margin)
+    ]
     return Said(
-        np.array([expected]), outlook.deviation[:1], np.array([_figures(true)]),
-        forecasts(rig, measured, target_m, future)[None], np.array([virtual]),
+        np.array([expected]),
+        outlook.deviation[:1],
+        np.array([_figures(true)]),
+        forecasts(rig, measured, target_m, future)[None],
+        np.array([virtual]),
         np.array([[film_m, bound_m, now.static_film_m]]),
         np.array([_to_limit(rig, episode, recording, predictor, measured, now_s)]),
-        np.array([episode.number]), np.array([episode.regime]),
-        np.array([outlook.regime[0]]))
+        np.array([episode.number]),
+        np.array([episode.regime]),
+        np.array([outlook.regime[0]]),
+    )
 
 
-def _to_limit(rig: RigData, episode: Episode, recording: Recording, predictor: Predictor, measured: Measured,
-              now_s: float) -> tuple[float, float, float]:
-    """Time to the peak-to-peak (growing unbalance) or film (starvation) that is true :data:`LIMIT_S` later."""
+def _to_limit(
+    rig: RigData,
+    episode: Episode,
+    recording: Recording,
+    predictor: Predictor,
+    measured: Measured,
+    now_s: float,
+) -> tuple[float, float, float]:
+    """Time to the peak-to-peak (growing unbalance) or film (starvation) that is true
+    :data:`LIMIT_S` later."""
     if episode.fault not in ("unbalance", "starvation") or now_s > FORECASTS_S[1]:
         return np.nan, np.nan, np.nan
     then = truth_at(rig, episode, recording, now_s + LIMIT_S)
-    film_m, swing_m = (0.0, then.peak_to_peak_m) if episode.fault == "unbalance" else (then.min_film_m, np.inf)
+    film_m, swing_m = (
+        (0.0, then.peak_to_peak_m) if episode.fault == "unbalance" else (then.min_film_m, np.inf)
+    )
     return predictor.time_to_limit(measured, predictor.estimate(measured), film_m, swing_m)
 
 

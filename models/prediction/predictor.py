@@ -1,7 +1,9 @@
-"""Trainer and judge of the predictor: factors that make its intervals cover what they say, on episodes of their own.
+"""Trainer and judge of the predictor: factors that make its intervals cover what they say, on
+episodes of their own.
 
-Nothing else of the predictor is learned but the film surrogate.  The factors are fitted on training episodes and
-ship as ``predictor.json``; judged episodes follow from another seed and see them only as the device would.
+Nothing else of the predictor is learned but the film surrogate.  The factors are fitted on training
+episodes and ship as ``predictor.json``; judged episodes follow from another seed and see them only
+as the device would.
 """
 
 from __future__ import annotations
@@ -37,8 +39,8 @@ JUDGE_SEED = 1_000_000
 EVALUATED = 900
 """Episodes of an evaluation (5 min on 2 cores).
 
-With factors from 2400 others the coverage of each of the four regimes, all quantities together, was within 3 points of
-nominal in 65 of 100 draws of 300 episodes, in 92 of 600 and in 97 of 1200."""
+With factors from 2400 others the coverage of each of the four regimes, all quantities together, was
+within 3 points of nominal in 65 of 100 draws of 300 episodes, in 92 of 600 and in 97 of 1200."""
 CHUNK = 240
 """Episodes between two checkpoints."""
 STATES = ("as_built", "zeroed")
@@ -62,7 +64,8 @@ SETTINGS = PredictorSettings
 
 
 class Fitted(msgspec.Struct, frozen=True):
-    """``predictor.json``: the device reads ``factors``, the judge also the rivals' half-widths (3, 4) by regime."""
+    """``predictor.json``: the device reads ``factors``, the judge also the rivals' half-widths (3,
+    4) by regime."""
 
     factors: dict[str, dict[str, dict[str, tuple[float, float]]]]
     rival_widths: dict[str, dict[str, list[list[float]]]]
@@ -73,41 +76,74 @@ class Fitted(msgspec.Struct, frozen=True):
 
 
 def train(run: Run, settings: PredictorSettings) -> dict[str, object]:
-    """Hear the training episodes, fit, judge on a few others; returns the report that is written beside the factors."""
+    """Hear the training episodes, fit, judge on a few others; returns the report that is written
+    beside the factors."""
     started = time.monotonic()
-    parts = [run.kept(f"episodes-{numbers.start}", partial(hear, settings.rig, run.seed, numbers, settings.workers))
-             for numbers in _chunks(settings.episodes)]
+    parts = [
+        run.kept(
+            f"episodes-{numbers.start}",
+            partial(hear, settings.rig, run.seed, numbers, settings.workers),
+        )
+        for numbers in _chunks(settings.episodes)
+    ]
     heard = {state: join([part[state] for part in parts]) for state in STATES}
     fitted = Fitted(
         {state: conformal(said) for state, said in heard.items()},
-        {state: {r: w.tolist() for r, w in rival_widths(said).items()} for state, said in heard.items()},
-        PHYSICS_VERSION, "provisional", brain(settings.rig)[1].label, run.command)
+        {
+            state: {r: w.tolist() for r, w in rival_widths(said).items()}
+            for state, said in heard.items()
+        },
+        PHYSICS_VERSION,
+        "provisional",
+        brain(settings.rig)[1].label,
+        run.command,
+    )
     run.write_json("predictor.json", msgspec.to_builtins(fitted))
-    run.log({f"{state}_{regime}_{name}_high": high for state, regimes in fitted.factors.items()
-             for regime, names in regimes.items() for name, (_, high) in names.items()})
+    run.log(
+        {
+            f"{state}_{regime}_{name}_high": high
+            for state, regimes in fitted.factors.items()
+            for regime, names in regimes.items()
+            for name, (_, high) in names.items()
+        }
+    )
     numbers = range(settings.judged_episodes)
-    fresh = run.kept("judged", partial(hear, settings.rig, JUDGE_SEED + run.seed, numbers, settings.workers))
+    fresh = run.kept(
+        "judged", partial(hear, settings.rig, JUDGE_SEED + run.seed, numbers, settings.workers)
+    )
     found = judge(fitted, settings.rig, run.seed, fresh)
-    found = {**found, "training": {"episodes": settings.episodes, "seconds": round(time.monotonic() - started, 1)},
-             "reproduce": run.command}
+    found = {
+        **found,
+        "training": {
+            "episodes": settings.episodes,
+            "seconds": round(time.monotonic() - started, 1),
+        },
+        "reproduce": run.command,
+    }
     run.write_json("predictor-report.json", found)
     card.write(run, found, card.PREDICTOR)
     return found
 
 
 def judge(fitted: Fitted, rig_name: str, seed: int, heard: dict[str, Said]) -> dict[str, object]:
-    """Every figure of the predictor on episodes ``heard`` by state, which follow from ``seed`` and no training saw."""
+    """Every figure of the predictor on episodes ``heard`` by state, which follow from ``seed`` and
+    no training saw."""
     rng = np.random.default_rng([JUDGE_SEED, seed])
     episodes = len(np.unique(heard[STATES[0]].episode))
     found: dict[str, object] = {"episodes": episodes, "forecasts_each": 2, "nominal_coverage": 0.9}
     for state, said in heard.items():
         widths = {regime: np.array(rows) for regime, rows in fitted.rival_widths[state].items()}
         found[state] = report(said, fitted.factors[state], widths, rng)
-    return {**found, "fisher_information": fisher(rig_name), "milliseconds_16_candidates": latency_ms(rig_name)}
+    return {
+        **found,
+        "fisher_information": fisher(rig_name),
+        "milliseconds_16_candidates": latency_ms(rig_name),
+    }
 
 
 def evaluate(path: Path, seed: int, size: int | None, out: Path) -> dict[str, object]:
-    """``orbitd evaluate predictor``: the file at ``path`` on ``size`` episodes, every core; keeps nothing."""
+    """``orbitd evaluate predictor``: the file at ``path`` on ``size`` episodes, every core; keeps
+    nothing."""
     rig_name = PredictorSettings().rig
     return judge(of_file(path), rig_name, seed, _unseen(rig_name, seed, size or EVALUATED))
 
@@ -123,7 +159,9 @@ def of_file(path: Path) -> Fitted:
     try:
         return msgspec.json.decode(path.read_bytes(), type=Fitted)
     except msgspec.DecodeError as error:
-        raise SettingsError(f"{path}: {error}; fit it again with `orbitd train predictor`") from error
+        raise SettingsError(
+            f"{path}: {error}; fit it again with `orbitd train predictor`"
+        ) from error
 
 
 @cache
@@ -139,10 +177,13 @@ def _chunks(episodes: int) -> list[range]:
 
 
 def hear(rig_name: str, seed: int, numbers: range, workers: int) -> dict[str, Said]:
-    """What was said in the episodes ``numbers`` of ``seed``, with sensors as built and after the procedure."""
+    """What was said in the episodes ``numbers`` of ``seed``, with sensors as built and after the
+    procedure."""
     parts: list[tuple[Said, Said]] = []
     with progress_bar(f"episodes from {numbers.start}", len(numbers)) as bar:
-        for done, part in enumerate(map_in_order(partial(_hear_one, rig_name, seed), numbers, workers), 1):
+        for done, part in enumerate(
+            map_in_order(partial(_hear_one, rig_name, seed), numbers, workers), 1
+        ):
             parts.append(part)
             bar(done)
     return {state: join([part[i] for part in parts]) for i, state in enumerate(STATES)}
@@ -155,35 +196,55 @@ def _hear_one(rig_name: str, seed: int, number: int) -> tuple[Said, Said]:
     rng = np.random.default_rng([seed, number, 1])
     config = as_shipped(config, rng)
     zeroed = after_procedure(config, rig, episode.build, rng)
-    return listen(rig, episode, recording, model, config), listen(rig, episode, recording, model, zeroed)
+    return listen(rig, episode, recording, model, config), listen(
+        rig, episode, recording, model, zeroed
+    )
 
 
 def fisher(rig_name: str) -> dict[str, Any]:
-    """Standard deviations of load, viscosity (shares) and clearance (um) from what each instrument adds to the others.
+    """Standard deviations of load, viscosity (shares) and clearance (um) from what each instrument
+    adds to the others.
 
     Diagonals of the Fisher information of one reading, by instrument, at three operating points.
     """
     config, model = brain(rig_name)
-    film = Film(model.session, config.bearing.journal_radius_m, config.bearing.length_m,
-                config.rotor.effective_mass_at_bearing_kg)
+    film = Film(
+        model.session,
+        config.bearing.journal_radius_m,
+        config.bearing.length_m,
+        config.rotor.effective_mass_at_bearing_kg,
+    )
     instruments, found = Instruments(film, config), {}
     for rpm, load_N in ((1500.0, 100.0), (6000.0, 100.0), (12000.0, 30.0)):
         speed = rpm * math.pi / 30.0
-        volt = float(contact_volt(config.contact, np.array([20e-6]))[0]) if config.contact else math.nan
-        at = Measured(speed, config.bearing.radial_clearance_nominal_um * 1e-6, 0.0, 0.0, 0.0, 0.0, 45.0, volt)
+        volt = (
+            float(contact_volt(config.contact, np.array([20e-6]))[0])
+            if config.contact
+            else math.nan
+        )
+        at = Measured(
+            speed, config.bearing.radial_clearance_nominal_um * 1e-6, 0.0, 0.0, 0.0, 0.0, 45.0, volt
+        )
         share = config.contact.film_error_share if config.contact else 0.0
-        parts = information(instruments, Errors.of(config), config.oil.viscosity_slope_per_K, share, load_N, at)
+        parts = information(
+            instruments, Errors.of(config), config.oil.viscosity_slope_per_K, share, load_N, at
+        )
         names = ("load", "viscosity", "clearance_um")
         found[f"{rpm:g} rpm, {load_N:g} N"] = {
-            **{name: {q: float(f"{matrix[i, i]:.4g}") for i, q in enumerate(names)} for name, matrix in parts.items()},
-            "load_viscosity_eigenvalues_of_position_alone": [float(f"{v:.3g}") for v in
-                                                             np.linalg.eigvalsh(parts["position"][:2, :2])],
+            **{
+                name: {q: float(f"{matrix[i, i]:.4g}") for i, q in enumerate(names)}
+                for name, matrix in parts.items()
+            },
+            "load_viscosity_eigenvalues_of_position_alone": [
+                float(f"{v:.3g}") for v in np.linalg.eigvalsh(parts["position"][:2, :2])
+            ],
         }
     return found
 
 
 def latency_ms(rig_name: str, repeats: int = 30) -> float:
-    """Best time of synchronising and forecasting 16 candidates: processor time, which other work does not stretch."""
+    """Best time of synchronising and forecasting 16 candidates: processor time, which other work
+    does not stretch."""
     config, model = brain(rig_name)
     predictor = Predictor(model, config, IntervalFactors())
     best = math.inf

@@ -1,4 +1,5 @@
-"""Scores of the predictor's forecasts: conformal factors, coverage, interval score, and the same for its rivals."""
+"""Scores of the predictor's forecasts: conformal factors, coverage, interval score, and the same
+for its rivals."""
 
 from __future__ import annotations
 
@@ -32,8 +33,9 @@ BOOTSTRAP: Final = 1000
 def conformal(said: Said) -> Factors:
     """Factors by recognised regime and quantity: each side's quantile of error over deviation.
 
-    The device knows the regime that it recognises, coverage is promised in the true one: the level of each
-    recognised regime is moved until the true regime of that name is missed as often as nominal.
+    The device knows the regime that it recognises, coverage is promised in the true one: the level
+    of each recognised regime is moved until the true regime of that name is missed as often as
+    nominal.
     """
     z = (said.true - said.expected) / said.deviation
     found: Factors = {regime: {} for regime in REGIMES}
@@ -45,13 +47,19 @@ def conformal(said: Said) -> Factors:
 
 
 def _factors(said: Said, errors: Floats) -> dict[str, float]:
-    """One side's factor of every recognised regime; a regime hardly ever recognised takes that of all forecasts."""
+    """One side's factor of every recognised regime; a regime hardly ever recognised takes that of
+    all forecasts."""
     own = {regime: said.recognised == regime for regime in REGIMES}
     known = [regime for regime, w in own.items() if w.sum() >= FEWEST]
-    rows = {regime: w if regime in known else np.full(len(errors), True) for regime, w in own.items()}
+    rows = {
+        regime: w if regime in known else np.full(len(errors), True) for regime, w in own.items()
+    }
     levels = dict.fromkeys(REGIMES, SIDE)
     for _ in range(SETTLING):
-        factor = {regime: max(FACTOR_LEAST, _upper(errors[w], levels[regime])) for regime, w in rows.items()}
+        factor = {
+            regime: max(FACTOR_LEAST, _upper(errors[w], levels[regime]))
+            for regime, w in rows.items()
+        }
         missed = errors > np.array([factor[regime] for regime in said.recognised])
         for regime in known:
             true = said.regime == regime
@@ -72,14 +80,24 @@ def _upper(errors: Floats, level: float) -> float:
 def intervals(said: Said, factors: Factors) -> tuple[Floats, Floats]:
     """Low and high (n, 4) of the forecasts."""
     pairs = np.array([[factors[r][name] for name in QUANTITIES] for r in said.recognised])
-    return said.expected - pairs[:, :, 0] * said.deviation, said.expected + pairs[:, :, 1] * said.deviation
+    return said.expected - pairs[:, :, 0] * said.deviation, said.expected + pairs[
+        :, :, 1
+    ] * said.deviation
 
 
 def rival_widths(said: Said) -> dict[str, Floats]:
-    """Half-widths (3, 4) by *true* regime of the rivals' intervals: relative for power, else absolute."""
+    """Half-widths (3, 4) by *true* regime of the rivals' intervals: relative for power, else
+    absolute."""
     error = np.abs(said.rivals - said.true[:, None, :]) / _scale(said)
-    return {regime: np.array([[_upper(column, NOMINAL) for column in rival.T]
-                              for rival in error[said.regime == regime].transpose(1, 0, 2)]) for regime in REGIMES}
+    return {
+        regime: np.array(
+            [
+                [_upper(column, NOMINAL) for column in rival.T]
+                for rival in error[said.regime == regime].transpose(1, 0, 2)
+            ]
+        )
+        for regime in REGIMES
+    }
 
 
 def _scale(said: Said) -> Floats:
@@ -89,12 +107,17 @@ def _scale(said: Said) -> Floats:
 
 
 def winkler(low: Floats, high: Floats, true: Floats) -> Floats:
-    """Interval score (Winkler 1972; Gneiting and Raftery 2007, eq. 43) of central intervals; smaller is better."""
+    """Interval score (Winkler 1972; Gneiting and Raftery 2007, eq. 43) of central intervals;
+    smaller is better."""
     alpha = 1.0 - NOMINAL
-    return np.asarray(high - low + 2.0 / alpha * (np.maximum(low - true, 0.0) + np.maximum(true - high, 0.0)))
+    return np.asarray(
+        high - low + 2.0 / alpha * (np.maximum(low - true, 0.0) + np.maximum(true - high, 0.0))
+    )
 
 
-def report(said: Said, factors: Factors, widths: dict[str, Floats], rng: np.random.Generator) -> dict[str, object]:
+def report(
+    said: Said, factors: Factors, widths: dict[str, Floats], rng: np.random.Generator
+) -> dict[str, object]:
     """Every figure of one set of forecasts."""
     low, high = intervals(said, factors)
     inside = (low <= said.true) & (said.true <= high)
@@ -102,12 +125,20 @@ def report(said: Said, factors: Factors, widths: dict[str, Floats], rng: np.rand
     film_um = 1e6 * np.abs(said.expected[:, 2] - said.true[:, 2])
     return {
         "power_within_5_percent": {r: _share(relative[w] <= POWER_BAR) for r, w in _groups(said)},
-        "power_error_percent_p95": {r: _figure(100 * np.quantile(relative[w], 0.95)) for r, w in _groups(said)},
-        "min_film_error_um_p95": {r: _figure(np.quantile(film_um[w], 0.95)) for r, w in _groups(said)},
+        "power_error_percent_p95": {
+            r: _figure(100 * np.quantile(relative[w], 0.95)) for r, w in _groups(said)
+        },
+        "min_film_error_um_p95": {
+            r: _figure(np.quantile(film_um[w], 0.95)) for r, w in _groups(said)
+        },
         "virtual_sensors": _sensors(said),
-        "coverage": {r: {q: _share(inside[w, k]) for k, q in enumerate(QUANTITIES)} for r, w in _groups(said)},
+        "coverage": {
+            r: {q: _share(inside[w, k]) for k, q in enumerate(QUANTITIES)} for r, w in _groups(said)
+        },
         "coverage_of_regime": {r: _share(inside[w]) for r, w in _groups(said)},
-        "coverage_of_regime_worst_points_off": _figure(_worst(inside.mean(axis=1, keepdims=True), said.regime)),
+        "coverage_of_regime_worst_points_off": _figure(
+            _worst(inside.mean(axis=1, keepdims=True), said.regime)
+        ),
         "coverage_worst_points_off": _figure(_worst(inside, said.regime)),
         "coverage_worst_points_off_by_chance": _by_chance(inside, said, rng),
         "interval_score": _scores(said, winkler(low, high, said.true), widths, rng),
@@ -118,25 +149,37 @@ def report(said: Said, factors: Factors, widths: dict[str, Floats], rng: np.rand
 
 def _worst(inside: NDArray[np.bool_] | Floats, regime: NDArray[np.str_]) -> float:
     """Furthest coverage from nominal, in points, of all regimes and columns."""
-    return max(float(np.abs(100.0 * inside[regime == r].mean(axis=0) - 100.0 * NOMINAL).max()) for r in set(regime))
+    return max(
+        float(np.abs(100.0 * inside[regime == r].mean(axis=0) - 100.0 * NOMINAL).max())
+        for r in set(regime)
+    )
 
 
 def _by_chance(inside: NDArray[np.bool_], said: Said, rng: np.random.Generator) -> dict[str, float]:
-    """How far the worst coverage of this many episodes is off when every interval covers exactly what it says.
+    """How far the worst coverage of this many episodes is off when every interval covers exactly
+    what it says.
 
-    Bootstrap over episodes of the misses less their mean: correlation of quantities and forecasts is kept.
+    Bootstrap over episodes of the misses less their mean: correlation of quantities and forecasts
+    is kept.
     """
     worst = np.zeros(BOOTSTRAP)
     for regime in set(said.regime):
         rows = said.regime == regime
         _, index = np.unique(said.episode[rows], return_inverse=True)
-        sums = np.column_stack([np.bincount(index, column) for column in inside[rows].T.astype(float)])
+        sums = np.column_stack(
+            [np.bincount(index, column) for column in inside[rows].T.astype(float)]
+        )
         each = sums / np.bincount(index)[:, None] - inside[rows].mean(axis=0)
         scale = math.sqrt(NOMINAL * (1.0 - NOMINAL)) / np.maximum(inside[rows].std(axis=0), 0.1)
-        drawn = np.stack([each[rng.integers(0, len(each), len(each))].mean(axis=0) for _ in range(BOOTSTRAP)])
+        drawn = np.stack(
+            [each[rng.integers(0, len(each), len(each))].mean(axis=0) for _ in range(BOOTSTRAP)]
+        )
         worst = np.maximum(worst, 100.0 * np.abs(drawn * scale).max(axis=1))
-    return {"median": _figure(np.median(worst)), "p95": _figure(np.quantile(worst, 0.95)),
-            "within_3_points": _share(worst <= 3.0)}
+    return {
+        "median": _figure(np.median(worst)),
+        "p95": _figure(np.quantile(worst, 0.95)),
+        "within_3_points": _share(worst <= 3.0),
+    }
 
 
 def _groups(said: Said) -> list[tuple[str, NDArray[np.bool_]]]:
@@ -145,23 +188,37 @@ def _groups(said: Said) -> list[tuple[str, NDArray[np.bool_]]]:
 
 
 def _sensors(said: Said) -> dict[str, object]:
-    """Errors of the virtual sensors at the time of the forecast, and the film's beside its Cramer-Rao bound."""
+    """Errors of the virtual sensors at the time of the forecast, and the film's beside its
+    Cramer-Rao bound."""
     film, force, friction = (said.now[:, i, 0] - said.now[:, i, 2] for i in range(3))
     static = said.static_film[:, 0] - said.static_film[:, 2]
     bound = float(np.sqrt(np.mean(said.static_film[:, 1] ** 2)))
     rms = float(np.sqrt(np.mean(static**2)))
     return {
-        "min_film_um": {"rms": _figure(1e6 * np.sqrt(np.mean(film**2))),
-                        "p95": _figure(1e6 * np.quantile(np.abs(film), 0.95))},
-        "static_film_um": {"rms": _figure(1e6 * rms), "cramer_rao": _figure(1e6 * bound),
-                           "ratio": _figure(rms / bound), "p95": _figure(1e6 * np.quantile(np.abs(static), 0.95))},
-        "bearing_force_percent_p95": _figure(100 * np.quantile(np.abs(force / said.now[:, 1, 2]), 0.95)),
-        "friction_power_percent_p95": _figure(100 * np.quantile(np.abs(friction / said.now[:, 2, 2]), 0.95)),
+        "min_film_um": {
+            "rms": _figure(1e6 * np.sqrt(np.mean(film**2))),
+            "p95": _figure(1e6 * np.quantile(np.abs(film), 0.95)),
+        },
+        "static_film_um": {
+            "rms": _figure(1e6 * rms),
+            "cramer_rao": _figure(1e6 * bound),
+            "ratio": _figure(rms / bound),
+            "p95": _figure(1e6 * np.quantile(np.abs(static), 0.95)),
+        },
+        "bearing_force_percent_p95": _figure(
+            100 * np.quantile(np.abs(force / said.now[:, 1, 2]), 0.95)
+        ),
+        "friction_power_percent_p95": _figure(
+            100 * np.quantile(np.abs(friction / said.now[:, 2, 2]), 0.95)
+        ),
     }
 
 
-def _scores(said: Said, own: Floats, widths: dict[str, Floats], rng: np.random.Generator) -> dict[str, object]:
-    """Mean interval scores, and whether the predictor's is below each rival's (95 % bootstrap over episodes)."""
+def _scores(
+    said: Said, own: Floats, widths: dict[str, Floats], rng: np.random.Generator
+) -> dict[str, object]:
+    """Mean interval scores, and whether the predictor's is below each rival's (95 % bootstrap over
+    episodes)."""
     half = np.array([widths[r] for r in said.regime]) * _scale(said)
     rival = winkler(said.rivals - half, said.rivals + half, said.true[:, None, :])
     found: dict[str, object] = {}
@@ -204,9 +261,13 @@ def _limits(said: Said) -> dict[str, object]:
     if not len(times):
         return {"faults": 0}
     never_s = LIMIT_TIMES_S[-1]
-    return {"faults": len(times), "true_s": LIMIT_S, "foreseen": _share(times[:, 1] < never_s),
-            "inside_interval": _share((times[:, 0] <= LIMIT_S) & (times[:, 2] >= LIMIT_S)),
-            "expected_s_quartiles": [_figure(q) for q in np.quantile(times[:, 1], [0.25, 0.5, 0.75])]}
+    return {
+        "faults": len(times),
+        "true_s": LIMIT_S,
+        "foreseen": _share(times[:, 1] < never_s),
+        "inside_interval": _share((times[:, 0] <= LIMIT_S) & (times[:, 2] >= LIMIT_S)),
+        "expected_s_quartiles": [_figure(q) for q in np.quantile(times[:, 1], [0.25, 0.5, 0.75])],
+    }
 
 
 def _share(flags: NDArray[np.bool_]) -> float:

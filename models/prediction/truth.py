@@ -1,4 +1,5 @@
-"""Film and damping ratio of a machine from the simulator's own film table: what forecasts are judged by."""
+"""Film and damping ratio of a machine from the simulator's own film table: what forecasts are
+judged by."""
 
 from __future__ import annotations
 
@@ -27,10 +28,19 @@ def _table(length_over_diameter: float) -> Floats:
 class TableFilm:
     """Forces of the simulator's film table at one operating point."""
 
-    def __init__(self, rig: RigData, speed_rad_s: float, clearance_m: float, viscosity_Pa_s: float) -> None:
+    def __init__(
+        self, rig: RigData, speed_rad_s: float, clearance_m: float, viscosity_Pa_s: float
+    ) -> None:
         bearing = rig.bearing
         self._table = _table(bearing.length_m / (2.0 * bearing.radius_m))
-        self._rest = (speed_rad_s, clearance_m, viscosity_Pa_s, bearing.radius_m, bearing.length_m, 0.0)
+        self._rest = (
+            speed_rad_s,
+            clearance_m,
+            viscosity_Pa_s,
+            bearing.radius_m,
+            bearing.length_m,
+            0.0,
+        )
         self._speed, self.clearance_m = speed_rad_s, clearance_m
 
     def force(self, ratio: Floats, velocity: Floats) -> Floats:
@@ -47,13 +57,17 @@ class TableFilm:
         """Stiffness and damping (2, 2), SI."""
         still = np.zeros(2)
         steps = _STEP * np.eye(2)
-        stiff = [(self.force(ratio - s, still) - self.force(ratio + s, still)) / (2 * _STEP) for s in steps]
+        stiff = [
+            (self.force(ratio - s, still) - self.force(ratio + s, still)) / (2 * _STEP)
+            for s in steps
+        ]
         damp = [(self.force(ratio, -s) - self.force(ratio, s)) / (2 * _STEP) for s in steps]
         c = self.clearance_m
         return np.array(stiff).T / c, np.array(damp).T / (c * self._speed)
 
     def equilibrium(self, load_N: float) -> Floats:
-        """Position in clearances under a downward load, by Newton's method; NaN where none was found."""
+        """Position in clearances under a downward load, by Newton's method; NaN where none was
+        found."""
         for start in _STARTS:
             ratio = start * np.array([0.6, -0.8])
             for _ in range(60):
@@ -74,8 +88,14 @@ def least_damping(stiffness: Floats, damping: Floats, mass_kg: float) -> float:
     return float((-values.real / np.abs(values)).min())
 
 
-def damping_ratio(rig: RigData, speed_rad_s: float, load_N: float, clearance_m: float, viscosity_Pa_s: float,
-                  build: Build | None = None) -> tuple[float, float]:
+def damping_ratio(
+    rig: RigData,
+    speed_rad_s: float,
+    load_N: float,
+    clearance_m: float,
+    viscosity_Pa_s: float,
+    build: Build | None = None,
+) -> tuple[float, float]:
     """Static film (m) and damping ratio of the rotor's effective mass on it."""
     film = TableFilm(rig, speed_rad_s, clearance_m, viscosity_Pa_s)
     ratio = film.equilibrium(load_N)

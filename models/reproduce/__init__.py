@@ -1,4 +1,5 @@
-"""``orbitd reproduce``: the paper's three series of tests on its rig, in one report beside what the paper prints."""
+"""``orbitd reproduce``: the paper's three series of tests on its rig, in one report beside what the
+paper prints."""
 
 from __future__ import annotations
 
@@ -14,16 +15,27 @@ from firmware_py.options import seed
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="orbitd reproduce", description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="every step, too short to mean anything: under a minute")
+    parser.add_argument(
+        "--quick",
+        action="store_true",
+        help="every step, too short to mean anything: under a minute",
+    )
     parser.add_argument("--seed", type=seed, default=0, help="every random number follows from it")
-    parser.add_argument("--out", type=Path, default=Path("runs/reproduce"), help="folder for the report")
+    parser.add_argument(
+        "--out", type=Path, default=Path("runs/reproduce"), help="folder for the report"
+    )
     return parser
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry of ``orbitd reproduce``; returns the exit code."""
     args = _parser().parse_args(argv)
-    from models.reproduce import control, faults, report, trajectories  # brings torch and numba: only when asked for
+    from models.reproduce import (
+        control,
+        faults,
+        report,
+        trajectories,
+    )  # brings torch and numba: only when asked for
 
     started = time.monotonic()
     series = [
@@ -34,6 +46,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     command = f"orbitd reproduce --seed {args.seed}{' --quick' if args.quick else ''}"
     page = report.write(args.out, series, command, time.monotonic() - started)
     for row in (row for one in series for row in one.rows):
-        print(f"{row.claim}\n  by the paper's method: {row.paper_method}\n  by ours: {row.our_method}\n")
+        print(
+            f"{row.claim}\n  by the paper's method: {row.paper_method}\n  by ours: "
+            f"{row.our_method}\n"
+        )
     print(f"report: {page}")
     return 0

@@ -1,4 +1,5 @@
-"""Second series: six and two conditions of rig ``seed``, simulated as its experiment, by both networks."""
+"""Second series: six and two conditions of rig ``seed``, simulated as its experiment, by both
+networks."""
 
 from __future__ import annotations
 
@@ -38,7 +39,8 @@ VALIDATED, JUDGED = 2, 1
 """Of ten runs a class; the others train."""
 
 SEVERITY: Final = {"unbalance": 40.0}
-"""Grade of two magnets of 4 g at 20 mm on 1 kg; every loosened bolt keeps nothing of its preload."""
+"""Grade of two magnets of 4 g at 20 mm on 1 kg; every loosened bolt keeps nothing of its
+preload."""
 
 WINDOWS_A_DECISION: Final = 10
 HIDDEN: Final = 20
@@ -46,7 +48,8 @@ HIDDEN: Final = 20
 
 @dataclass(frozen=True)
 class Windows:
-    """Raw windows of 800 points, and order features, of the same runs; ``group`` is the run's number in its class."""
+    """Raw windows of 800 points, and order features, of the same runs; ``group`` is the run's
+    number in its class."""
 
     raw: Dataset
     orders: Dataset
@@ -76,17 +79,21 @@ def _rows(
         decided = f"{key}_of_ten_windows"
         return Row(
             "fault recognition", claim,
-            f"raw windows: {_told(raw, key)}, {raw[decided]:.0%} by vote over ten windows; with windows split at "
+            f"raw windows: {_told(raw, key)}, {raw[decided]:.0%} by vote over ten windows; with "
+            f"windows split at "
             f"random {_told(shuffled, key)}",
-            f"order features of whole turns: {_told(ours, key)}, {ours[decided]:.0%} over ten windows",
-            f"One simulated machine at {SPEED_RPM:g} rpm, every fault at full severity, runs of {seconds:g} s instead "
+            f"order features of whole turns: {_told(ours, key)}, {ours[decided]:.0%} over ten "
+            f"windows",
+            f"One simulated machine at {SPEED_RPM:g} rpm, every fault at full severity, runs of "
+            f"{seconds:g} s instead "
             f"of 120 s, split by run; {more}",
             "orbitd evaluate classifier --qualify",
         )  # fmt: skip
 
     return [
         row(SIX_CLASSES, "six_classes",
-            "chance is 17 %. One machine at one speed is easy for order features: other builds, speeds and severities "
+            "chance is 17 %. One machine at one speed is easy for order features: other builds, "
+            "speeds and severities "
             "are judged by `orbitd evaluate classifier`."),
         row(TWO_CLASSES, "two_classes",
             f"trained for two classes alone; merging the six gives {raw['two_from_six']:.0%} (ours "
@@ -99,7 +106,8 @@ def _told(scores: dict[str, float], key: str) -> str:
 
 
 def _windows(seconds: float, runs: int, rng: np.random.Generator) -> Windows:
-    """Every class and run of one machine; runs differ in noise, starting angle and water temperature."""
+    """Every class and run of one machine; runs differ in noise, starting angle and water
+    temperature."""
     rig = load_rig("seed")
     build = Build.draw(rig, rng)
     raw: list[tuple[Floats, int, int]] = []
@@ -128,8 +136,14 @@ def _order_features(recording: Recording) -> list[Floats]:
     readings = np.column_stack([status[:, 0] * 1e6, status[:, 3], status[:, 1], status[:, 2]])
     marks_us = np.round(recording.mark_s * 1e6).astype(np.int64)
     start_us = round(float(recording.time_s[0]) * 1e6)
-    windows = iter_windows(recording.counts, start_us, marks_us, recording.rate_hz, readings=readings)
-    return [features(window).astype(np.float64) for window in windows if not window.quality & Quality.NO_MARK]
+    windows = iter_windows(
+        recording.counts, start_us, marks_us, recording.rate_hz, readings=readings
+    )
+    return [
+        features(window).astype(np.float64)
+        for window in windows
+        if not window.quality & Quality.NO_MARK
+    ]
 
 
 def _dataset(rows: Sequence[tuple[Floats, int, int]]) -> Dataset:
@@ -141,14 +155,24 @@ def _dataset(rows: Sequence[tuple[Floats, int, int]]) -> Dataset:
 def _shuffled(data: Dataset, rng: np.random.Generator) -> Dataset:
     """The same windows dealt at random over the runs: the split that flatters."""
     order = rng.permutation(len(data))
-    return Dataset(data.features, data.kind, data.severity, data.group[order], data.recording, data.loop, data.duty)
+    return Dataset(
+        data.features,
+        data.kind,
+        data.severity,
+        data.group[order],
+        data.recording,
+        data.loop,
+        data.duty,
+    )
 
 
 def _scores(data: Dataset, iterations: int, rng: np.random.Generator) -> dict[str, float]:
     """Accuracy of six classes and of two, a window and by the mean over ten windows of a run."""
     train, inner, judged = _split(data)
     six = PaperNetwork.fit(train, inner, HIDDEN, iterations, rng).probability(judged.features)
-    two = PaperNetwork.fit(_merged(train), _merged(inner), HIDDEN, iterations, rng).probability(judged.features)
+    two = PaperNetwork.fit(_merged(train), _merged(inner), HIDDEN, iterations, rng).probability(
+        judged.features
+    )
     abnormal = (judged.kind > 0).astype(np.intp)
     pooled_six, kinds = _voted(six, judged)
     pooled_two, _ = _voted(two, judged)
@@ -179,11 +203,14 @@ def _split(data: Dataset) -> tuple[Dataset, Dataset, Dataset]:
 def _merged(data: Dataset) -> Dataset:
     """Normal and abnormal, weighted as they come."""
     kind = (data.kind > 0).astype(np.intp)
-    return Dataset(data.features, kind, data.severity, data.group, data.recording, data.loop, data.duty)
+    return Dataset(
+        data.features, kind, data.severity, data.group, data.recording, data.loop, data.duty
+    )
 
 
 def _voted(probability: Floats, data: Dataset) -> tuple[Floats, NDArray[np.intp]]:
-    """Mean log-probability of up to ten windows of a run that follow one another, and their class."""
+    """Mean log-probability of up to ten windows of a run that follow one another, and their
+    class."""
     means, kinds = [], []
     for recording in np.unique(data.recording):
         rows = np.flatnonzero(data.recording == recording)
@@ -204,7 +231,13 @@ def _draw(windows: Windows) -> tuple[Figure, str]:
         for row, (kind, colour) in enumerate(((0, BLUE), (2, RED))):
             for sample in windows.samples[kind * runs : kind * runs + 3]:
                 x = sample[:, channel]
-                panes[row, column].plot((x - x.mean()) / max(x.std(), 1e-9), color=colour, linewidth=0.5, alpha=0.7)
+                panes[row, column].plot(
+                    (x - x.mean()) / max(x.std(), 1e-9), color=colour, linewidth=0.5, alpha=0.7
+                )
             title = f"{name.replace('_', ' ')}, {'normal' if kind == 0 else 'abnormal'}"
             plain(panes[row, column], "point" if row else "", "", title)
-    return figure, f"as Fig. 3: microphone and one accelerometer; {len(FEATURE_NAMES)} order features see the same runs"
+    return (
+        figure,
+        f"as Fig. 3: microphone and one accelerometer; {len(FEATURE_NAMES)} order features see the "
+        f"same runs",
+    )

@@ -27,7 +27,8 @@ code { background: #f5f5f5; padding: .1em .3em; } figcaption { color: #555; font
 
 @dataclass(frozen=True)
 class Row:
-    """One claim: as printed, by the paper's own method, by ours, what must be known, and what judges ours further."""
+    """One claim: as printed, by the paper's own method, by ours, what must be known, and what
+    judges ours further."""
 
     series: str
     claim: str
@@ -39,7 +40,8 @@ class Row:
 
 @dataclass(frozen=True)
 class Series:
-    """What one series of tests gives: rows of the table, all figures behind them, and drawings with captions."""
+    """What one series of tests gives: rows of the table, all figures behind them, and drawings with
+    captions."""
 
     title: str
     rows: Sequence[Row]
@@ -50,7 +52,9 @@ class Series:
 def write(out: Path, series: Sequence[Series], command: str, seconds: float) -> Path:
     """``report.html`` and ``report.json`` in ``out``; returns the page."""
     out.mkdir(parents=True, exist_ok=True)
-    series = [replace(one, rows=[_with_command(row, command) for row in one.rows]) for one in series]
+    series = [
+        replace(one, rows=[_with_command(row, command) for row in one.rows]) for one in series
+    ]
     table = {
         "paper": PAPER, "command": command, "claims": [asdict(row) for one in series for row in one.rows],
         "shipped": [dict(zip(_BARS, bar, strict=True)) for bar in shipped()],
@@ -68,29 +72,43 @@ def _with_command(row: Row, command: str) -> Row:
 
 
 def shipped(artifacts: Path = ARTIFACTS) -> list[tuple[str, ...]]:
-    """Every bar of the shipped models as their frozen evaluation left it: model, figure, reached, bar, holds."""
+    """Every bar of the shipped models as their frozen evaluation left it: model, figure, reached,
+    bar, holds."""
     rows: list[tuple[str, ...]] = []
     for path in sorted(artifacts.glob("*.json")):
         verdict = json.loads(path.read_text(encoding="utf-8")).get("frozen_evaluation")
         for bar in verdict["bars"] if verdict else ():
-            limits = (f"{word} {bar[word]:g}" for word in ("least", "most") if bar[word] is not None)
+            limits = (
+                f"{word} {bar[word]:g}" for word in ("least", "most") if bar[word] is not None
+            )
             reached = "not given" if bar["reached"] is None else f"{bar['reached']:.4g}"
-            rows.append((path.stem, bar["figure"], reached, ", ".join(limits), "yes" if bar["holds"] else "no"))
+            rows.append(
+                (
+                    path.stem,
+                    bar["figure"],
+                    reached,
+                    ", ".join(limits),
+                    "yes" if bar["holds"] else "no",
+                )
+            )
     return rows
 
 
 def _page(series: Sequence[Series], command: str, seconds: float) -> str:
     rows = [list(asdict(row).values()) for one in series for row in one.rows]
     parts = [
-        "<!doctype html><html lang=en><head><meta charset=utf-8><title>The paper, reproduced</title>",
+        "<!doctype html><html lang=en><head><meta charset=utf-8><title>The paper, "
+        "reproduced</title>",
         f"<style>{_STYLE}</style></head><body><h1>The paper, reproduced</h1>",
-        f"<p>{html.escape(PAPER)}. Rig <code>seed</code>, simulated. Made by <code>{html.escape(command)}</code> in ",
+        f"<p>{html.escape(PAPER)}. Rig <code>seed</code>, simulated. Made by "
+        f"<code>{html.escape(command)}</code> in ",
         f"{seconds:.0f} s.</p>",
         _table(("series", "claim as printed", "the paper's own method", "ours", "caveat", "command"), rows),
         *(_section(one) for one in series),
         "<h2>Misprints and their repairs</h2>", _table(("where", "as printed", "repair"), MISPRINTS),
         "<h2>What the paper leaves open</h2><ul>", *(f"<li>{html.escape(text)}</li>" for text in OPEN), "</ul>",
-        "<h2>The models that ship, on rig bench</h2><p><code>orbitd evaluate MODEL --qualify</code></p>",
+        "<h2>The models that ship, on rig bench</h2><p><code>orbitd evaluate MODEL "
+        "--qualify</code></p>",
         _table(_BARS, shipped()), "</body></html>\n",
     ]  # fmt: skip
     return "\n".join(parts)
@@ -108,7 +126,9 @@ def _section(series: Series) -> str:
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    cells = "".join("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
+    cells = "".join(
+        "<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows
+    )
     return f"<table><tr>{''.join(f'<th>{html.escape(name)}</th>' for name in head)}</tr>{cells}</table>"
 
 

@@ -1,4 +1,5 @@
-"""First series: rotor trajectories with the Reynolds film, the paper's network, ours, and springs and dampers."""
+"""First series: rotor trajectories with the Reynolds film, the paper's network, ours, and springs
+and dampers."""
 
 from __future__ import annotations
 
@@ -35,12 +36,18 @@ SPEED_RPM = 3000.0
 LOAD_N = 5.0
 TIMED_TURNS = 500
 
-REYNOLDS, PAPER, OURS, LINEAR = "Reynolds", "network as printed", "reduced network", "springs and dampers"
+REYNOLDS, PAPER, OURS, LINEAR = (
+    "Reynolds",
+    "network as printed",
+    "reduced network",
+    "springs and dampers",
+)
 
 
 @dataclass(frozen=True)
 class Case:
-    """A run on rig ``seed``: speeds at its start and end, and unbalance over the rig's normal one."""
+    """A run on rig ``seed``: speeds at its start and end, and unbalance over the rig's normal
+    one."""
 
     name: str
     start_rpm: float
@@ -48,7 +55,10 @@ class Case:
     unbalance: float
 
 
-CASES = (Case("variable speed", 2000.0, SPEED_RPM, 10.0), Case("high vibration", SPEED_RPM, SPEED_RPM, 80.0))
+CASES = (
+    Case("variable speed", 2000.0, SPEED_RPM, 10.0),
+    Case("high vibration", SPEED_RPM, SPEED_RPM, 80.0),
+)
 """Eighty times the normal unbalance is that of two magnets of 4 g at 20 mm, the rig's own fault."""
 
 
@@ -76,28 +86,46 @@ def run(quick: bool, rng: np.random.Generator, out: Path) -> Series:
             factors.setdefault(name, []).append(factor)
             apart = np.hypot(*(orbits[name] - truth).T).max() / rig.bearing.clearance_nominal_m
             errors[name][case.name] = round(100.0 * float(apart), 2)
-        drawings.append((_draw(rig, case, orbits), f"{case.name}, {turns} turns, journal centre over the clearance"))
+        drawings.append(
+            (
+                _draw(rig, case, orbits),
+                f"{case.name}, {turns} turns, journal centre over the clearance",
+            )
+        )
     speed = {name: round(float(np.mean(values)), 2) for name, values in factors.items()}
-    measured |= {"times_faster_than_real_time": speed, "largest_distance_percent_of_clearance": errors, "turns": turns}
+    measured |= {
+        "times_faster_than_real_time": speed,
+        "largest_distance_percent_of_clearance": errors,
+        "turns": turns,
+    }
     return Series("Trajectories", _rows(speed, errors), measured, drawings)
 
 
 def _rows(speed: dict[str, float], errors: dict[str, dict[str, float]]) -> list[Row]:
-    apart = {name: ", ".join(f"{case} {_told(e)}" for case, e in by_case.items()) for name, by_case in errors.items()}
+    apart = {
+        name: ", ".join(f"{case} {_told(e)}" for case, e in by_case.items())
+        for name, by_case in errors.items()
+    }
     return [
         Row(
             "trajectories", SPEED, f"{speed[PAPER]:g} times faster than real time",
-            f"reduced network {speed[OURS]:g} times; Reynolds solved at every step {speed[REYNOLDS]:g} times; springs "
+            f"reduced network {speed[OURS]:g} times; Reynolds solved at every step "
+            f"{speed[REYNOLDS]:g} times; springs "
             f"and dampers {speed[LINEAR]:g} times",
-            "Processor time of one core of the machine that made this report. Rotor and networks are compiled, the "
+            "Processor time of one core of the machine that made this report. Rotor and networks "
+            "are compiled, the "
             "Reynolds film is called from Python.",
             "orbitd bench sim",
         ),
         Row(
-            "trajectories", TRANSIENTS, f"largest distance from the Reynolds orbit over the clearance: {apart[PAPER]}",
-            f"reduced network (the shipped one): {apart[OURS]}; springs and dampers: {apart[LINEAR]}",
-            f"Unfed film under {LOAD_N:g} N, about the shaft's weight on this bearing; the real rig is fed. Speed is "
-            f"not among the printed network's inputs: it was trained at {SPEED_RPM:g} rpm, at eccentricities to 0.95 "
+            "trajectories", TRANSIENTS, f"largest distance from the Reynolds orbit over the "
+                                        f"clearance: {apart[PAPER]}",
+            f"reduced network (the shipped one): {apart[OURS]}; springs and dampers: "
+            f"{apart[LINEAR]}",
+            f"Unfed film under {LOAD_N:g} N, about the shaft's weight on this bearing; the real "
+            f"rig is fed. Speed is "
+            f"not among the printed network's inputs: it was trained at {SPEED_RPM:g} rpm, at "
+            f"eccentricities to 0.95 "
             "and velocities to 0.25 c omega, and extrapolates beyond.",
             "orbitd evaluate surrogate --qualify",
         ),
@@ -117,7 +145,8 @@ def _setting(rig: RigData, case: Case, turns: int) -> tuple[Duty, Build]:
 
 
 def compiled(rig: RigData, case: Case, turns: int, force: Force) -> tuple[Floats, float]:
-    """Orbit ``(n, 2)`` at :data:`RATE_HZ`, and how many times faster than real time :data:`TIMED_TURNS` are made."""
+    """Orbit ``(n, 2)`` at :data:`RATE_HZ`, and how many times faster than real time
+    :data:`TIMED_TURNS` are made."""
 
     def follow(turns: int) -> Floats:
         duty, build = _setting(rig, case, turns)
@@ -127,7 +156,9 @@ def compiled(rig: RigData, case: Case, turns: int, force: Force) -> tuple[Floats
         ).position_m  # fmt: skip
 
     orbit = follow(turns)  # compiles
-    return orbit, _setting(rig, case, TIMED_TURNS)[0].seconds / _seconds(lambda: follow(TIMED_TURNS))
+    return orbit, _setting(rig, case, TIMED_TURNS)[0].seconds / _seconds(
+        lambda: follow(TIMED_TURNS)
+    )
 
 
 def _seconds(work: Callable[[], object]) -> float:
@@ -138,11 +169,17 @@ def _seconds(work: Callable[[], object]) -> float:
 
 
 def reynolds(rig: RigData, case: Case, turns: int) -> tuple[Floats, float]:
-    """As :func:`compiled`, with the Reynolds equation solved at every call of an implicit solver."""
+    """As :func:`compiled`, with the Reynolds equation solved at every call of an implicit
+    solver."""
     duty, build = _setting(rig, case, turns)
     b, c = rig.bearing, rig.bearing.clearance_nominal_m
-    omega0, slope = (rpm * RAD_S_PER_RPM for rpm in (case.start_rpm, (case.end_rpm - case.start_rpm) / duty.seconds))
-    first = simulate(rig, duty, clearance=c, build=build, thermal=False, rate_hz=RATE_HZ, seconds=1.0 / RATE_HZ)
+    omega0, slope = (
+        rpm * RAD_S_PER_RPM
+        for rpm in (case.start_rpm, (case.end_rpm - case.start_rpm) / duty.seconds)
+    )
+    first = simulate(
+        rig, duty, clearance=c, build=build, thermal=False, rate_hz=RATE_HZ, seconds=1.0 / RATE_HZ
+    )
     angle0 = float(first.column("angle_rad")[0]) - (omega0 + 0.5 * slope / RATE_HZ) / RATE_HZ
 
     def rates(t: float, w: Floats) -> Floats:
@@ -152,7 +189,9 @@ def reynolds(rig: RigData, case: Case, turns: int) -> tuple[Floats, float]:
             viscosity_Pa_s=rig.oil.viscosity_Pa_s, speed_rad_s=omega, grid=GRID,
         ).force_N  # fmt: skip
         spin = np.array([np.cos(angle), np.sin(angle)])
-        force = force + build.unbalance_kg_m * (omega**2 * spin + slope * np.array([spin[1], -spin[0]]))
+        force = force + build.unbalance_kg_m * (
+            omega**2 * spin + slope * np.array([spin[1], -spin[0]])
+        )
         return equation_2(rig, w, force - [0.0, LOAD_N], omega, slope)
 
     position = equilibrium(
@@ -164,35 +203,48 @@ def reynolds(rig: RigData, case: Case, turns: int) -> tuple[Floats, float]:
     times = np.arange(1, round(duty.seconds * RATE_HZ) + 1) / RATE_HZ
     began = time.process_time()
     solved = solve_ivp(
-        rates, (0.0, times[-1]), start, method="LSODA", t_eval=times, rtol=1e-5, atol=[1e-9] * 4 + [1e-6] * 4
+        rates,
+        (0.0, times[-1]),
+        start,
+        method="LSODA",
+        t_eval=times,
+        rtol=1e-5,
+        atol=[1e-9] * 4 + [1e-6] * 4,
     )
     orbit = np.array([journal(rig, w)[0] for w in solved.y.T])
     return orbit, duty.seconds / (time.process_time() - began)
 
 
 def journal(rig: RigData, w: Floats) -> tuple[Floats, Floats]:
-    """Position and velocity of the journal from ``w``: x, y, dx/dz, dy/dz of the rotor, and their rates."""
+    """Position and velocity of the journal from ``w``: x, y, dx/dz, dy/dz of the rotor, and their
+    rates."""
     reach = rig.rotor.bearing_to_cg_m
     return w[:2] + reach * w[2:4], w[4:6] + reach * w[6:8]
 
 
 def equation_2(rig: RigData, w: Floats, bearing_N: Floats, omega: float, slope: float) -> Floats:
-    """Equation (2), mended: rates of ``w`` under a force at the bearing, with gravity balanced by the supports.
+    """Equation (2), mended: rates of ``w`` under a force at the bearing, with gravity balanced by
+    the supports.
 
-    The gyroscopic moment couples the two tilts through ``J_p omega``, and ``J_p d omega/dt`` through themselves.
+    The gyroscopic moment couples the two tilts through ``J_p omega``, and ``J_p d omega/dt``
+    through themselves.
     """
     r = rig.rotor
-    coupling_N = -r.coupling_stiffness_N_m * (w[:2] - r.coupling_to_cg_m * w[2:4]) - r.coupling_damping_N_s_m * (
-        w[4:6] - r.coupling_to_cg_m * w[6:8]
-    )
+    coupling_N = -r.coupling_stiffness_N_m * (
+        w[:2] - r.coupling_to_cg_m * w[2:4]
+    ) - r.coupling_damping_N_s_m * (w[4:6] - r.coupling_to_cg_m * w[6:8])
     turned, turned_rate = np.array([w[3], -w[2]]), np.array([w[7], -w[6]])
     moment = r.bearing_to_cg_m * bearing_N - r.coupling_to_cg_m * coupling_N
     moment = moment - r.polar_inertia_kg_m2 * (omega * turned_rate + slope * turned)
-    return np.concatenate([w[4:], (bearing_N + coupling_N) / r.mass_kg, moment / r.diametral_inertia_kg_m2])
+    return np.concatenate(
+        [w[4:], (bearing_N + coupling_N) / r.mass_kg, moment / r.diametral_inertia_kg_m2]
+    )
 
 
 def _draw(rig: RigData, case: Case, orbits: dict[str, Floats]) -> Figure:
-    figure = new_figure((9.0, 4.2), case.name, f"rig seed, {case.start_rpm:g} to {case.end_rpm:g} rpm, {LOAD_N} N")
+    figure = new_figure(
+        (9.0, 4.2), case.name, f"rig seed, {case.start_rpm:g} to {case.end_rpm:g} rpm, {LOAD_N} N"
+    )
     panes = figure.subplots(1, 2, width_ratios=(1.0, 1.6))
     for (name, orbit), colour in zip(orbits.items(), (GREY, ORANGE, BLUE, GREEN), strict=True):
         e = orbit / rig.bearing.clearance_nominal_m
@@ -202,8 +254,13 @@ def _draw(rig: RigData, case: Case, orbits: dict[str, Floats]) -> Figure:
     plain(panes[0], "x / c", "y / c")
     plain(panes[1], "time, s", "x / c")
     panes[0].set_aspect("equal")
-    if max(float(np.abs(orbit).max()) for orbit in orbits.values()) > 1.5 * rig.bearing.clearance_nominal_m:
-        panes[0].set(xlim=(-1.1, 1.1), ylim=(-1.1, 1.1))  # who leaves the bearing leaves the picture
+    if (
+        max(float(np.abs(orbit).max()) for orbit in orbits.values())
+        > 1.5 * rig.bearing.clearance_nominal_m
+    ):
+        panes[0].set(
+            xlim=(-1.1, 1.1), ylim=(-1.1, 1.1)
+        )  # who leaves the bearing leaves the picture
         panes[1].set_ylim(-1.1, 1.1)
     panes[1].legend(fontsize=8)
     return figure

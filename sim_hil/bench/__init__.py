@@ -1,4 +1,5 @@
-"""`orbitd bench sim`: speed of the simulator, as ratios to a reference kernel timed in the same run."""
+"""`orbitd bench sim`: speed of the simulator, as ratios to a reference kernel timed in the same
+run."""
 
 from __future__ import annotations
 
@@ -18,12 +19,14 @@ RIG_FACTOR: Final = 30.0
 HIL_SECONDS: Final = 10.0
 HIL_MISSED: Final = 0.01
 HIL_CPU: Final = 0.5
-"""Own bars: the rig misses one period of 1 ms in a hundred more than an empty loop, and leaves half a core free."""
+"""Own bars: the rig misses one period of 1 ms in a hundred more than an empty loop, and leaves half
+a core free."""
 
 
 @dataclass(frozen=True)
 class Figure:
-    """One measured figure; `limit` is the least (`at_least`) or the largest that is wanted, None to show only."""
+    """One measured figure; `limit` is the least (`at_least`) or the largest that is wanted, None to
+    show only."""
 
     name: str
     value: float
@@ -43,7 +46,9 @@ def main(argv: list[str]) -> int:
     """Measure and print; 1 when a figure misses its target."""
     parser = argparse.ArgumentParser(prog="orbitd bench", description=__doc__)
     parser.add_argument("what", choices=["sim"], help="what to measure: the simulator")
-    parser.add_argument("--quick", action="store_true", help="without many rotors, HIL loop and start times")
+    parser.add_argument(
+        "--quick", action="store_true", help="without many rotors, HIL loop and start times"
+    )
     parser.add_argument("--json", action="store_true", help="for programs")
     options = parser.parse_args(argv)
     figures = [*film_figures(), *rotor_figures(), *rig_figures()]
@@ -51,7 +56,11 @@ def main(argv: list[str]) -> int:
         figures += [*many_figures(), *hil_figures(), *start_figures()]
     missed = [figure.name for figure in figures if figure.passed is False]
     if options.json:
-        print(json.dumps({"figures": [asdict(f) | {"pass": f.passed} for f in figures], "missed": missed}))
+        print(
+            json.dumps(
+                {"figures": [asdict(f) | {"pass": f.passed} for f in figures], "missed": missed}
+            )
+        )
     else:
         _print(figures)
     return 1 if missed else 0
@@ -62,14 +71,17 @@ def film_figures() -> Iterator[Figure]:
     from sim_hil.bench.film import film_timings
 
     timings = film_timings(REFERENCE_CALLS)
-    yield Figure("reference: cyclic tridiagonal, 64 nodes x 4", timings["reference"].seconds * 1e6, "us")
+    yield Figure(
+        "reference: cyclic tridiagonal, 64 nodes x 4", timings["reference"].seconds * 1e6, "us"
+    )
     for name, limit in (("direct", 10.0), ("table", None)):
         yield Figure(f"{name} film force", timings[name].seconds * 1e6, "us")
         yield Figure(f"{name} film force over reference", timings[name].ratio, "", limit)
 
 
 def rotor_figures() -> Iterator[Figure]:
-    """One rotor on the direct and on the table film: real-time factor on the processor's clock, and orbit error."""
+    """One rotor on the direct and on the table film: real-time factor on the processor's clock, and
+    orbit error."""
     from sim_hil.bench.film import repeat_of_reference
     from sim_hil.bench.rotors import orbit
     from sim_hil.bench.timing import beside
@@ -86,18 +98,26 @@ def rotor_figures() -> Iterator[Figure]:
 
 
 def rig_figures() -> Iterator[Figure]:
-    """The machine with pedestal, motor, joints and sensors: what recordings and the HIL loop cost."""
+    """The machine with pedestal, motor, joints and sensors: what recordings and the HIL loop
+    cost."""
     from sim_hil.bench.film import repeat_of_reference
     from sim_hil.bench.rotors import whole_rig
     from sim_hil.bench.timing import beside
 
-    timing = beside(repeat_of_reference(REFERENCE_CALLS), whole_rig(RIG_SECONDS), (REFERENCE_CALLS, 1))
-    yield Figure("whole rig, 5 kHz: real-time factor", RIG_SECONDS / timing.seconds, "x", RIG_FACTOR, True)
-    yield Figure("whole rig, 5 kHz: simulated second over reference", timing.ratio / RIG_SECONDS, "")
+    timing = beside(
+        repeat_of_reference(REFERENCE_CALLS), whole_rig(RIG_SECONDS), (REFERENCE_CALLS, 1)
+    )
+    yield Figure(
+        "whole rig, 5 kHz: real-time factor", RIG_SECONDS / timing.seconds, "x", RIG_FACTOR, True
+    )
+    yield Figure(
+        "whole rig, 5 kHz: simulated second over reference", timing.ratio / RIG_SECONDS, ""
+    )
 
 
 def many_figures() -> Iterator[Figure]:
-    """Many table rotors at once: their gain from threads beside the reference's, and training beside one alone.
+    """Many table rotors at once: their gain from threads beside the reference's, and training
+    beside one alone.
 
     What many rotors share is Python and the call; the kernel takes them one after another.
     """
@@ -108,21 +128,31 @@ def many_figures() -> Iterator[Figure]:
         reference, rotors = speed_ups(32, threads, 0.1)
         yield Figure(f"reference: {threads} threads over one", reference, "x")
         yield Figure(f"32 rotors: {threads} threads over one", rotors, "x")
-        yield Figure("32 rotors: gain from threads over the reference's", rotors / reference, "", 0.9, True)
+        yield Figure(
+            "32 rotors: gain from threads over the reference's", rotors / reference, "", 0.9, True
+        )
     step, share = environment_steps(32)
     yield Figure("training, 32 rotors: environment steps a second", 1 / step.seconds, "1/s")
     yield Figure("training, 32 rotors: one step over reference", step.ratio, "")
-    yield Figure("training, 32 rotors: one step over that of one alone in its environment", share, "", 1.0)
+    yield Figure(
+        "training, 32 rotors: one step over that of one alone in its environment", share, "", 1.0
+    )
     yield Figure("training, 32 rotors: the same, compiled kernel alone", kernel_share(32), "")
 
 
 def hil_figures() -> Iterator[Figure]:
-    """The real-time loop of the rig beside an empty loop; both share the machine with whatever runs there."""
+    """The real-time loop of the rig beside an empty loop; both share the machine with whatever runs
+    there."""
     from sim_hil.bench.hil import RATE_HZ, rig_beside_empty
 
     found = rig_beside_empty(HIL_SECONDS)
     rig, empty = found["rig"], found["empty"]
-    for name, unit in (("late_p50_us", "us"), ("late_p99_us", "us"), ("late_max_us", "us"), ("missed_share", "")):
+    for name, unit in (
+        ("late_p50_us", "us"),
+        ("late_p99_us", "us"),
+        ("late_max_us", "us"),
+        ("missed_share", ""),
+    ):
         what = name.removesuffix("_us").replace("_", " ")
         yield Figure(f"HIL {RATE_HZ // 1000} kHz, rig loop: {what}", rig[name], unit)
         yield Figure(f"HIL {RATE_HZ // 1000} kHz, empty loop: {what}", empty[name], unit)
@@ -143,10 +173,20 @@ def _print(figures: list[Figure]) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    table = Table(title="Speed of the simulator (medians; processor time of one thread)", show_edge=False)
+    table = Table(
+        title="Speed of the simulator (medians; processor time of one thread)", show_edge=False
+    )
     for name in ("figure", "value", "unit", "wanted", "met"):
-        table.add_column(name, justify="left" if name in ("figure", "unit") else "right", overflow="fold")
+        table.add_column(
+            name, justify="left" if name in ("figure", "unit") else "right", overflow="fold"
+        )
     for f in figures:
         wanted = "-" if f.limit is None else f"{'>=' if f.at_least else '<='} {f.limit:g}"
-        table.add_row(f.name, f"{f.value:.4g}", f.unit, wanted, {None: "-", True: "yes", False: "NO"}[f.passed])
+        table.add_row(
+            f.name,
+            f"{f.value:.4g}",
+            f.unit,
+            wanted,
+            {None: "-", True: "yes", False: "NO"}[f.passed],
+        )
     Console(width=None if Console().is_terminal else 130).print(table)

@@ -33,7 +33,9 @@ def _repeat_direct(ring: Floats, axial: Floats, work: Floats, states: Floats, ca
     total = 0.0
     for i in range(calls):
         s = states[i % states.shape[0]]
-        total += direct_force(ring, axial, work, s[0], s[1], s[2], s[3], 600.0, 60e-6, 0.01, 0.02, 0.02, 0.0)[0]
+        total += direct_force(
+            ring, axial, work, s[0], s[1], s[2], s[3], 600.0, 60e-6, 0.01, 0.02, 0.02, 0.0
+        )[0]
     return total
 
 

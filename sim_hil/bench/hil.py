@@ -1,4 +1,5 @@
-"""The real-time rig loop beside an empty loop on the same grid: two processes at the same time, one of them idle.
+"""The real-time rig loop beside an empty loop on the same grid: two processes at the same time, one
+of them idle.
 
 Each says when it is ready, runs for some seconds from the same word on, and prints what it met.
 """
@@ -27,7 +28,8 @@ RATE_HZ = 5000
 
 
 class Witness(MonotonicClock):
-    """A clock that notes how late its loop wakes, ns, and how often the loop has left a point of its grid out."""
+    """A clock that notes how late its loop wakes, ns, and how often the loop has left a point of
+    its grid out."""
 
     def __init__(self) -> None:
         self.late_ns: list[int] = []
@@ -55,11 +57,16 @@ def loop(kind: str, seconds: float, folder: Path) -> dict[str, float]:
     clock = Witness()
     if kind == "rig":
         config, _ = load(SHIPPED / "bench.toml")
-        config = msgspec.structs.replace(config, bus=msgspec.structs.replace(config.bus, channel=folder.name))
+        config = msgspec.structs.replace(
+            config, bus=msgspec.structs.replace(config.bus, channel=folder.name)
+        )
         warm_up(config, "bench")
         rig = make_rig(config, "bench", 1)
         if config.sampling.rate_hz != RATE_HZ:
-            raise ValueError(f"sampling.rate_hz = {config.sampling.rate_hz} in bench.toml: {RATE_HZ} is measured here")
+            raise ValueError(
+                f"sampling.rate_hz = {config.sampling.rate_hz} in bench.toml: {RATE_HZ} is "
+                f"measured here"
+            )
         link, console = open_link(config, "rig"), Console(folder / SOCKET_NAME, rig)
         running = _from_now_on(clock, seconds)
         busy = time.process_time()
@@ -105,7 +112,9 @@ def rig_beside_empty(seconds: float) -> dict[str, dict[str, float]]:
                 assert process.stdin is not None
                 process.stdin.write("go\n")
                 process.stdin.flush()
-            return {kind: json.loads(process.communicate()[0]) for kind, process in processes.items()}
+            return {
+                kind: json.loads(process.communicate()[0]) for kind, process in processes.items()
+            }
         finally:
             for process in processes.values():
                 process.kill()

@@ -1,4 +1,5 @@
-"""The yardstick of all speed figures: a textbook cyclic tridiagonal solver, Thomas with Sherman and Morrison."""
+"""The yardstick of all speed figures: a textbook cyclic tridiagonal solver, Thomas with Sherman and
+Morrison."""
 
 from __future__ import annotations
 
@@ -14,7 +15,8 @@ from sim_hil.rotor.parameters import Floats
 def cyclic_thomas(
     lower: Floats, diagonal: Floats, upper: Floats, right: Floats, x: Floats, z: Floats, g: Floats
 ) -> None:
-    """Solve `lower[i] x[i-1] + diagonal[i] x[i] + upper[i] x[i+1] = right[i]` around the ring, into `x`."""
+    """Solve `lower[i] x[i-1] + diagonal[i] x[i] + upper[i] x[i+1] = right[i]` around the ring, into
+    `x`."""
     n = right.size
     gamma = -diagonal[0]
     corner = lower[0] / gamma
@@ -48,7 +50,9 @@ def repeat_reference(bands: Floats, right: Floats, work: Floats, calls: int) -> 
 def reference_arrays(nodes: int = 64, systems: int = 4) -> tuple[Floats, Floats, Floats]:
     """A diagonally dominant ring, its right-hand sides and scratch space."""
     rng = np.random.default_rng(1)
-    bands = np.array([-rng.uniform(0.5, 1, nodes), rng.uniform(2.5, 3, nodes), -rng.uniform(0.5, 1, nodes)])
+    bands = np.array(
+        [-rng.uniform(0.5, 1, nodes), rng.uniform(2.5, 3, nodes), -rng.uniform(0.5, 1, nodes)]
+    )
     return bands, rng.normal(size=(systems, nodes)), np.zeros((3, nodes))
 
 

@@ -68,13 +68,27 @@ class Orbit:
             w, scalar = self.state()
             p = self.plant
             renew = RENEW if refine == 1 else 1
-            advance_rotor(p.shaft, p.film, p.act, self.law, w, scalar, drive, target, STEP_S, refine, renew, out)
+            advance_rotor(
+                p.shaft,
+                p.film,
+                p.act,
+                self.law,
+                w,
+                scalar,
+                drive,
+                target,
+                STEP_S,
+                refine,
+                renew,
+                out,
+            )
             return out
 
         return call
 
     def error(self) -> float:
-        """Largest distance from the orbit at an eighth of the step, over the radius of that orbit."""
+        """Largest distance from the orbit at an eighth of the step, over the radius of that
+        orbit."""
         last = round(_COMPARED_S / STEP_S)
         coarse = self.run(_SETTLE_S + _COMPARED_S)()[-last:, :2].copy()
         fine = self.run(_SETTLE_S + _COMPARED_S, _CONVERGED)()[-last:, :2]
@@ -105,7 +119,8 @@ def whole_rig(seconds: float) -> Callable[[], Batch]:
 
 
 def fleet(count: int, seconds: float) -> Callable[[int], None]:
-    """A call that runs `count` rotors on the table film for `seconds`, with the number of threads to use."""
+    """A call that runs `count` rotors on the table film for `seconds`, with the number of threads
+    to use."""
     one = orbit("table", 10000)
     w, scalar = (np.stack(each) for each in zip(*(one.state() for _ in range(count)), strict=True))
     n = round(seconds / STEP_S)
@@ -122,7 +137,8 @@ def fleet(count: int, seconds: float) -> Callable[[int], None]:
 
 
 def speed_ups(count: int, threads: int, seconds: float) -> tuple[float, float]:
-    """How much faster `threads` are than one, by the wall clock: the reference kernel, and `count` rotors.
+    """How much faster `threads` are than one, by the wall clock: the reference kernel, and `count`
+    rotors.
 
     The reference says what the machine has to give just now: other programs may sit on its cores.
     """
@@ -131,19 +147,23 @@ def speed_ups(count: int, threads: int, seconds: float) -> tuple[float, float]:
     for _ in range(ROUNDS):
         for work in (reference, rotors):
             work(threads)
-        gains.append([wall(partial(work, 1)) / wall(partial(work, threads)) for work in (reference, rotors)])
+        gains.append(
+            [wall(partial(work, 1)) / wall(partial(work, threads)) for work in (reference, rotors)]
+        )
     found = np.median(gains, axis=0)
     return float(found[0]), float(found[1])
 
 
 def kernel_share(count: int) -> float:
-    """Processor time of `count` rotors advanced together for a control step, over as many calls for one each."""
+    """Processor time of `count` rotors advanced together for a control step, over as many calls for
+    one each."""
     single, many = _together(1), _together(count)
     return beside(lambda: [single() for _ in range(count)], many, (1, 1)).ratio
 
 
 def _together(count: int) -> Callable[[], object]:
-    """A call that advances `count` rotors by a control step as training does, without anything around it."""
+    """A call that advances `count` rotors by a control step as training does, without anything
+    around it."""
     one = orbit("table", 10000)
     w, scalar = (np.stack(each) for each in zip(*(one.state() for _ in range(count)), strict=True))
     n = round(CONTROL_S / FLEET_STEP_S)
@@ -154,16 +174,21 @@ def _together(count: int) -> Callable[[], object]:
     for part in (one.plant.shaft, one.plant.film, one.plant.act):
         parts.append(records(part._fields, count))
         parts[-1][:] = tuple(part)
-    return partial(advance_fleet, *parts, np.asarray(one.law), w, scalar, drive, target, np.arange(count), out)
+    return partial(
+        advance_fleet, *parts, np.asarray(one.law), w, scalar, drive, target, np.arange(count), out
+    )
 
 
 def environment_steps(rotors: int) -> tuple[Timing, float]:
-    """Processor time of a step of one of `rotors` in one environment, and that over the step of one alone in its own.
+    """Processor time of a step of one of `rotors` in one environment, and that over the step of one
+    alone in its own.
 
     Both are what a user pays: compiled kernel, Python and call, at the same duty and build.
     """
     many, single = _training(rotors), _training(1)
-    return beside(repeat_of_reference(2000), many, (2000, rotors)), beside(single, many, (1, rotors)).ratio
+    return beside(repeat_of_reference(2000), many, (2000, rotors)), beside(
+        single, many, (1, rotors)
+    ).ratio
 
 
 def _training(rotors: int) -> Callable[[], object]:

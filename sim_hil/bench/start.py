@@ -21,13 +21,20 @@ print(imported - start, time.perf_counter() - imported)
 
 
 def start_times() -> dict[str, float]:
-    """Seconds to import and to the first result of `simulate`, cold and warm, each in a process of its own."""
+    """Seconds to import and to the first result of `simulate`, cold and warm, each in a process of
+    its own."""
     found: dict[str, float] = {}
     with tempfile.TemporaryDirectory() as cache:
         for name in ("cold", "warm"):
             environment = {**os.environ, "NUMBA_CACHE_DIR": cache}
             done = subprocess.run(
-                [sys.executable, "-c", _PROGRAM], env=environment, capture_output=True, text=True, check=True
+                [sys.executable, "-c", _PROGRAM],
+                env=environment,
+                capture_output=True,
+                text=True,
+                check=True,
             )
-            found[f"import_{name}_s"], found[f"first_call_{name}_s"] = map(float, done.stdout.split())
+            found[f"import_{name}_s"], found[f"first_call_{name}_s"] = map(
+                float, done.stdout.split()
+            )
     return found

@@ -1,4 +1,5 @@
-"""Times beside a reference: each round times the reference and the subject, medians of times and of ratios count."""
+"""Times beside a reference: each round times the reference and the subject, medians of times and of
+ratios count."""
 
 from __future__ import annotations
 
@@ -12,7 +13,8 @@ ROUNDS = 9
 
 @dataclass(frozen=True)
 class Timing:
-    """Median processor time of one call, s, and of its ratio to one call of the reference timed just before."""
+    """Median processor time of one call, s, and of its ratio to one call of the reference timed
+    just before."""
 
     seconds: float
     ratio: float
@@ -22,7 +24,8 @@ def beside(
     reference: Callable[[], object], subject: Callable[[], object], calls: tuple[int, int],
     clock: Callable[[], float] = time.thread_time,
 ) -> Timing:  # fmt: skip
-    """Time `subject` (which makes `calls[1]` calls) beside `reference` (`calls[0]` calls), on this thread's clock."""
+    """Time `subject` (which makes `calls[1]` calls) beside `reference` (`calls[0]` calls), on this
+    thread's clock."""
     reference()
     subject()
     seconds, ratios = [], []

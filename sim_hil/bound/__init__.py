@@ -1,10 +1,12 @@
-"""`orbitd bound`: how much power any control of the clearance could save on a duty, and of the supply pressure with it.
+"""`orbitd bound`: how much power any control of the clearance could save on a duty, and of the
+supply pressure with it.
 
-Four ways, each checked in the time domain against every limit: the nominal fixed setting, the best feasible fixed one
-(1 um grid), the best schedule with full preview (dynamic programming), and the best causal one.  That knows the
-machine and its present state; of the future only the ramps that are announced 3 s ahead, and that none may come
-unannounced that is faster than 50 N/s and 2000 rpm/s: it is ready for all of those.  Clearance alone stands on the
-unfed film; clearance with supply pressure on the film with the rig's groove, the pump's power counted.
+Four ways, each checked in the time domain against every limit: the nominal fixed setting, the best
+feasible fixed one (1 um grid), the best schedule with full preview (dynamic programming), and the
+best causal one.  That knows the machine and its present state; of the future only the ramps that
+are announced 3 s ahead, and that none may come unannounced that is faster than 50 N/s and 2000
+rpm/s: it is ready for all of those.  Clearance alone stands on the unfed film; clearance with
+supply pressure on the film with the rig's groove, the pump's power counted.
 """
 
 from __future__ import annotations
@@ -55,9 +57,15 @@ def main(argv: list[str]) -> int:
     """Compute the bound and print it; 1 when no fixed clearance is feasible."""
     parser = argparse.ArgumentParser(prog="orbitd bound", description=__doc__)
     parser.add_argument("--duty", type=Path, help="duty file like the published one (default)")
-    parser.add_argument("--oil", choices=[*KINDS, "both"], default="both", help="whether the film warms the oil")
-    parser.add_argument("--board", choices=[*BOARDS, "both"], default="both", help="what may be set")
-    parser.add_argument("--quick", action="store_true", help="coarser map: sooner done, schedules less sharp")
+    parser.add_argument(
+        "--oil", choices=[*KINDS, "both"], default="both", help="whether the film warms the oil"
+    )
+    parser.add_argument(
+        "--board", choices=[*BOARDS, "both"], default="both", help="what may be set"
+    )
+    parser.add_argument(
+        "--quick", action="store_true", help="coarser map: sooner done, schedules less sharp"
+    )
     parser.add_argument("--json", action="store_true", help="for programs")
     options = parser.parse_args(argv)
     kinds = [options.oil] if options.oil != "both" else list(KINDS)
@@ -68,8 +76,19 @@ def main(argv: list[str]) -> int:
     else:
         from sim_hil.bound.report import show
 
-        show({f"{BOARDS[board].capitalize()}, {kind}": entries for (board, kind), entries in results.items()})
-    return 0 if all(any(e.name == "best feasible fixed" for e in entries) for entries in results.values()) else 1
+        show(
+            {
+                f"{BOARDS[board].capitalize()}, {kind}": entries
+                for (board, kind), entries in results.items()
+            }
+        )
+    return (
+        0
+        if all(
+            any(e.name == "best feasible fixed" for e in entries) for entries in results.values()
+        )
+        else 1
+    )
 
 
 def _cases(path: Path | None, kinds: list[str], boards: list[str]) -> dict[tuple[str, str], Case]:
@@ -82,9 +101,13 @@ def _cases(path: Path | None, kinds: list[str], boards: list[str]) -> dict[tuple
     try:
         duty, limits = duty_of(table), Limits.of(table)
     except (KeyError, TypeError) as error:
-        raise DutyFileError(f"{path}: {error!r} missing or of the wrong kind; see duty_bench.json") from error
+        raise DutyFileError(
+            f"{path}: {error!r} missing or of the wrong kind; see duty_bench.json"
+        ) from error
     rig = load_rig("bench")
-    return {(b, k): Case(rig, duty, limits, KINDS[k], fed=b == "pair") for b in boards for k in kinds}
+    return {
+        (b, k): Case(rig, duty, limits, KINDS[k], fed=b == "pair") for b in boards for k in kinds
+    }
 
 
 def _studies(cases: dict[tuple[str, str], Case], quick: bool) -> dict[tuple[str, str], list[Entry]]:
@@ -98,7 +121,11 @@ def _studies(cases: dict[tuple[str, str], Case], quick: bool) -> dict[tuple[str,
 
     from sim_hil.bound.study import FINE, QUICK, study
 
-    columns = (SpinnerColumn(), TextColumn("{task.description}: {task.completed:.0f} runs"), TimeElapsedColumn())
+    columns = (
+        SpinnerColumn(),
+        TextColumn("{task.description}: {task.completed:.0f} runs"),
+        TimeElapsedColumn(),
+    )
     with (
         Progress(*columns, console=Console(stderr=True), transient=True) as shown,
         ProcessPoolExecutor(os.cpu_count(), mp_context=get_context("spawn")) as pool,
@@ -107,7 +134,9 @@ def _studies(cases: dict[tuple[str, str], Case], quick: bool) -> dict[tuple[str,
         for key, case in cases.items():
             line = shown.add_task(", ".join(key), total=None)
 
-            def counted(work: Callable[[Any], Any], items: Iterable[Any], /, line: Any = line) -> Iterable[Any]:
+            def counted(
+                work: Callable[[Any], Any], items: Iterable[Any], /, line: Any = line
+            ) -> Iterable[Any]:
                 for result in pool.map(work, items):
                     shown.advance(line)
                     yield result
@@ -139,5 +168,6 @@ def _records(entries: list[Entry]) -> list[dict[str, Any]]:
     from sim_hil.bound.report import savings
 
     return [
-        asdict(entry) | {"feasible": entry.verdict.feasible, "saving": savings(entry, entries)} for entry in entries
+        asdict(entry) | {"feasible": entry.verdict.feasible, "saving": savings(entry, entries)}
+        for entry in entries
     ]

@@ -26,10 +26,12 @@ SETTLE_S = 2.0
 
 @dataclass(frozen=True)
 class Plan:
-    """Targets of the actuators at the starts of the bins: clearance, m, and supply pressure, Pa, shape (bins,).
+    """Targets of the actuators at the starts of the bins: clearance, m, and supply pressure, Pa,
+    shape (bins,).
 
-    Between the starts the clearance target is linear and the pressure target held. The clearance is read `lead_s`
-    ahead, for the lag of the actuator. `expected_W` is the mean power that the map promises.
+    Between the starts the clearance target is linear and the pressure target held. The clearance is
+    read `lead_s` ahead, for the lag of the actuator. `expected_W` is the mean power that the map
+    promises.
     """
 
     clearance_m: Floats
@@ -44,7 +46,11 @@ class Plan:
 
     def clearance(self, time_s: float) -> float:
         """Clearance target at a time of the duty, m; the first before it, the last after it."""
-        return float(np.interp((time_s + self.lead_s) / BIN_S, np.arange(self.clearance_m.size), self.clearance_m))
+        return float(
+            np.interp(
+                (time_s + self.lead_s) / BIN_S, np.arange(self.clearance_m.size), self.clearance_m
+            )
+        )
 
     def pressure(self, time_s: float) -> float:
         """Pressure target at a time of the duty, Pa."""
@@ -54,7 +60,8 @@ class Plan:
 
 @dataclass(frozen=True)
 class Profile:
-    """What a run did in each bin: mean power, W, smallest film, m, largest orbit share, time in violation, s."""
+    """What a run did in each bin: mean power, W, smallest film, m, largest orbit share, time in
+    violation, s."""
 
     power_W: Floats
     min_film_m: Floats
@@ -121,9 +128,14 @@ class Case:
         return math.ceil(self.duty.seconds / BIN_S - 1e-9)
 
     def run(self, plan: Plan) -> Trajectory:
-        """The duty in time, after some settling at its start, sampled often enough for its orbits."""
+        """The duty in time, after some settling at its start, sampled often enough for its
+        orbits."""
         d = self.duty
-        led = Duty((0.0, *(t + SETTLE_S for t in d.time_s)), (d.speed_rpm[0], *d.speed_rpm), (d.load_N[0], *d.load_N))
+        led = Duty(
+            (0.0, *(t + SETTLE_S for t in d.time_s)),
+            (d.speed_rpm[0], *d.speed_rpm),
+            (d.load_N[0], *d.load_N),
+        )
         run = simulate(
             self.rig, led, clearance=_schedule(plan.clearance_m, plan.clearance),
             pressure=_schedule(plan.pressure_Pa, plan.pressure), seconds=SETTLE_S + self.bins * BIN_S,
@@ -134,7 +146,8 @@ class Case:
         return replace(run, time_s=run.time_s[-counted:], rows=run.rows[-counted:])
 
     def _rate_hz(self) -> float:
-        """`SAMPLES_PER_TURN` at the highest speed, half as many for a map, and whole samples in a bin."""
+        """`SAMPLES_PER_TURN` at the highest speed, half as many for a map, and whole samples in a
+        bin."""
         turns_per_s = max(abs(rpm) for rpm in self.duty.speed_rpm) / 60
         wanted_hz = SAMPLES_PER_TURN * turns_per_s * STEP_S / self.step_s
         return math.ceil(max(wanted_hz, 1 / COARSE_STEP_S) * BIN_S) / BIN_S
@@ -143,12 +156,15 @@ class Case:
         """That run in bins; the pump's power counts in a fed film."""
         run = self.run(plan)
         if self.fed:
-            run.rows[:, COLUMNS.index("power_W")] += run.pump_power_W(self.rig.supply.pump_efficiency)
+            run.rows[:, COLUMNS.index("power_W")] += run.pump_power_W(
+                self.rig.supply.pump_efficiency
+            )
         return gather(run, self.limits)
 
 
 def _schedule(values: Floats, target: Callable[[float], float]) -> Schedule:
-    """A plan's target for a run that settles first; one that never changes is a number, which is sooner read."""
+    """A plan's target for a run that settles first; one that never changes is a number, which is
+    sooner read."""
     return float(values[0]) if values.size == 1 else partial(_delayed, target)
 
 

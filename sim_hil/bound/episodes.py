@@ -20,14 +20,16 @@ def episode_references(
     seed: int, *, rig: str = "bench", episode_s: float = 30.0, disturbances: control_task.Disturbances | None = None,
     spacing_um: int = 8, mapper: Mapper = map, pressures_Pa: tuple[float, ...] | None = None,
 ) -> tuple[Episode, References]:  # fmt: skip
-    """Preview and causal reference of the episode that the environments draw from `seed`, from its own start.
+    """Preview and causal reference of the episode that the environments draw from `seed`, from its
+    own start.
 
     With `pressures_Pa` the supply pressure is chosen too, as where it is a second action.
 
-    Watts and violations are those of `RotorVectorEnv` (the episode of `RotorEnv` is the same): every fixed clearance
-    and every schedule runs in it, with drifting inlet and growing faults.  The causal reference is ready for load and
-    speed ramps as fast as the declared ones; it knows the build at its end of the episode, with the warmer inlet.
-    An episode whose `preview` is None breaks a limit under any schedule found, and is not to be counted.
+    Watts and violations are those of `RotorVectorEnv` (the episode of `RotorEnv` is the same):
+    every fixed clearance and every schedule runs in it, with drifting inlet and growing faults.
+    The causal reference is ready for load and speed ramps as fast as the declared ones; it knows
+    the build at its end of the episode, with the warmer inlet. An episode whose `preview` is None
+    breaks a limit under any schedule found, and is not to be counted.
 
     Some 15 s a call on one core: `ProcessPoolExecutor.map(episode_references, seeds)`.
     """
@@ -50,9 +52,20 @@ class _Runner:
     """Runs plans side by side in copies of one episode; a thin film ends none of them."""
 
     def __init__(
-        self, seed: int, rig: str, episode_s: float, disturbances: control_task.Disturbances, *, pressure: bool
+        self,
+        seed: int,
+        rig: str,
+        episode_s: float,
+        disturbances: control_task.Disturbances,
+        *,
+        pressure: bool,
     ) -> None:
-        self._seed, self._rig, self._disturbances, self._pressure = seed, rig, disturbances, pressure
+        self._seed, self._rig, self._disturbances, self._pressure = (
+            seed,
+            rig,
+            disturbances,
+            pressure,
+        )
         self._episode_s, self._steps = episode_s, round(episode_s / CONTROL_S)
         environment = self.environment(1)
         environment.reset(seed=[seed])
@@ -75,5 +88,7 @@ class _Runner:
             wish = np.array([[plan.clearance(now_s), plan.pressure(now_s)] for plan in plans])
             infos = environment.step(actions_of(environment.rig, wish[:, : 1 + self._pressure]))[4]
             share = infos["peak_to_peak_m"] / infos["clearance_m"]
-            rows.append([infos["power_W"], infos["min_film_m"], share, CONTROL_S * infos["violated"]])
+            rows.append(
+                [infos["power_W"], infos["min_film_m"], share, CONTROL_S * infos["violated"]]
+            )
         return [Profile(*figures) for figures in np.array(rows).transpose(2, 1, 0)]

@@ -1,4 +1,5 @@
-"""Profiles are computed once: a file in the user's cache, named after everything that decides it."""
+"""Profiles are computed once: a file in the user's cache, named after everything that decides
+it."""
 
 from __future__ import annotations
 
@@ -19,8 +20,11 @@ _FOLDERS = (".", "bound", "film", "film/data", "rotor", "rigs")
 
 
 def kept_profile(case: Case, plan: Plan) -> Profile:
-    """`case.profile(plan)`, from the cache when it lies there already; one that cannot be written is no fault."""
-    decides = pickle.dumps((astuple(case), plan.clearance_m, plan.pressure_Pa, plan.lead_s), protocol=5)
+    """`case.profile(plan)`, from the cache when it lies there already; one that cannot be written
+    is no fault."""
+    decides = pickle.dumps(
+        (astuple(case), plan.clearance_m, plan.pressure_Pa, plan.lead_s), protocol=5
+    )
     path = _folder() / f"{hashlib.sha256(decides).hexdigest()[:24]}.npz"
     if path.exists():
         with np.load(path) as stored:

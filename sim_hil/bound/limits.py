@@ -19,7 +19,8 @@ ORBIT_SHARE = 0.5
 
 @dataclass(frozen=True)
 class Limits:
-    """Smallest film to keep, m (above the film that trips), and the largest rate of the clearance, m/s."""
+    """Smallest film to keep, m (above the film that trips), and the largest rate of the clearance,
+    m/s."""
 
     min_film_m: float
     rate_m_s: float
@@ -48,10 +49,11 @@ def orbit_share(run: Trajectory) -> Floats:
 
 
 def path_share(position_m: Floats, angle_rad: Floats, clearance_m: Floats) -> Floats:
-    """Peak-to-peak over present clearance at each instant, in the window of `WINDOW_TURNS` turns that ends there.
+    """Peak-to-peak over present clearance at each instant, in the window of `WINDOW_TURNS` turns
+    that ends there.
 
-    The larger of the two axes; before the first whole window, that of the turns so far. As the limit says, a window
-    takes the path as it is: what load and speed move the journal counts too.
+    The larger of the two axes; before the first whole window, that of the turns so far. As the
+    limit says, a window takes the path as it is: what load and speed move the journal counts too.
     """
     turn = np.floor(np.abs(angle_rad - angle_rad[0]) / (2 * np.pi)).astype(np.int64)
     starts = np.flatnonzero(np.diff(turn, prepend=-1))

@@ -33,7 +33,8 @@ def judged_alone(case: Case, mapper: Mapper = map) -> Judge:
 
 @dataclass(frozen=True)
 class Map:
-    """Profiles over supply pressures and clearances: shape (pressures, clearances, bins); clearances every 1 um.
+    """Profiles over supply pressures and clearances: shape (pressures, clearances, bins);
+    clearances every 1 um.
 
     Margins are not below zero where admissible.
     """
@@ -51,7 +52,8 @@ class Map:
 
 
 def build_map(case: Case, spacing_um: int, pressures_Pa: Iterable[float], judge: Judge) -> Map:
-    """Run each pressure with a clearance every `spacing_um`, and interpolate the clearances to 1 um."""
+    """Run each pressure with a clearance every `spacing_um`, and interpolate the clearances to 1
+    um."""
     b, pressures = case.rig.bearing, np.array(list(pressures_Pa), dtype=np.float64)
     low, high = round(b.clearance_min_m * 1e6), round(b.clearance_max_m * 1e6)
     known = sorted({*range(low, high + 1, spacing_um), high})
@@ -60,7 +62,9 @@ def build_map(case: Case, spacing_um: int, pressures_Pa: Iterable[float], judge:
     grid = np.arange(low, high + 1, dtype=np.float64)
 
     def spread(name: str) -> Floats:
-        rows = np.stack([getattr(p, name) for p in profiles]).reshape(pressures.size, len(known), -1)
+        rows = np.stack([getattr(p, name) for p in profiles]).reshape(
+            pressures.size, len(known), -1
+        )
         above = np.clip(np.searchsorted(known, grid), 1, len(known) - 1)
         left, right = np.take(known, above - 1), np.take(known, above)
         share = ((grid - left) / (right - left))[:, None]

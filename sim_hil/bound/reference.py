@@ -9,7 +9,13 @@ import numpy as np
 from scipy.ndimage import binary_dilation
 
 from sim_hil.bound.case import Case, Plan, Verdict
-from sim_hil.bound.disturbances import SPACING_UM, Disturbances, Surroundings, in_sight, surroundings
+from sim_hil.bound.disturbances import (
+    SPACING_UM,
+    Disturbances,
+    Surroundings,
+    in_sight,
+    surroundings,
+)
 from sim_hil.bound.limits import Limits
 from sim_hil.bound.maps import Judge, Map, Mapper, build_map, judged_alone
 from sim_hil.bound.schedules import NoSchedule, causal, preview
@@ -50,22 +56,25 @@ def references(
 ) -> References:  # fmt: skip
     """Preview and causal reference of any duty of any build, each feasible in the time domain.
 
-    *Preview* is dynamic programming over the map of fixed clearances with the whole duty known and the actuator's
-    rate kept; where a plan breaks a limit in the time domain it keeps 1 um more and is made again.  *Causal* knows the
-    machine, its present speed, load and oil, the ramps of `expected` that are announced, and of the rest only how fast
-    it may change: it holds the cheapest clearance from which the actuator can stay admissible through any unannounced
-    ramp over the rig's whole range of speed and load; its margin to the limits is the smallest with which it breaks
-    none in the time domain.
+    *Preview* is dynamic programming over the map of fixed clearances with the whole duty known and
+    the actuator's rate kept; where a plan breaks a limit in the time domain it keeps 1 um more and
+    is made again.  *Causal* knows the machine, its present speed, load and oil, the ramps of
+    `expected` that are announced, and of the rest only how fast it may change: it holds the
+    cheapest clearance from which the actuator can stay admissible through any unannounced ramp over
+    the rig's whole range of speed and load; its margin to the limits is the smallest with which it
+    breaks none in the time domain.
 
     Some 15 s on one core for half a minute of duty; runs are kept in the user's cache, so the same
-    question costs next to nothing the second time.  Call it in several processes for several episodes.
+    question costs next to nothing the second time.  Call it in several processes for several
+    episodes.
 
     Parameters
     ----------
     duty, seconds
         Speed and load, and how long the episode takes; to the duty's end when None.
     build, thermal, inlet_C
-        The example of the rig (the drawing when None), whether the film warms the oil, oil inlet, Celsius.
+        The example of the rig (the drawing when None), whether the film warms the oil, oil inlet,
+        Celsius.
     start_m
         Clearance at the start, m; freely chosen by each reference when None.
     limits
@@ -77,24 +86,27 @@ def references(
     mapper
         A pool's `map`, for several cores.
     judge
-        Runs plans, fixed ones and schedules, in the caller's own simulation (`Plan.clearance(time_s)` is the target,
-        m) and gives their profiles; the rotor alone on the table film, at least 50 samples a turn, when None. Compare
-        watts only within one simulation: `sim_hil.bound.episode_references` does so for the environments.
+        Runs plans, fixed ones and schedules, in the caller's own simulation
+        (`Plan.clearance(time_s)` is the target, m) and gives their profiles; the rotor alone on the
+        table film, at least 50 samples a turn, when None. Compare watts only within one simulation:
+        `sim_hil.bound.episode_references` does so for the environments.
     held_s
         How long that simulation holds a target; preview reads its plan that much further ahead.
     pressures_Pa
-        Supply pressures to choose from, on the film that is fed from the groove, the pump's power counted; None:
-        clearance alone, on the unfed film.
+        Supply pressures to choose from, on the film that is fed from the groove, the pump's power
+        counted; None: clearance alone, on the unfed film.
 
     Returns
     -------
     References
-        `preview.plan.clearance(time_s)`, `preview.verdict.mean_power_W`, ...; None where no plan keeps the limits:
-        such an episode is not to be counted.
+        `preview.plan.clearance(time_s)`, `preview.verdict.mean_power_W`, ...; None where no plan
+        keeps the limits: such an episode is not to be counted.
     """
     limits = Limits.of(read_json("duty_bench.json")) if limits is None else limits
     fed, levels_Pa = pressures_Pa is not None, pressures_Pa or (rig.supply.nominal_Pa,)
-    case = Case(rig, duty if seconds is None else cut(duty, seconds), limits, thermal, build, inlet_C, fed)
+    case = Case(
+        rig, duty if seconds is None else cut(duty, seconds), limits, thermal, build, inlet_C, fed
+    )
     found = build_map(case, spacing_um, levels_Pa, judge or judged_alone(case.coarse, mapper))
     judge = judge or judged_alone(case, mapper)
     ends_Pa = tuple(dict.fromkeys((levels_Pa[0], levels_Pa[-1])))
@@ -123,9 +135,11 @@ def rate_of(case: Case) -> float:
 def best_preview(
     case: Case, found: Map, judge: Judge, lead_s: float, start_m: float | None = None, blind: Reference | None = None
 ) -> Reference | None:  # fmt: skip
-    """The cheapest path that keeps the limits in time, or the causal one `blind` if that is cheaper still.
+    """The cheapest path that keeps the limits in time, or the causal one `blind` if that is cheaper
+    still.
 
-    A map of fixed settings does not know what moving does: where a run breaks a limit, the path keeps more distance.
+    A map of fixed settings does not know what moving does: where a run breaks a limit, the path
+    keeps more distance.
     """
     margin, best = np.zeros(found.power_W.shape[-1], dtype=np.int64), blind
     with suppress(NoSchedule):

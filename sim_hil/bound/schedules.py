@@ -15,7 +15,8 @@ class NoSchedule(Exception):
 
 
 def narrowed(admissible: np.ndarray, margin_um: np.ndarray) -> np.ndarray:
-    """Admissible cells that keep `margin_um` of each bin, shape (bins,), away from those that are not."""
+    """Admissible cells that keep `margin_um` of each bin, shape (bins,), away from those that are
+    not."""
     kept, layer = admissible.copy(), admissible
     for margin in range(1, int(margin_um.max()) + 1):
         layer = binary_erosion(layer, np.ones((1, 3, 1)), border_value=1)
@@ -33,8 +34,8 @@ def preview(
 ) -> Plan:  # fmt: skip
     """Cheapest path through the admissible cells at the rate of the actuator: dynamic programming.
 
-    The clearance moves at most `rate_m_s`, the pressure freely from bin to bin; the path begins at `start_m` where
-    that is given. `margin_um` is kept to what is not admissible, shape (bins,).
+    The clearance moves at most `rate_m_s`, the pressure freely from bin to bin; the path begins at
+    `start_m` where that is given. `margin_um` is kept to what is not admissible, shape (bins,).
 
     Raises
     ------
@@ -56,7 +57,9 @@ def preview(
         onward = cost[:, k] + options[best, np.arange(cells)]
     first = int(onward.argmin()) if start_m is None else cell_of(found, start_m)
     if not np.isfinite(onward[first]):
-        raise NoSchedule(f"no path keeps margins up to {margin_um.max()} um at {rate_m_s * 1e6:g} um/s")
+        raise NoSchedule(
+            f"no path keeps margins up to {margin_um.max()} um at {rate_m_s * 1e6:g} um/s"
+        )
     path = [first]
     for k in range(count - 1):
         path.append(path[-1] + int(choice[path[-1], k]))
@@ -73,15 +76,18 @@ def causal(
     found: Map, margin: int, ready: np.ndarray, ramps: list[tuple[int, int, int]], rate_m_s: float,
     start_m: float | None = None,
 ) -> Plan:  # fmt: skip
-    """Follow the cheapest setting that is admissible now and ready for what may come, at the rate of the actuator.
+    """Follow the cheapest setting that is admissible now and ready for what may come, at the rate
+    of the actuator.
 
-    Each bin's target comes from what is known in the bin before: the power and limits of every setting there (on an
-    announced ramp, of the bin itself), the declared disturbances by way of `ready`, and the announced ramps in sight.
+    Each bin's target comes from what is known in the bin before: the power and limits of every
+    setting there (on an announced ramp, of the bin itself), the declared disturbances by way of
+    `ready`, and the announced ramps in sight.
 
     Parameters
     ----------
     ready
-        Clearances that are ready for every unannounced ramp, shape (cells, bins): `Surroundings.ready`.
+        Clearances that are ready for every unannounced ramp, shape (cells, bins):
+        `Surroundings.ready`.
     ramps
         For each announced ramp the bin from which it is known, its first and its last bin.
 
@@ -94,7 +100,9 @@ def causal(
     allowed = narrowed(found.admissible, np.full(found.power_W.shape[-1], margin))
     held = allowed & foreseen(np.asarray(allowed.any(axis=0)), ready, ramps, reach)
     power = np.where(held, found.power_W, np.inf)
-    cell = cell_of(found, start_m) if start_m is not None else int(power[..., 0].min(axis=0).argmin())
+    cell = (
+        cell_of(found, start_m) if start_m is not None else int(power[..., 0].min(axis=0).argmin())
+    )
     cells, levels = [cell], [int(power[:, cell, 0].argmin())]
     for k in range(1, found.power_W.shape[-1]):
         announced = any(first <= k <= last for _, first, last in ramps)
@@ -112,10 +120,11 @@ def causal(
 def foreseen(
     allowed: np.ndarray, ready: np.ndarray, ramps: list[tuple[int, int, int]], reach: int
 ) -> np.ndarray:  # fmt: skip
-    """Clearances that are ready for what may come, and for the announced ramps in sight; shape (cells, bins).
+    """Clearances that are ready for what may come, and for the announced ramps in sight; shape
+    (cells, bins).
 
-    While an announced ramp runs, nothing else comes: what counts is that the actuator can stay admissible to its end
-    and is ready there.
+    While an announced ramp runs, nothing else comes: what counts is that the actuator can stay
+    admissible to its end and is ready there.
     """
     kept = ready.copy()
     for _, first, last in ramps:

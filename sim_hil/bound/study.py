@@ -17,12 +17,18 @@ FINE, QUICK = (4, 12), (10, 20)
 PRESSURE_SHARES = (0.0, 0.1, 0.2, 0.4, 1.0)
 """Supply pressures that are tried, over the rig's range."""
 
-NOMINAL, FIXED, PREVIEW, CAUSAL = "nominal fixed", "best feasible fixed", "preview schedule", "causal schedule"
+NOMINAL, FIXED, PREVIEW, CAUSAL = (
+    "nominal fixed",
+    "best feasible fixed",
+    "preview schedule",
+    "causal schedule",
+)
 
 
 @dataclass(frozen=True)
 class Entry:
-    """A way to run the duty: what it is, its verdict in the time domain, and the settings it uses, m and Pa."""
+    """A way to run the duty: what it is, its verdict in the time domain, and the settings it uses,
+    m and Pa."""
 
     name: str
     verdict: Verdict
@@ -33,7 +39,9 @@ class Entry:
     def of(cls, name: str, found: Reference) -> Entry:
         """From a plan and its verdict."""
         c, p = found.plan.clearance_m, found.plan.pressure_Pa
-        return cls(name, found.verdict, (float(c.min()), float(c.max())), (float(p.min()), float(p.max())))
+        return cls(
+            name, found.verdict, (float(c.min()), float(c.max())), (float(p.min()), float(p.max()))
+        )
 
 
 def pressures(case: Case) -> tuple[float, ...]:
@@ -41,13 +49,17 @@ def pressures(case: Case) -> tuple[float, ...]:
     supply = case.rig.supply
     if not case.fed:
         return (supply.nominal_Pa,)
-    return tuple(supply.min_Pa + share * (supply.max_Pa - supply.min_Pa) for share in PRESSURE_SHARES)
+    return tuple(
+        supply.min_Pa + share * (supply.max_Pa - supply.min_Pa) for share in PRESSURE_SHARES
+    )
 
 
 def study(case: Case, spacings_um: tuple[int, int] = FINE, mapper: Mapper = map) -> list[Entry]:
     """Compute and check all four; an entry without a feasible answer is left out."""
     judge, levels_Pa = judged_alone(case, mapper), pressures(case)
-    found = build_map(case.coarse, spacings_um[case.fed], levels_Pa, judged_alone(case.coarse, mapper))
+    found = build_map(
+        case.coarse, spacings_um[case.fed], levels_Pa, judged_alone(case.coarse, mapper)
+    )
     nominal = Plan.fixed(case.rig.bearing.clearance_nominal_m, case.rig.supply.nominal_Pa)
     around = surroundings(case, tuple(dict.fromkeys((levels_Pa[0], levels_Pa[-1]))), mapper)
     blind = best_causal(case, found, around, Disturbances(), judge)
@@ -61,16 +73,24 @@ def study(case: Case, spacings_um: tuple[int, int] = FINE, mapper: Mapper = map)
 
 
 def best_fixed(found: Map, judge: Judge) -> Reference | None:
-    """The cheapest setting that keeps the limits in time, on a grid of 1 um around the map's best."""
+    """The cheapest setting that keeps the limits in time, on a grid of 1 um around the map's
+    best."""
     power = np.where(found.admissible.all(axis=-1), found.power_W.mean(axis=-1), np.inf)
     level, cell = (int(i) for i in np.unravel_index(int(power.argmin()), power.shape))
     if not np.isfinite(power[level, cell]):
         return None
     best = None
     for step in (4, 1):
-        near = range(max(0, cell - 3 * step), min(found.clearance_m.size, cell + 3 * step + 1), step)
-        plans = [Plan.fixed(float(found.clearance_m[i]), float(found.pressure_Pa[level])) for i in near]
-        tried = [Reference(plan, Verdict.of(profile)) for plan, profile in zip(plans, judge(plans), strict=True)]
+        near = range(
+            max(0, cell - 3 * step), min(found.clearance_m.size, cell + 3 * step + 1), step
+        )
+        plans = [
+            Plan.fixed(float(found.clearance_m[i]), float(found.pressure_Pa[level])) for i in near
+        ]
+        tried = [
+            Reference(plan, Verdict.of(profile))
+            for plan, profile in zip(plans, judge(plans), strict=True)
+        ]
         feasible = [each for each in tried if each.verdict.feasible]
         best = min(feasible, key=lambda each: each.verdict.mean_power_W, default=None)
         cell = cell_of(found, float(best.plan.clearance_m[0])) if best else cell

@@ -1,7 +1,8 @@
 """What fixed clearances would have burnt: the recorded duty again, with the clearance held.
 
-Same rig, build (unbalance included), seed, speed and load as recorded; only the clearance differs.  "Best
-feasible" is the cheapest fixed clearance whose film and orbit keep the limits throughout, found on a grid.
+Same rig, build (unbalance included), seed, speed and load as recorded; only the clearance differs.
+"Best feasible" is the cheapest fixed clearance whose film and orbit keep the limits throughout,
+found on a grid.
 """
 
 from __future__ import annotations
@@ -63,13 +64,22 @@ class _Rerun:
         """Mean power and feasibility with the clearance held at ``clearance_um``."""
         clearance_m = clearance_um * 1e-6
         machine = Machine(self.rig, self.build, self.seed, clearance_m=clearance_m)
-        run(machine, Duty.hold(self.duty.speed_rpm[0], self.duty.load_N[0]), SETTLE_S, clearance=clearance_m)
+        run(
+            machine,
+            Duty.hold(self.duty.speed_rpm[0], self.duty.load_N[0]),
+            SETTLE_S,
+            clearance=clearance_m,
+        )
         truth = run(machine, self.duty, self.duty.seconds, clearance=clearance_m).truth
-        return Fixed(clearance_um, float(_column(truth, "shaft_power_W").mean()), self._feasible(truth))
+        return Fixed(
+            clearance_um, float(_column(truth, "shaft_power_W").mean()), self._feasible(truth)
+        )
 
     def _feasible(self, truth: Floats) -> bool:
         film = float(_column(truth, "min_film_m").min())
-        position_m = np.column_stack([_column(truth, "eccentricity_x_m"), _column(truth, "eccentricity_y_m")])
+        position_m = np.column_stack(
+            [_column(truth, "eccentricity_x_m"), _column(truth, "eccentricity_y_m")]
+        )
         share = path_share(position_m, _column(truth, "angle_rad"), _column(truth, "clearance_m"))
         return film >= self.min_film_m and float(share.max()) <= self.clearance_share
 
@@ -79,7 +89,9 @@ def rerun_fixed(truth: list[Truth], setting: Setting, seed: int) -> Counterfactu
     config = setting.config
     duty = _recorded_duty(truth)
     limits = config.limits
-    again = _Rerun(setting.rig, setting.build, seed, duty, limits.min_film_um * 1e-6, limits.clearance_share)
+    again = _Rerun(
+        setting.rig, setting.build, seed, duty, limits.min_film_um * 1e-6, limits.clearance_share
+    )
     bearing = config.bearing
     nominal_um, low_um = bearing.radial_clearance_nominal_um, bearing.radial_clearance_min_um
     steps = int((bearing.radial_clearance_max_um - low_um) / GRID_STEP_UM)
@@ -93,7 +105,8 @@ def rerun_fixed(truth: list[Truth], setting: Setting, seed: int) -> Counterfactu
         round(best.mean_power_W, 2) if best else None,
         best.clearance_um if best else None,
         f"speed and load of the duty act again with the same build and seed at fixed clearances, "
-        f"{GRID_STEP_UM:g} um grid; feasible: film and orbit (windows of 20 turns) within their limits throughout",
+        f"{GRID_STEP_UM:g} um grid; feasible: film and orbit (windows of 20 turns) within their "
+        f"limits throughout",
     )
 
 

@@ -1,7 +1,7 @@
 """How well this machine keeps time: an empty 1 kHz loop beside the device, in a process of its own.
 
-``python -m sim_hil.demo.host`` runs until it is told to stop (SIGTERM) and then prints one line of JSON.
-On a shared machine even this loop stalls; the device's own figures are read beside it.
+``python -m sim_hil.demo.host`` runs until it is told to stop (SIGTERM) and then prints one line of
+JSON. On a shared machine even this loop stalls; the device's own figures are read beside it.
 """
 
 from __future__ import annotations
@@ -38,7 +38,10 @@ class HostProbe:
 
     def __init__(self) -> None:
         self._process = subprocess.Popen(
-            [sys.executable, "-m", __spec__.name], stdout=subprocess.PIPE, text=True, preexec_fn=die_with_parent
+            [sys.executable, "-m", __spec__.name],
+            stdout=subprocess.PIPE,
+            text=True,
+            preexec_fn=die_with_parent,
         )
 
     def stop(self) -> HostTiming:

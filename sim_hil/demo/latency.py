@@ -1,6 +1,8 @@
-"""Latency of the protection, beside a plain echo on the same bus in the same run at the same priority.
+"""Latency of the protection, beside a plain echo on the same bus in the same run at the same
+priority.
 
-A guard of its own, with the danger delay set to zero, on a hub of its own; nothing else of the demo runs.
+A guard of its own, with the danger delay set to zero, on a hub of its own; nothing else of the demo
+runs.
 """
 
 from __future__ import annotations
@@ -28,7 +30,8 @@ TIMEOUT_S: Final = 120.0
 
 
 def measure(setting: Setting, trials: int) -> dict[str, Any]:
-    """Reaction of the guard (danger delay 0) and round trip of the echo, both in ms; None where it failed."""
+    """Reaction of the guard (danger delay 0) and round trip of the echo, both in ms; None where it
+    failed."""
     limits = msgspec.structs.replace(setting.config.limits, danger_delay_s=0.0)
     shipped_ms = 1000 * setting.config.limits.danger_delay_s
     with tempfile.TemporaryDirectory(prefix="orbitd-latency-") as name:

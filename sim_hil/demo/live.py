@@ -1,4 +1,5 @@
-"""The demo on a terminal: one table that a person can follow, and the lines of the story under it."""
+"""The demo on a terminal: one table that a person can follow, and the lines of the story under
+it."""
 
 from __future__ import annotations
 
@@ -41,7 +42,9 @@ class Screen(Quiet):
     def __init__(self, story: Story, observer: Observer, console: Console) -> None:
         self._story, self._observer, self._console = story, observer, console
         self._lines: deque[Text] = deque(maxlen=LINES)
-        self._live = Live(console=console, refresh_per_second=4, transient=False, auto_refresh=False)
+        self._live = Live(
+            console=console, refresh_per_second=4, transient=False, auto_refresh=False
+        )
         self._act = ""
         self._next_s = 0.0
 
@@ -72,9 +75,16 @@ class Screen(Quiet):
 
     def _render(self, t_s: float) -> Panel:
         bar = Table.grid()  # a bar alone does not end its line
-        bar.add_row(ProgressBar(total=self._story.seconds, completed=t_s, width=min(60, self._console.width - 6)))
+        bar.add_row(
+            ProgressBar(
+                total=self._story.seconds, completed=t_s, width=min(60, self._console.width - 6)
+            )
+        )
         body = Group(bar, _table(self._observer), *self._lines)
-        return Panel(body, title=f"orbitd demo, seed {self._story.seed}, {t_s:.0f} of {self._story.seconds:.0f} s")
+        return Panel(
+            body,
+            title=f"orbitd demo, seed {self._story.seed}, {t_s:.0f} of {self._story.seconds:.0f} s",
+        )
 
 
 def beat_text(beat: Beat) -> str:
@@ -106,7 +116,11 @@ def _machine(observer: Observer) -> list[tuple[str, str]]:
     truth = observer.truth[-1]
     return [
         ("rig", f"{truth.speed_rad_s * RAD_S_TO_RPM:6.0f} rpm   {truth.load_N:4.0f} N"),
-        ("film", f"{truth.min_film_um:5.1f} um at least   orbit {truth.peak_to_peak_um:5.1f} um peak to peak"),
+        (
+            "film",
+            f"{truth.min_film_um:5.1f} um at least   orbit {truth.peak_to_peak_um:5.1f} um peak to "
+            f"peak",
+        ),
         ("power", f"{truth.power_W:6.1f} W"),
     ]
 
@@ -114,7 +128,11 @@ def _machine(observer: Observer) -> list[tuple[str, str]]:
 def _device(observer: Observer) -> list[tuple[str, str]]:
     rows = []
     if state := observer.state:
-        authority = "the model acts" if state.authority else "safe value: " + ", ".join(state.authority_reasons[:2])
+        authority = (
+            "the model acts"
+            if state.authority
+            else "safe value: " + ", ".join(state.authority_reasons[:2])
+        )
         standing = f"{ArmState(state.arm_state).name.lower()}, {Mode(state.mode).name.lower()}"
         rows.append(("guard", f"{standing}; {authority}"))
         admissible = f"admissible {state.clearance_low_um:.0f} .. {state.clearance_high_um:.0f}"
@@ -122,13 +140,17 @@ def _device(observer: Observer) -> list[tuple[str, str]]:
         rows.append(("alarms", ", ".join(alarm.name for alarm in state.alarms) or "none"))
     if diagnosis := observer.diagnosis:
         doubt = " (in doubt)" if diagnosis.doubt else ""
-        rows.append(("diagnosis", f"{diagnosis.verdict} {100 * diagnosis.probability:.0f} %{doubt}"))
+        rows.append(
+            ("diagnosis", f"{diagnosis.verdict} {100 * diagnosis.probability:.0f} %{doubt}")
+        )
     if forecast := observer.forecast:
         rows.append(
             (
                 f"in {forecast.horizon_s:.0f} s",
-                f"{forecast.power_W[1]:.0f} W ({forecast.power_W[0]:.0f} .. {forecast.power_W[2]:.0f})   "
-                f"orbit {forecast.peak_to_peak_um[1]:.1f} um   film {forecast.min_film_um[1]:.1f} um",
+                f"{forecast.power_W[1]:.0f} W ({forecast.power_W[0]:.0f} .. "
+                f"{forecast.power_W[2]:.0f})   "
+                f"orbit {forecast.peak_to_peak_um[1]:.1f} um   film "
+                f"{forecast.min_film_um[1]:.1f} um",
             )
         )
     return rows

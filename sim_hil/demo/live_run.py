@@ -19,7 +19,15 @@ from firmware_py.errors import OrbitdError
 from firmware_py.gate import keys
 from firmware_py.gate.client import Client, NoAnswerError
 from firmware_py.gate.session import SessionError
-from firmware_py.records import Advice, Diagnosis, Event, Forecast, GuardState, RigReading, RoomRecord
+from firmware_py.records import (
+    Advice,
+    Diagnosis,
+    Event,
+    Forecast,
+    GuardState,
+    RigReading,
+    RoomRecord,
+)
 from firmware_py.supervise import Program, Supervisor
 from firmware_py.wire import pty_cable
 from sim_hil.console import ask
@@ -83,13 +91,22 @@ class Stage:
             self._start("cable", ("-m", "firmware_py.wire.pty_cable", str(folder)))
             config_path = folder / "rig.toml"
             write_config(setting.on(serial_port=str(pty_cable.ends(folder)[1])).config, config_path)
-        rig_options = ["--config", str(config_path), "--runtime-dir", str(folder), "--seed", str(seed)]
+        rig_options = [
+            "--config",
+            str(config_path),
+            "--runtime-dir",
+            str(folder),
+            "--seed",
+            str(seed),
+        ]
         self._start("hil", ("-m", "firmware_py", "hil", *rig_options))
         for program in programs(options, folder / "log"):
             self.supervisor.start(_shaped(program, folder))
 
     def _start(self, name: str, arguments: tuple[str, ...]) -> None:
-        self.supervisor.start(Program(name, (sys.executable, *arguments), self.folder / "log" / f"{name}.log"))
+        self.supervisor.start(
+            Program(name, (sys.executable, *arguments), self.folder / "log" / f"{name}.log")
+        )
 
     def connect(self) -> Client:
         """A client of the gate, as soon as samples flow through guard and gate.
@@ -113,7 +130,9 @@ class Stage:
             time.sleep(0.1)
         log = self.folder / "log" / f"{missing}.log"
         tail = log.read_text()[-400:].strip() if log.exists() else "no log"
-        raise StartError(f"{missing} did not come up within {START_WITHIN_S:.0f} s; its log ends: {tail}")
+        raise StartError(
+            f"{missing} did not come up within {START_WITHIN_S:.0f} s; its log ends: {tail}"
+        )
 
     def rig(self, **request: Any) -> dict[str, Any]:
         """One request to the rig's console."""
@@ -127,7 +146,9 @@ class Stage:
 @contextlib.contextmanager
 def open_stage(setting: Setting, seed: int) -> Iterator[Stage]:
     """Processes on a bus (or cable) of their own, ended and removed afterwards."""
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # a demo that is told to stop cleans up too
+    signal.signal(
+        signal.SIGTERM, signal.default_int_handler
+    )  # a demo that is told to stop cleans up too
     with tempfile.TemporaryDirectory(prefix="orbitd-demo-") as name:
         folder = Path(name)
         if setting.config.bus.link == "serial":
@@ -141,8 +162,11 @@ def open_stage(setting: Setting, seed: int) -> Iterator[Stage]:
             stage.stop()
 
 
-def play(stage: Stage, story: Story, screen: Quiet, observer: Observer, started_s: float) -> LiveRun:
-    """Play ``story``; ``started_s`` is when the command was typed (for the time to the first command)."""
+def play(
+    stage: Stage, story: Story, screen: Quiet, observer: Observer, started_s: float
+) -> LiveRun:
+    """Play ``story``; ``started_s`` is when the command was typed (for the time to the first
+    command)."""
     client = stage.connect()
     observer.started_ns = time.monotonic_ns()
     performer = _Performer(stage, client, screen, observer)
@@ -155,7 +179,10 @@ def play(stage: Stage, story: Story, screen: Quiet, observer: Observer, started_
             while beats and beats[0].t_s <= t_s:
                 performer.perform(beats.pop(0))
             for died in stage.supervisor.poll(time.monotonic()):
-                screen.say(f"{t_s:6.1f} s     {died.name} ended ({died.code}); it is started again in a moment")
+                screen.say(
+                    f"{t_s:6.1f} s     {died.name} ended ({died.code}); it is started again in a "
+                    f"moment"
+                )
             _listen(subscriptions, observer)
             performer.watch_brain()
             if t_s >= truth_due_s:
@@ -168,7 +195,9 @@ def play(stage: Stage, story: Story, screen: Quiet, observer: Observer, started_
     state = client.status()
     client.close()
     counters = state.guard.counters if state.guard else {}
-    return LiveRun(observer, counters, lag_ms, performer.brain_back_s, first_command_s, state.recording)
+    return LiveRun(
+        observer, counters, lag_ms, performer.brain_back_s, first_command_s, state.recording
+    )
 
 
 class _Performer:
@@ -187,7 +216,12 @@ class _Performer:
         self._screen.say(f"{self._observer.story_s(now_ns):6.1f} s     {beat_text(beat)}")
         match beat.verb:
             case "operating":
-                self._stage.rig(verb="operating", speed_rpm=beat.speed_rpm, load_N=beat.load_N, ramp_s=beat.ramp_s)
+                self._stage.rig(
+                    verb="operating",
+                    speed_rpm=beat.speed_rpm,
+                    load_N=beat.load_N,
+                    ramp_s=beat.ramp_s,
+                )
             case "inject":
                 self._stage.rig(verb="inject", fault=beat.fault, severity=beat.severity)
             case "clear":
@@ -213,7 +247,9 @@ class _Performer:
 
     def read_truth(self) -> None:
         """What the rig has noted since the last time."""
-        for entry in self._stage.rig(verb="truth", after_ns=max(self._truth_ns, self._observer.started_ns))["truth"]:
+        for entry in self._stage.rig(
+            verb="truth", after_ns=max(self._truth_ns, self._observer.started_ns)
+        )["truth"]:
             record = msgspec.convert(entry, RigTruth)
             self._truth_ns = record.t_ns
             self._observer.truth.append(Truth.of(record, self._observer.story_s(record.t_ns)))
@@ -232,5 +268,7 @@ def _shaped(program: Program, folder: Path) -> Program:
     if program.name == "brain":
         return Program(program.name, program.argv, program.log, restart_after_s=BRAIN_AWAY_S)
     if program.name == "gate":
-        return Program(program.name, (*program.argv, "--record", str(folder / "recording")), program.log)
+        return Program(
+            program.name, (*program.argv, "--record", str(folder / "recording")), program.log
+        )
     return program

@@ -5,7 +5,16 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass, field
 
-from firmware_py.records import Advice, CycleRecord, Diagnosis, Event, Forecast, GuardState, RigReading, RoomRecord
+from firmware_py.records import (
+    Advice,
+    CycleRecord,
+    Diagnosis,
+    Event,
+    Forecast,
+    GuardState,
+    RigReading,
+    RoomRecord,
+)
 from sim_hil.demo.story import Beat
 from sim_hil.truth import RigTruth
 

@@ -50,20 +50,39 @@ def _port(link: str) -> dict[str, Any]:
     return {"serial_port": "cable"} if link == "serial" else {}
 
 
-def _play_simulated(setting: Setting, story: Story, observer: Observer, screen: Quiet, options: argparse.Namespace,
-                    began_s: float) -> Outcome:
+def _play_simulated(
+    setting: Setting,
+    story: Story,
+    observer: Observer,
+    screen: Quiet,
+    options: argparse.Namespace,
+    began_s: float,
+) -> Outcome:
     with recorded(options.record, setting.config) as listeners:
         run = simulated.Player(setting, story, screen, observer, listeners).play()
     counters = run.counters
-    bus = BusCount("simulated", run.frames_expected, counters["frames_in"], counters["frames_lost"],
-                   counters["blocks_lost"])
+    bus = BusCount(
+        "simulated",
+        run.frames_expected,
+        counters["frames_in"],
+        counters["frames_lost"],
+        counters["blocks_lost"],
+    )
     loop = LoopTiming(1000.0, 0.0, {"p50": 0.0, "p99": 0.0})
     no_latency: dict[str, Any] = {"exceedance_to_safe": None, "echo": None}
-    return _outcome(setting, story, observer, bus, HostTiming(0, 0.0), 0.0, loop, no_latency, run.brain_back_s)
+    return _outcome(
+        setting, story, observer, bus, HostTiming(0, 0.0), 0.0, loop, no_latency, run.brain_back_s
+    )
 
 
-def _play_live(setting: Setting, story: Story, observer: Observer, screen: Quiet, options: argparse.Namespace,
-               began_s: float) -> Outcome:
+def _play_live(
+    setting: Setting,
+    story: Story,
+    observer: Observer,
+    screen: Quiet,
+    options: argparse.Namespace,
+    began_s: float,
+) -> Outcome:
     with live_run.open_stage(setting, story.seed) as stage:
         screen.say("starting rig, guard, brain and gate")
         host = HostProbe()
@@ -88,14 +107,27 @@ def _play_live(setting: Setting, story: Story, observer: Observer, screen: Quiet
     loop = LoopTiming(1000.0, round(counters["cycles_late"] / cycles, 5), {
         "p50": counters["lateness_p50_us"] * 1e-3, "p99": counters["lateness_p99_us"] * 1e-3,
     })  # fmt: skip
-    return _outcome(setting, story, observer, bus, timing, run.lag_ms_max, loop, reaction, run.brain_back_s)
+    return _outcome(
+        setting, story, observer, bus, timing, run.lag_ms_max, loop, reaction, run.brain_back_s
+    )
 
 
-def _outcome(setting: Setting, story: Story, observer: Observer, bus: BusCount, host: HostTiming, lag_ms: float,
-             loop: LoopTiming, reaction: dict[str, Any], brain_back_s: float | None) -> Outcome:
+def _outcome(
+    setting: Setting,
+    story: Story,
+    observer: Observer,
+    bus: BusCount,
+    host: HostTiming,
+    lag_ms: float,
+    loop: LoopTiming,
+    reaction: dict[str, Any],
+    brain_back_s: float | None,
+) -> Outcome:
     """Score what was observed."""
     duty_act = next(act for act in story.acts if act.name == "duty")
-    duty_truth = [truth for truth in observer.truth if duty_act.start_s <= truth.t_s < duty_act.end_s]
+    duty_truth = [
+        truth for truth in observer.truth if duty_act.start_s <= truth.t_s < duty_act.end_s
+    ]
     killed = any(beat.verb == "kill_brain" for _, beat in observer.beats)
     config = setting.config
     slowest_rad_s = 0.98 * config.operating.speed_min_rpm * math.pi / 30
@@ -106,4 +138,3 @@ def _outcome(setting: Setting, story: Story, observer: Observer, bus: BusCount, 
         score_forecasts(observer), score_film(observer, config.limits.min_film_um, SETTLED_S, slowest_rad_s), kills,
         rerun_fixed(duty_truth, setting, story.seed),
     )  # fmt: skip
-

@@ -1,10 +1,10 @@
 """How fast the guard answers danger, seen from the bus: trials against a real guard process.
 
-``python -m sim_hil.demo.reaction --config FILE --runtime-dir DIR`` is a signal generator in the place of
-rig, node and gate.  Each trial arms the guard at a wide clearance, lets the shaft displacement jump past
-the danger limit in one frame, and waits for the command that carries the safe clearance.  The time counts
-from the frame's own sending, just before it reaches the guard's socket, to the command's arrival here; the
-configured danger delay is part of it.
+``python -m sim_hil.demo.reaction --config FILE --runtime-dir DIR`` is a signal generator in the
+place of rig, node and gate.  Each trial arms the guard at a wide clearance, lets the shaft
+displacement jump past the danger limit in one frame, and waits for the command that carries the
+safe clearance.  The time counts from the frame's own sending, just before it reaches the guard's
+socket, to the command's arrival here; the configured danger delay is part of it.
 """
 
 from __future__ import annotations
@@ -67,7 +67,8 @@ class ReactionError(OrbitdError):
 class Generator:
     """Plausible sample frames at the configured rate, and a node that conforms.
 
-    ``jumped`` shifts both displacement channels; ``jumped_ns`` is when the first such frame was sent.
+    ``jumped`` shifts both displacement channels; ``jumped_ns`` is when the first such frame was
+    sent.
     """
 
     config: Config
@@ -128,8 +129,14 @@ class Generator:
         first, shift = self._tick_us, JUMP_COUNTS if self.jumped else 0
         rows = b"".join(self._row(first + i * self._period_us, shift) for i in range(3))
         turns = first // TURN_US
-        return SampleFrame(self._frames & 0xFFFF, first & 0xFFFFFFFF, (turns * TURN_US) & 0xFFFFFFFF, turns & 0xFFFF,
-                           int(SampleFlag.MARK_VALID), rows)
+        return SampleFrame(
+            self._frames & 0xFFFF,
+            first & 0xFFFFFFFF,
+            (turns * TURN_US) & 0xFFFFFFFF,
+            turns & 0xFFFF,
+            int(SampleFlag.MARK_VALID),
+            rows,
+        )
 
     def _row(self, at_us: int, shift: int) -> bytes:
         angle = 2 * math.pi * (at_us % TURN_US) / TURN_US
@@ -157,10 +164,22 @@ class Generator:
         tick, a = self._tick_us & 0xFFFFFFFF, self.config.actuator
         counter = self._slow & 0xFFFF
         self._send(self._node.state(counter, tick, True))
-        self._send(RigStatus(counter, tick, 40.0, 40.0, self._node.clearance_um, self._node.pressure_bar))
+        self._send(
+            RigStatus(counter, tick, 40.0, 40.0, self._node.clearance_um, self._node.pressure_bar)
+        )
         if self._slow % 20 == 0:
-            self._send(NodeInfo(self._slow // 20 & 0xFFFF, tick, SCHEMA, self._period_us, a.safe_radial_clearance_um,
-                                a.safe_pressure_bar, a.time_to_live_ms, a.rate_um_s))
+            self._send(
+                NodeInfo(
+                    self._slow // 20 & 0xFFFF,
+                    tick,
+                    SCHEMA,
+                    self._period_us,
+                    a.safe_radial_clearance_um,
+                    a.safe_pressure_bar,
+                    a.time_to_live_ms,
+                    a.rate_um_s,
+                )
+            )
         self._slow += 1
 
 
@@ -179,8 +198,12 @@ def trials(generator: Generator, count: int) -> Iterator[float]:
 
 def _safe_since_jump(generator: Generator, safe_um: float) -> bool:
     command = generator.command
-    return command is not None and bool(generator.jumped_ns) and generator.command_ns > generator.jumped_ns \
+    return (
+        command is not None
+        and bool(generator.jumped_ns)
+        and generator.command_ns > generator.jumped_ns
         and abs(command.clearance_um - safe_um) < 0.01
+    )
 
 
 def _arm(generator: Generator, safe_um: float) -> None:
@@ -200,8 +223,11 @@ def _arm(generator: Generator, safe_um: float) -> None:
             reasons = [reason for reply in generator.replies for reason in reply.reasons]
             raise ReactionError(f"the guard refuses to arm: {'; '.join(reasons)}")
         _run_for(generator, 0.2)
-    _until(generator, lambda: generator.command is not None and generator.command.clearance_um > safe_um + 1.0,
-           "a command wider than safe")
+    _until(
+        generator,
+        lambda: generator.command is not None and generator.command.clearance_um > safe_um + 1.0,
+        "a command wider than safe",
+    )
 
 
 def _until(generator: Generator, holds: Callable[[], bool], what: str) -> None:
@@ -222,7 +248,9 @@ def quantiles(values: list[float]) -> dict[str, float]:
     """Median, 99th percentile and maximum, rounded to a microsecond."""
     ordered = sorted(values)
     at = {"p50": 0.5, "p99": 0.99, "max": 1.0}
-    return {name: round(ordered[round(share * (len(ordered) - 1))], 3) for name, share in at.items()}
+    return {
+        name: round(ordered[round(share * (len(ordered) - 1))], 3) for name, share in at.items()
+    }
 
 
 def main(argv: list[str]) -> int:

@@ -35,11 +35,15 @@ def recorded(path: Path | None, config: Config) -> Iterator[tuple[Listener, ...]
     with tempfile.TemporaryDirectory(prefix="orbitd-recording-") as name:
         folder = Path(name)
         head = metadata(config, read_models(config))
-        recorder = Recorder(folder, "demo", head, config.recorder.max_megabytes * 10**6, time.time_ns)
+        recorder = Recorder(
+            folder, "demo", head, config.recorder.max_megabytes * 10**6, time.time_ns
+        )
         yield (recorder.write,)
         recorder.close()
         files = list(folder.glob("*.mcap"))
         if recorder.counters["recorder_lost"] or len(files) != 1:
             lost = recorder.counters["recorder_lost"]
-            raise RecordingIncompleteError(f"{path}: {lost} records lost in {len(files)} files; use a faster disk")
+            raise RecordingIncompleteError(
+                f"{path}: {lost} records lost in {len(files)} files; use a faster disk"
+            )
         shutil.copyfile(files[0], path)

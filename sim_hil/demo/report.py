@@ -1,4 +1,5 @@
-"""The demo's result: one dictionary with the keys that programs read, and the words that people read."""
+"""The demo's result: one dictionary with the keys that programs read, and the words that people
+read."""
 
 from __future__ import annotations
 
@@ -76,12 +77,17 @@ TERMS: Final[dict[str, Callable[[Outcome], bool]]] = {
     "no frame or block lost": lambda o: o.bus.frames_lost == 0 and o.bus.blocks_lost == 0,
     "film never below its limit": lambda o: o.film.violation_s == 0.0,
     "every fault named": lambda o: all(fault.correct for fault in o.faults),
-    "less power than the fixed nominal clearance": lambda o: o.actual_W < o.counterfactual.nominal_fixed_W,
+    "less power than the fixed nominal clearance": lambda o: (
+        o.actual_W < o.counterfactual.nominal_fixed_W
+    ),
     f"power forecast within {POWER_FORECAST_PCT:g} % (p95)": lambda o: (
-        o.forecast.power_error_pct_p95 is not None and o.forecast.power_error_pct_p95 <= POWER_FORECAST_PCT
+        o.forecast.power_error_pct_p95 is not None
+        and o.forecast.power_error_pct_p95 <= POWER_FORECAST_PCT
     ),
     f"target safe within {TARGET_SAFE_MS:g} ms of a kill, process back": lambda o: all(
-        kill.target_safe_ms is not None and kill.target_safe_ms <= TARGET_SAFE_MS and kill.back_s is not None
+        kill.target_safe_ms is not None
+        and kill.target_safe_ms <= TARGET_SAFE_MS
+        and kill.back_s is not None
         for kill in o.kills
     ),
     "no trip": lambda o: not o.trips,
@@ -108,7 +114,9 @@ def as_dict(outcome: Outcome) -> dict[str, Any]:
             "actual_W": round(actual, 2),
             "source": "the rig's own truth, mean over the duty act",
             "device_estimate_W": estimate,
-            "estimate_error_pct": None if estimate is None else round(100 * (estimate - actual) / actual, 2),
+            "estimate_error_pct": None
+            if estimate is None
+            else round(100 * (estimate - actual) / actual, 2),
             "counterfactual": asdict(outcome.counterfactual),
         },
         "film": asdict(outcome.film),
@@ -130,7 +138,9 @@ def _fault_dict(fault: FaultScore) -> dict[str, Any]:
 def _device_estimate_W(outcome: Outcome) -> float | None:
     """Mean of the device's own power forecasts during the duty act."""
     start_s, end_s = outcome.duty_truth[0].t_s, outcome.duty_truth[-1].t_s
-    expected = [forecast.power_W[1] for t, forecast in outcome.observer.forecasts if start_s <= t <= end_s]
+    expected = [
+        forecast.power_W[1] for t, forecast in outcome.observer.forecasts if start_s <= t <= end_s
+    ]
     return round(sum(expected) / len(expected), 2) if expected else None
 
 
@@ -139,24 +149,32 @@ def summary(result: dict[str, Any]) -> list[str]:
     power, bus = result["power"], result["bus"]
     fixed = power["counterfactual"]
     lines = [
-        f"bus       {bus['frames_in']} of {bus['frames_expected']} sample frames, {bus['frames_lost']} lost",
-        f"power     {power['actual_W']:.1f} W in the duty; the nominal clearance held fixed would burn "
-        f"{fixed['nominal_fixed_W']:.1f} W ({_saving(power['actual_W'], fixed['nominal_fixed_W'])})",
+        f"bus       {bus['frames_in']} of {bus['frames_expected']} sample frames, "
+        f"{bus['frames_lost']} lost",
+        f"power     {power['actual_W']:.1f} W in the duty; the nominal clearance held fixed would "
+        f"burn "
+        f"{fixed['nominal_fixed_W']:.1f} W "
+        f"({_saving(power['actual_W'], fixed['nominal_fixed_W'])})",
     ]
     if fixed["best_um"] is not None:
         lines.append(
             f"          the best fixed clearance in hindsight ({fixed['best_um']:.0f} um): "
-            f"{fixed['best_feasible_fixed_W']:.1f} W ({_saving(power['actual_W'], fixed['best_feasible_fixed_W'])})"
+            f"{fixed['best_feasible_fixed_W']:.1f} W "
+            f"({_saving(power['actual_W'], fixed['best_feasible_fixed_W'])})"
         )
     lines += [_fault_line(fault) for fault in result["faults"]]
     forecast = result["forecast"]
     if forecast["scored"]:
         lines.append(
-            f"forecast  {forecast['horizon_s']:.0f} s ahead: power within {forecast['power_error_pct_p95']:.1f} %, "
-            f"orbit within {forecast['peak_to_peak_error_pct_p95']:.0f} % (95 % of {forecast['scored']})"
+            f"forecast  {forecast['horizon_s']:.0f} s ahead: power within "
+            f"{forecast['power_error_pct_p95']:.1f} %, "
+            f"orbit within {forecast['peak_to_peak_error_pct_p95']:.0f} % (95 % of "
+            f"{forecast['scored']})"
         )
     film = result["film"]
-    lines.append(f"film      {film['min_um']:.1f} um at least; {film['violation_s']:.1f} s below the limit")
+    lines.append(
+        f"film      {film['min_um']:.1f} um at least; {film['violation_s']:.1f} s below the limit"
+    )
     lines += [_kill_line(kill) for kill in result["kills"]]
     lines += [f"trip      at {trip['t_s']:.1f} s: {trip['text']}" for trip in result["trips"]]
     verdict = "all held" if result["ok"] else "did not hold: " + "; ".join(result["failed_terms"])
@@ -180,6 +198,8 @@ def _fault_line(fault: dict[str, Any]) -> str:
 
 def _kill_line(kill: dict[str, Any]) -> str:
     safe = "never" if kill["target_safe_ms"] is None else f"after {kill['target_safe_ms']:.0f} ms"
-    there = "not in time" if kill["arrived_safe_s"] is None else f"after {kill['arrived_safe_s']:.1f} s"
+    there = (
+        "not in time" if kill["arrived_safe_s"] is None else f"after {kill['arrived_safe_s']:.1f} s"
+    )
     back = "not back" if kill["back_s"] is None else f"back after {kill['back_s']:.1f} s"
     return f"kill      {kill['process']}: target safe {safe}, clearance there {there}, {back}"

@@ -1,4 +1,5 @@
-"""Scores of a demo: faults named, forecasts kept, films and kills survived; each from the rig's truth."""
+"""Scores of a demo: faults named, forecasts kept, films and kills survived; each from the rig's
+truth."""
 
 from __future__ import annotations
 
@@ -15,7 +16,8 @@ NOT_NAMES = frozenset({"normal", "none", "doubt", "whirl"})
 """Verdicts that name no fault of the machine."""
 
 UNKNOWN = "unknown"
-"""Not normal, and no class either: counts as the name only where none was given, and is told beside one."""
+"""Not normal, and no class either: counts as the name only where none was given, and is told beside
+one."""
 
 CONFIRMING = 3
 """Equal decisions in a row that count as a name."""
@@ -43,8 +45,9 @@ class FaultScore:
 def score_faults(observer: Observer) -> list[FaultScore]:
     """Every injected fault with the last name that was confirmed while it stood.
 
-    A name is a verdict repeated :data:`CONFIRMING` times in a row; ``delay_s`` counts to the first moment
-    from which it was confirmed.  Other names confirmed meanwhile are listed, ``unknown`` among them.
+    A name is a verdict repeated :data:`CONFIRMING` times in a row; ``delay_s`` counts to the first
+    moment from which it was confirmed.  Other names confirmed meanwhile are listed, ``unknown``
+    among them.
     """
     scores = []
     for t_s, beat in observer.beats:
@@ -57,7 +60,9 @@ def score_faults(observer: Observer) -> list[FaultScore]:
 
 def _cleared_s(observer: Observer, beat: Beat, t_s: float) -> float:
     """When the fault of ``beat`` was cleared; infinity when it never was."""
-    cleared = (t for t, b in observer.beats if b.verb == "clear" and b.fault == beat.fault and t > t_s)
+    cleared = (
+        t for t, b in observer.beats if b.verb == "clear" and b.fault == beat.fault and t > t_s
+    )
     return next(cleared, float("inf"))
 
 
@@ -82,7 +87,9 @@ def _fault_score(beat: Beat, t_s: float, names: list[tuple[float, Diagnosis]]) -
     final = classes[-1] if classes else UNKNOWN
     since_s, first = next((t, d) for t, d in names if d.verdict == final)
     others = tuple(sorted({d.verdict for _, d in names} - {final}))
-    return FaultScore(beat.fault, expected, beat.severity, t_s, final, first.probability, since_s - t_s, others)
+    return FaultScore(
+        beat.fault, expected, beat.severity, t_s, final, first.probability, since_s - t_s, others
+    )
 
 
 @dataclass(frozen=True)
@@ -100,14 +107,18 @@ class ForecastScore:
 def score_forecasts(observer: Observer) -> ForecastScore:
     """Compare each forecast with the truth one horizon later.
 
-    A forecast is set apart when speed, load, clearance or a fault changed inside its horizon: it was
-    conditional on none of that.  A clearance that follows the forecast's own candidate is no change.
+    A forecast is set apart when speed, load, clearance or a fault changed inside its horizon: it
+    was conditional on none of that.  A clearance that follows the forecast's own candidate is no
+    change.
     """
     times = [truth.t_s for truth in observer.truth]
     changes = sorted(t for t, beat in observer.beats if beat.verb in ("inject", "clear"))
     power, swing, apart = [], [], 0
     for t_s, forecast in observer.forecasts:
-        start, end = bisect.bisect_left(times, t_s), bisect.bisect_left(times, t_s + forecast.horizon_s)
+        start, end = (
+            bisect.bisect_left(times, t_s),
+            bisect.bisect_left(times, t_s + forecast.horizon_s),
+        )
         if end >= len(times) or forecast.quality:
             continue
         held = _held(observer.truth[max(0, start - 1) : end + 1], forecast.clearance_um)
@@ -129,10 +140,13 @@ def score_forecasts(observer: Observer) -> ForecastScore:
 
 
 def _held(span: list[Truth], clearance_um: float) -> bool:
-    """Whether speed and load held through ``span`` and the clearance ended where the forecast assumed."""
+    """Whether speed and load held through ``span`` and the clearance ended where the forecast
+    assumed."""
     speeds = [truth.speed_rad_s for truth in span]
     loads = [truth.load_N for truth in span]
-    steady = max(speeds) - min(speeds) <= 0.005 * max(speeds) and max(loads) - min(loads) <= 0.02 * max(loads)
+    steady = max(speeds) - min(speeds) <= 0.005 * max(speeds) and max(loads) - min(
+        loads
+    ) <= 0.02 * max(loads)
     return steady and abs(span[-1].clearance_um - clearance_um) <= 1.5
 
 
@@ -149,15 +163,19 @@ class FilmScore:
 
 
 def score_film(observer: Observer, limit_um: float, from_s: float, from_rad_s: float) -> FilmScore:
-    """Minimum film after ``from_s`` (before it the rig runs up) at speeds that carry a film at all."""
-    turning = [truth for truth in observer.truth if truth.t_s >= from_s and truth.speed_rad_s >= from_rad_s]
+    """Minimum film after ``from_s`` (before it the rig runs up) at speeds that carry a film at
+    all."""
+    turning = [
+        truth for truth in observer.truth if truth.t_s >= from_s and truth.speed_rad_s >= from_rad_s
+    ]
     films = [truth.min_film_um for truth in turning]
     return FilmScore(round(min(films), 2), round(0.1 * sum(film < limit_um for film in films), 2))
 
 
 @dataclass(frozen=True)
 class KillScore:
-    """A process that was killed: node target at the safe value, arrival there, and the process back."""
+    """A process that was killed: node target at the safe value, arrival there, and the process
+    back."""
 
     process: str
     killed_s: float
@@ -167,13 +185,20 @@ class KillScore:
 
 
 def score_kill(observer: Observer, safe_um: float, back_s: float | None) -> KillScore:
-    """Follow the node's target and clearance (its own word, every 50 ms) after the brain was killed.
+    """Follow the node's target and clearance (its own word, every 50 ms) after the brain was
+    killed.
 
     ``back_s`` is the time until the new brain's first word.
     """
     killed_s = next(t for t, beat in observer.beats if beat.verb == "kill_brain")
-    after = [(t - killed_s, reading) for t, reading in observer.readings if t >= killed_s and reading.node]
-    target = next((t for t, r in after if r.node and abs(r.node.target_clearance_um - safe_um) < 0.02), None)
+    after = [
+        (t - killed_s, reading)
+        for t, reading in observer.readings
+        if t >= killed_s and reading.node
+    ]
+    target = next(
+        (t for t, r in after if r.node and abs(r.node.target_clearance_um - safe_um) < 0.02), None
+    )
     arrived = next((t for t, r in after if abs(r.status.clearance_actual_um - safe_um) < 1.0), None)
     return KillScore(
         "brain",

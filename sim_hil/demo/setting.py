@@ -25,20 +25,25 @@ class Setting:
 
     def on(self, **bus: Any) -> Setting:
         """The same with other ``bus`` settings."""
-        changed = msgspec.structs.replace(self.config, bus=msgspec.structs.replace(self.config.bus, **bus))
+        changed = msgspec.structs.replace(
+            self.config, bus=msgspec.structs.replace(self.config.bus, **bus)
+        )
         return Setting(changed, self.rig, self.build)
 
 
 def prepare(rig_name: str, seed: int) -> Setting:
-    """The shipped configuration of ``rig_name`` with provisional models allowed to act, and a drawn build.
+    """The shipped configuration of ``rig_name`` with provisional models allowed to act, and a drawn
+    build.
 
-    The device does not know the build: masses, stiffnesses, clearance, viscosity, runout and sensor errors
-    are drawn from ``seed`` within the spreads of ``classes.json`` and ``sensors.json``.
+    The device does not know the build: masses, stiffnesses, clearance, viscosity, runout and sensor
+    errors are drawn from ``seed`` within the spreads of ``classes.json`` and ``sensors.json``.
     """
     config, _ = load(SHIPPED / f"{rig_name}.toml")
     authority = msgspec.structs.replace(config.authority, provisional_may_act=True)
     rig = load_rig(rig_name)
-    return Setting(msgspec.structs.replace(config, authority=authority), rig, Build.of_seed(rig, seed))
+    return Setting(
+        msgspec.structs.replace(config, authority=authority), rig, Build.of_seed(rig, seed)
+    )
 
 
 def write_config(config: Config, path: Path) -> None:

@@ -1,4 +1,5 @@
-"""The demo on a simulated clock: every stage in one process, deterministic, faster than real time."""
+"""The demo on a simulated clock: every stage in one process, deterministic, faster than real
+time."""
 
 from __future__ import annotations
 
@@ -40,8 +41,14 @@ class SimulatedRun:
 class Player:
     """Plays a story through a :class:`ClosedLoop`."""
 
-    def __init__(self, setting: Setting, story: Story, screen: Quiet, observer: Observer,
-                 listeners: tuple[Listener, ...] = ()) -> None:
+    def __init__(
+        self,
+        setting: Setting,
+        story: Story,
+        screen: Quiet,
+        observer: Observer,
+        listeners: tuple[Listener, ...] = (),
+    ) -> None:
         self._story, self._screen, self._observer = story, screen, observer
         codec = codec_for(setting.config)
         self.rig = Rig(
@@ -76,7 +83,9 @@ class Player:
                 self._counter.count(self.loop.frames_in)
                 self._read_truth()
                 self._screen.update(t_s)
-        return SimulatedRun(self._observer, self.guard.counters, self._counter.frames, self._brain_back_s)
+        return SimulatedRun(
+            self._observer, self.guard.counters, self._counter.frames, self._brain_back_s
+        )
 
     def _perform(self, beat: Beat) -> None:
         self._observer.on_beat(beat, self.loop.now_ns)

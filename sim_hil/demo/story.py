@@ -1,7 +1,7 @@
 """What happens in a demo, and when: drawn from the seed, unknown to the device.
 
-A story is a list of acts (what a person is told) and of beats (what is done to the rig or to the device).
-All times count from the moment at which samples flow.
+A story is a list of acts (what a person is told) and of beats (what is done to the rig or to the
+device). All times count from the moment at which samples flow.
 """
 
 from __future__ import annotations
@@ -29,8 +29,9 @@ FAULT_VERDICTS = {
 """Fault that is injected, and the verdict that names it."""
 
 UNBALANCE_GRADES_G = (16.0,)
-"""Severity at which the unbalance must be named (`classes.json`: required_at).  A sudden G40 in a clearance that is
-wide to save power passes danger before the clearance is narrow again: the guard rightly trips, the story would end."""
+"""Severity at which the unbalance must be named (`classes.json`: required_at).  A sudden G40 in a
+clearance that is wide to save power passes danger before the clearance is narrow again: the guard
+rightly trips, the story would end."""
 
 BOLT_PRELOADS_PERCENT = (25.0, 0.0)
 """Severities at which a bolt must be named (`classes.json`: required_at preload <= 25 %)."""
@@ -92,7 +93,8 @@ class _Point:
 def draw(seconds: float, seed: int, operating: Operating, fault: str | None = None) -> Story:
     """Draw the story of ``seconds`` from ``seed``.
 
-    Under 60 s the second fault is left out, under 50 s the kill of the brain too; the rest is shortened.
+    Under 60 s the second fault is left out, under 50 s the kill of the brain too; the rest is
+    shortened.
 
     Parameters
     ----------
@@ -128,27 +130,41 @@ _START = _Point(6000.0, 100.0)
 
 @dataclass(frozen=True)
 class _Teller:
-    """Draws one scene after the other; each takes its start, end and the operating point it finds."""
+    """Draws one scene after the other; each takes its start, end and the operating point it
+    finds."""
 
     rng: np.random.Generator
     operating: Operating
     fault: str | None
 
     def healthy(self, start: float, end: float, point: _Point) -> _Scene:
-        return Act("healthy", start, end, "healthy running; the device checks, is armed, takes over"), [], point
+        return (
+            Act("healthy", start, end, "healthy running; the device checks, is armed, takes over"),
+            [],
+            point,
+        )
 
     def duty(self, start: float, end: float, point: _Point) -> _Scene:
-        """Holds of 4 to 7 s at speeds and loads of the whole range, joined by ramps within the declared rate."""
+        """Holds of 4 to 7 s at speeds and loads of the whole range, joined by ramps within the
+        declared rate."""
         speeds = np.array([1500, 3000, 4500, 6000, 9000, 12000])
         loads = np.array([30, 60, 100, 200, 300])
-        in_range = (speeds >= self.operating.speed_min_rpm) & (speeds <= self.operating.speed_max_rpm)
+        in_range = (speeds >= self.operating.speed_min_rpm) & (
+            speeds <= self.operating.speed_max_rpm
+        )
         beats, t = [], start
         while t < end - LONGEST_RAMP_S:
-            target = _Point(float(self.rng.choice(speeds[in_range])), self._load(float(self.rng.choice(loads))))
+            target = _Point(
+                float(self.rng.choice(speeds[in_range])), self._load(float(self.rng.choice(loads)))
+            )
             ramp = self._ramp_s(point, target)
             beats.append(Beat(t, "operating", target.speed_rpm, target.load_N, ramp))
             point, t = target, t + ramp + float(self.rng.uniform(4.0, 7.0))
-        return Act("duty", start, end, "changing speed and load; the clearance follows to save power"), beats, point
+        return (
+            Act("duty", start, end, "changing speed and load; the clearance follows to save power"),
+            beats,
+            point,
+        )
 
     def unbalance(self, start: float, end: float, point: _Point) -> _Scene:
         return self._injected("unbalance", start, end, point)
@@ -159,27 +175,49 @@ class _Teller:
 
     def kill(self, start: float, end: float, point: _Point) -> _Scene:
         beats = [Beat(start + float(self.rng.uniform(1.0, 2.0)), "kill_brain")]
-        return Act("kill", start, end, "the brain is killed; the actuator goes to its safe value"), beats, point
+        return (
+            Act("kill", start, end, "the brain is killed; the actuator goes to its safe value"),
+            beats,
+            point,
+        )
 
     def _injected(self, name: str, start: float, end: float, point: _Point) -> _Scene:
         """A hold, one fault injected at a drawn moment, cleared at the end of the act."""
         low, high = self.operating.speed_min_rpm, self.operating.speed_max_rpm
-        severity = float(self.rng.choice(UNBALANCE_GRADES_G if name == "unbalance" else BOLT_PRELOADS_PERCENT))
+        severity = float(
+            self.rng.choice(UNBALANCE_GRADES_G if name == "unbalance" else BOLT_PRELOADS_PERCENT)
+        )
         speed_rpm = float(self.rng.uniform(max(low, 0.25 * high), 0.6 * high))
         hold = _Point(speed_rpm, self._load(float(self.rng.uniform(60, 200))))
         ramp = self._ramp_s(point, hold)
         beats = [
             Beat(start, "operating", hold.speed_rpm, hold.load_N, ramp),
-            Beat(start + ramp + float(self.rng.uniform(1.0, 2.5)), "inject", fault=name, severity=severity),
+            Beat(
+                start + ramp + float(self.rng.uniform(1.0, 2.5)),
+                "inject",
+                fault=name,
+                severity=severity,
+            ),
             Beat(end - 0.2, "clear", fault=name),
         ]
-        return Act("fault", start, end, "something is wrong with the machine: does the device name it?"), beats, hold
+        return (
+            Act(
+                "fault", start, end, "something is wrong with the machine: does the device name it?"
+            ),
+            beats,
+            hold,
+        )
 
     def _load(self, load_N: float) -> float:
         return min(max(load_N, self.operating.load_min_N), self.operating.load_max_N)
 
     def _ramp_s(self, start: _Point, end: _Point) -> float:
-        """Shortest ramp that keeps within :data:`RAMP_SHARE` of the declared rates, at least 1 s."""
-        speed_s = abs(end.speed_rpm - start.speed_rpm) / (RAMP_SHARE * self.operating.speed_ramp_unannounced_rpm_s)
-        load_s = abs(end.load_N - start.load_N) / (RAMP_SHARE * self.operating.load_ramp_unannounced_N_s)
+        """Shortest ramp that keeps within :data:`RAMP_SHARE` of the declared rates, at least 1
+        s."""
+        speed_s = abs(end.speed_rpm - start.speed_rpm) / (
+            RAMP_SHARE * self.operating.speed_ramp_unannounced_rpm_s
+        )
+        load_s = abs(end.load_N - start.load_N) / (
+            RAMP_SHARE * self.operating.load_ramp_unannounced_N_s
+        )
         return max(1.0, speed_s, load_s)

@@ -1,7 +1,8 @@
-"""Faults of the machine, its sensors, its actuators and their node, by name and continuous severity.
+"""Faults of the machine, its sensors, its actuators and their node, by name and continuous
+severity.
 
-``FaultSet`` maps names to severities: :data:`MACHINE_FAULTS`, ``sensor_<kind>:<channel>``, and of a whole rig also
-:data:`ACTUATOR_FAULTS` and :data:`NODE_FAULTS`.
+``FaultSet`` maps names to severities: :data:`MACHINE_FAULTS`, ``sensor_<kind>:<channel>``, and of a
+whole rig also :data:`ACTUATOR_FAULTS` and :data:`NODE_FAULTS`.
 """
 
 from __future__ import annotations
@@ -40,7 +41,9 @@ def check_fault(name: str, severity: float) -> None:
         known = ", ".join([*MACHINE_FAULTS, *ACTUATOR_FAULTS, *NODE_FAULTS, *sensors])
         raise UnknownFault(f"fault = {name}: unknown; choose one of {known}")
     if not low <= severity <= high:
-        raise UnknownFault(f"severity of {name} = {severity:g}: outside {low:g} .. {high:g}; choose a value inside")
+        raise UnknownFault(
+            f"severity of {name} = {severity:g}: outside {low:g} .. {high:g}; choose a value inside"
+        )
 
 
 __all__ = [

@@ -1,7 +1,7 @@
 """Faults of the actuators and of their node: what is reached is not what was commanded.
 
-Severity 0 is healthy, 1 the strongest.  They stand between the node's targets and the machine; what the node reports
-as its target, and what the position sensor measures, stays true.
+Severity 0 is healthy, 1 the strongest.  They stand between the node's targets and the machine; what
+the node reports as its target, and what the position sensor measures, stays true.
 """
 
 from __future__ import annotations
@@ -15,7 +15,8 @@ OFFSET_M: Final = 20e-6
 
 @dataclass(frozen=True)
 class Reach:
-    """Targets of the node, where the clearance stands and may go, and how far its target leads it at full rate."""
+    """Targets of the node, where the clearance stands and may go, and how far its target leads it
+    at full rate."""
 
     clearance_m: float
     pressure_Pa: float
@@ -60,8 +61,12 @@ def pressure_lost(at: Reach, severity: float) -> tuple[float, float]:
 
 
 ACTUATOR_FAULTS: Final[dict[str, Apply]] = {
-    "actuator_stuck": stuck, "actuator_runaway": runaway, "actuator_slow": slow, "actuator_offset": offset,
-    "actuator_reversed": reversed_sign, "pressure_lost": pressure_lost,
+    "actuator_stuck": stuck,
+    "actuator_runaway": runaway,
+    "actuator_slow": slow,
+    "actuator_offset": offset,
+    "actuator_reversed": reversed_sign,
+    "pressure_lost": pressure_lost,
 }
 
 NODE_FAULTS: Final = ("node_refuses",)

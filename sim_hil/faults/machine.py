@@ -1,7 +1,7 @@
 """Faults of the machine: each changes the parameters of a healthy plant.
 
-Severities are those of ``classes.json`` where it fixes them: balance grade G for unbalance, percent of
-preload left for bolts (100 is healthy); 0 (healthy) to 1 for the rest.
+Severities are those of ``classes.json`` where it fixes them: balance grade G for unbalance, percent
+of preload left for bolts (100 is healthy); 0 (healthy) to 1 for the rest.
 """
 
 from __future__ import annotations
@@ -66,9 +66,11 @@ def _scaled(values: Four, index: int, factor: float) -> Four:
 
 
 def unbalance(plant: Plant, rig: RigData, build: Build, severity: float) -> Plant:
-    """Rotating force ``U omega^2`` with ``U`` of balance grade G = ``severity`` at 6000 rpm (ISO 21940-11).
+    """Rotating force ``U omega^2`` with ``U`` of balance grade G = ``severity`` at 6000 rpm (ISO
+    21940-11).
 
-    Range G 0.4 to 40; normal builds lie between 0.4 and 6.3.  Signature: order 1, forward, grows with speed squared.
+    Range G 0.4 to 40; normal builds lie between 0.4 and 6.3.  Signature: order 1, forward, grows
+    with speed squared.
     """
     return plant._replace(shaft=plant.shaft._replace(unbalance=unbalance_of_grade(rig, severity)))
 
@@ -76,24 +78,34 @@ def unbalance(plant: Plant, rig: RigData, build: Build, severity: float) -> Plan
 def pedestal_bolt(plant: Plant, rig: RigData, build: Build, severity: float) -> Plant:
     """Pedestal bolt A with ``severity`` percent of its preload left (:func:`loosen`), 100 to 0.
 
-    Signature: roll joins vertical and lateral motion, modes fall; near 0 %: harmonics and a truncated wave.
+    Signature: roll joins vertical and lateral motion, modes fall; near 0 %: harmonics and a
+    truncated wave.
     """
-    return plant._replace(pedestal=loosen(plant.pedestal, BOLT_A, severity, float(build.bolt_gap_m[BOLT_A])))
+    return plant._replace(
+        pedestal=loosen(plant.pedestal, BOLT_A, severity, float(build.bolt_gap_m[BOLT_A]))
+    )
 
 
 def pedestal_two_bolts(plant: Plant, rig: RigData, build: Build, severity: float) -> Plant:
-    """Pedestal bolts A and B, each with ``severity`` percent of preload left, 100 to 0 (:func:`loosen`)."""
+    """Pedestal bolts A and B, each with ``severity`` percent of preload left, 100 to 0
+    (:func:`loosen`)."""
     one = pedestal_bolt(plant, rig, build, severity)
-    return one._replace(pedestal=loosen(one.pedestal, BOLT_B, severity, float(build.bolt_gap_m[BOLT_B])))
+    return one._replace(
+        pedestal=loosen(one.pedestal, BOLT_B, severity, float(build.bolt_gap_m[BOLT_B]))
+    )
 
 
 def pedestal_bolt_c(plant: Plant, rig: RigData, build: Build, severity: float) -> Plant:
-    """A pedestal bolt on the other side, no class of the classifier (:func:`loosen`), 100 to 0 percent."""
-    return plant._replace(pedestal=loosen(plant.pedestal, BOLT_C, severity, float(build.bolt_gap_m[BOLT_C])))
+    """A pedestal bolt on the other side, no class of the classifier (:func:`loosen`), 100 to 0
+    percent."""
+    return plant._replace(
+        pedestal=loosen(plant.pedestal, BOLT_C, severity, float(build.bolt_gap_m[BOLT_C]))
+    )
 
 
 def motor_bolt(plant: Plant, rig: RigData, build: Build, severity: float) -> Plant:
-    """Motor bolt with ``severity`` percent of preload left (:func:`loosen`), 100 to 0: shows at the motor."""
+    """Motor bolt with ``severity`` percent of preload left (:func:`loosen`), 100 to 0: shows at the
+    motor."""
     return plant._replace(motor=loosen(plant.motor, 0, severity, float(build.bolt_gap_m[4])))
 
 
@@ -103,24 +115,30 @@ def pedestal_and_motor_bolt(plant: Plant, rig: RigData, build: Build, severity: 
 
 
 def misalignment(plant: Plant, rig: RigData, build: Build, severity: float) -> Plant:
-    """Coupling misalignment: order 2 at the coupling and a steady side load, both in proportion to ``severity``.
+    """Coupling misalignment: order 2 at the coupling and a steady side load, both in proportion to
+    ``severity``.
 
-    Parallel offset (0.2 mm at 1): the loose member of a double-slider coupling runs round on a circle whose diameter
-    is the offset, twice a turn, ``F = m_s (offset / 2) (2 omega)^2`` with ``m_s`` = 0.4 kg; gear and disc couplings
-    show the same order (Gibbons, Coupling misalignment forces, 1976; Dewell and Mitchell 1984).  Angular offset: a
-    steady bending moment tilts the rotor and loads the bearing from the side, 30 N at 1.  Masses and sizes assumed.
+    Parallel offset (0.2 mm at 1): the loose member of a double-slider coupling runs round on a
+    circle whose diameter is the offset, twice a turn, ``F = m_s (offset / 2) (2 omega)^2`` with
+    ``m_s`` = 0.4 kg; gear and disc couplings show the same order (Gibbons, Coupling misalignment
+    forces, 1976; Dewell and Mitchell 1984).  Angular offset: a steady bending moment tilts the
+    rotor and loads the bearing from the side, 30 N at 1.  Masses and sizes assumed.
     """
     side_N_m = SIDE_LOAD_N * (rig.rotor.coupling_to_cg_m + rig.rotor.bearing_to_cg_m) * severity
     spinning_kg_m = 0.5 * COUPLING_SLEEVE_KG * OFFSET_M * severity
-    return plant._replace(excite=plant.excite._replace(misaligned_kg_m=spinning_kg_m, misaligned_N_m=side_N_m))
+    return plant._replace(
+        excite=plant.excite._replace(misaligned_kg_m=spinning_kg_m, misaligned_N_m=side_N_m)
+    )
 
 
 def rub(plant: Plant, rig: RigData, build: Build, severity: float) -> Plant:
-    """Partial rub (:mod:`sim_hil.rotor.stator`): a seal comes down on the shaft as ``severity`` goes from 0 to 1.
+    """Partial rub (:mod:`sim_hil.rotor.stator`): a seal comes down on the shaft as ``severity``
+    goes from 0 to 1.
 
-    Its gap above where the shaft ran before goes from 10 um to -2 um (pressed on), 100 MN/m, friction 0.2.
-    Signature: orders 2 and up where the orbit touches (most of all in the housing's acceleration), backward
-    components, friction power; pressed on, the orbit is held.  Fractions of the speed need less damping than here.
+    Its gap above where the shaft ran before goes from 10 um to -2 um (pressed on), 100 MN/m,
+    friction 0.2. Signature: orders 2 and up where the orbit touches (most of all in the housing's
+    acceleration), backward components, friction power; pressed on, the orbit is held.  Fractions of
+    the speed need less damping than here.
     """
     light, hard = RUB_GAP_M
     gap = light + (hard - light) * severity
@@ -129,21 +147,25 @@ def rub(plant: Plant, rig: RigData, build: Build, severity: float) -> Plant:
 
 
 def starvation(plant: Plant, rig: RigData, build: Build, severity: float) -> Plant:
-    """Oil starvation: the filled share of the film falls to ``1 - 0.5 severity`` (:mod:`sim_hil.rotor.bearing`).
+    """Oil starvation: the filled share of the film falls to ``1 - 0.5 severity``
+    (:mod:`sim_hil.rotor.bearing`).
 
-    Signature: the film thins (contact voltage), the journal sinks towards the load, less oil takes the heat away.
+    Signature: the film thins (contact voltage), the journal sinks towards the load, less oil takes
+    the heat away.
     """
     return plant._replace(film=plant.film._replace(share=1 - STARVED_SHARE * severity))
 
 
 def wear(plant: Plant, rig: RigData, build: Build, severity: float) -> Plant:
-    """Bearing wear: a flat worn by the journal into the loaded side; ``6 um severity`` of mean radial wear (volume).
+    """Bearing wear: a flat worn by the journal into the loaded side; ``6 um severity`` of mean
+    radial wear (volume).
 
-    The profile is Dufrane's (Dufrane, Kannel and McCloskey 1983): ``delta = d - c (1 - cos psi)`` from its deepest
-    point, where the journal's own circle cuts the bore; ``d = 0.5 c`` at 1.  The film takes the profile's mean and
-    first order: a cylinder that is wider and whose middle has moved towards the load (:func:`worn_bore`).  Beside a
-    short bearing with the true profile (d = 0.1 to 0.5 c, eccentricity ratios 0.3 to 0.7) friction is within 5 %,
-    but the journal sinks only 0.5 to 0.8 as far, and the smallest film is 1 to 20 % too thick: the flat is lost.
+    The profile is Dufrane's (Dufrane, Kannel and McCloskey 1983): ``delta = d - c (1 - cos psi)``
+    from its deepest point, where the journal's own circle cuts the bore; ``d = 0.5 c`` at 1.  The
+    film takes the profile's mean and first order: a cylinder that is wider and whose middle has
+    moved towards the load (:func:`worn_bore`).  Beside a short bearing with the true profile (d =
+    0.1 to 0.5 c, eccentricity ratios 0.3 to 0.7) friction is within 5 %, but the journal sinks only
+    0.5 to 0.8 as far, and the smallest film is 1 to 20 % too thick: the flat is lost.
     """
     wider = WEAR_M * severity
     _, drop = worn_bore(wider, rig.bearing.clearance_nominal_m)
@@ -153,8 +175,8 @@ def wear(plant: Plant, rig: RigData, build: Build, severity: float) -> Plant:
 def worn_bore(mean_m: float, clearance_m: float) -> tuple[float, float]:
     """Deepest point and first order of a Dufrane profile with that mean over the turn, m.
 
-    With ``E`` the half angle of the flat: depth ``c (1 - cos E)``, mean ``c (sin E - E cos E) / pi``, first order
-    ``c (E - sin E cos E) / pi``.
+    With ``E`` the half angle of the flat: depth ``c (1 - cos E)``, mean ``c (sin E - E cos E) /
+    pi``, first order ``c (E - sin E cos E) / pi``.
 
     Parameters
     ----------
@@ -170,7 +192,8 @@ def worn_bore(mean_m: float, clearance_m: float) -> tuple[float, float]:
 
 
 def pressure_loss(plant: Plant, rig: RigData, build: Build, severity: float) -> Plant:
-    """Supply pressure falls to ``1 - severity`` of its set point; below half the minimum the film starves."""
+    """Supply pressure falls to ``1 - severity`` of its set point; below half the minimum the film
+    starves."""
     return plant._replace(act=plant.act._replace(pressure_gain=1 - severity))
 
 
@@ -192,7 +215,9 @@ MACHINE_FAULTS: Final[dict[str, MachineFault]] = {
 }
 
 
-def apply_machine_faults(plant: Plant, rig: RigData, build: Build, faults: dict[str, float]) -> Plant:
+def apply_machine_faults(
+    plant: Plant, rig: RigData, build: Build, faults: dict[str, float]
+) -> Plant:
     """``plant`` with every machine fault of ``faults``; sensor faults are left to the sensors."""
     for name, severity in faults.items():
         if name in MACHINE_FAULTS:

@@ -1,7 +1,7 @@
 """Faults of the sensors: what is measured changes, the machine does not.
 
-Named ``sensor_<kind>:<channel>``; severity 0 is healthy, 1 the strongest.  They act on the signal in SI
-before quantisation, in shares of the channel's full range where they need a size.
+Named ``sensor_<kind>:<channel>``; severity 0 is healthy, 1 the strongest.  They act on the signal
+in SI before quantisation, in shares of the channel's full range where they need a size.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ DENT_RAD = math.radians(10)
 class Samples:
     """Where and when a faulty channel was sampled, each shape (n,).
 
-    ``since_s``: time since the fault began; ``angle_rad``: of the shaft; ``uniform``: random numbers on [0, 1);
-    ``full``: the channel's full range.
+    ``since_s``: time since the fault began; ``angle_rad``: of the shaft; ``uniform``: random
+    numbers on [0, 1); ``full``: the channel's full range.
     """
 
     since_s: Floats
@@ -70,7 +70,8 @@ def dropout(signal: Floats, severity: float, at: Samples) -> Floats:
 
 
 def clipping(signal: Floats, severity: float, at: Samples) -> Floats:
-    """The amplifier saturates at ``0.5 (1 - 0.99 severity)`` of the full range, either side of zero."""
+    """The amplifier saturates at ``0.5 (1 - 0.99 severity)`` of the full range, either side of
+    zero."""
     limit = 0.5 * (1 - 0.99 * severity) * at.full if severity > 0 else math.inf
     return np.clip(signal, -limit, limit)
 
@@ -81,22 +82,28 @@ def hum(signal: Floats, severity: float, at: Samples) -> Floats:
 
 
 def runout(signal: Floats, severity: float, at: Samples) -> Floats:
-    """A dent under the probe: once a turn ``0.1 severity`` of the full range deep, 10 degrees wide (1/e).
+    """A dent under the probe: once a turn ``0.1 severity`` of the full range deep, 10 degrees wide
+    (1/e).
 
-    Proximity probes only.  It stands at every speed, also in a slow roll, with many orders of the speed.
+    Proximity probes only.  It stands at every speed, also in a slow roll, with many orders of the
+    speed.
     """
     turned = np.remainder(at.angle_rad + math.pi, 2 * math.pi) - math.pi
     return signal + 0.1 * severity * at.full * np.exp(-((turned / DENT_RAD) ** 2))
 
 
 SENSOR_FAULTS: Final[dict[str, SensorFault]] = {
-    **{kind.__name__: SensorFault(kind) for kind in (gain, offset, drift, stuck, dropout, clipping, hum)},
+    **{
+        kind.__name__: SensorFault(kind)
+        for kind in (gain, offset, drift, stuck, dropout, clipping, hum)
+    },
     "runout": SensorFault(runout, ("disp_x", "disp_y")),
 }
 
 
 def sensor_fault(name: str) -> tuple[SensorFault, int] | None:
-    """The fault and its channel index of ``sensor_<kind>:<channel>``; None when it is no such name."""
+    """The fault and its channel index of ``sensor_<kind>:<channel>``; None when it is no such
+    name."""
     head, _, channel = name.partition(":")
     kind = head.removeprefix("sensor_")
     if head == kind or kind not in SENSOR_FAULTS or channel not in SENSOR_FAULTS[kind].channels:

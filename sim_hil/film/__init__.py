@@ -1,8 +1,16 @@
-"""Fluid film of a journal bearing: force, friction, flow, equilibrium and its linear coefficients."""
+"""Fluid film of a journal bearing: force, friction, flow, equilibrium and its linear
+coefficients."""
 
 from .equilibrium import Equilibria, Equilibrium, equilibrium
 from .force import film_force
-from .records import Feed, FilmError, FilmForce, FilmMemory, FilmNotConverged, JournalOutsideClearance
+from .records import (
+    Feed,
+    FilmError,
+    FilmForce,
+    FilmMemory,
+    FilmNotConverged,
+    JournalOutsideClearance,
+)
 from .thermal import ThermalEquilibrium, thermal_equilibrium
 
 __all__ = [

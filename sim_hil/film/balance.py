@@ -19,7 +19,9 @@ def direction(angle: float) -> Floats:
     return np.array([np.cos(angle), np.sin(angle)])
 
 
-def bracketed_root(function: Callable[[float], float], low: float, high: float, tolerance: float = _TOLERANCE) -> float:
+def bracketed_root(
+    function: Callable[[float], float], low: float, high: float, tolerance: float = _TOLERANCE
+) -> float:
     """Root between two points of different sign (regula falsi, Illinois variant)."""
     f_low, f_high = function(low), function(high)
     while abs(high - low) > tolerance and f_low != f_high:
@@ -38,8 +40,8 @@ def bracketed_root(function: Callable[[float], float], low: float, high: float, 
 def position_of_ratio(bearing: Bearing, ratio: float, load_angle: float) -> Floats:
     """Turn the journal around the ring until the film opposes the load.
 
-    Unfed the force turns with the journal: one turn. Feeds break that; then every attitude of the ring is tried
-    and of several the one that carries most is taken.
+    Unfed the force turns with the journal: one turn. Feeds break that; then every attitude of the
+    ring is tried and of several the one that carries most is taken.
     """
 
     def place(angle: float) -> Floats:
@@ -64,7 +66,9 @@ def position_of_ratio(bearing: Bearing, ratio: float, load_angle: float) -> Floa
     ]
     carried, angle = max(((along_and_across(a)[0], a) for a in roots), default=(0.0, 0.0))
     if carried <= 0:
-        raise FilmNotConverged(f"no attitude carries a load at eccentricity ratio {ratio}: the feeds outweigh it")
+        raise FilmNotConverged(
+            f"no attitude carries a load at eccentricity ratio {ratio}: the feeds outweigh it"
+        )
     return place(angle)
 
 
@@ -79,7 +83,9 @@ def position_of_load(bearing: Bearing, load: Floats) -> Floats:
             return position
         axes = np.eye(2)
         reach = 1e-4 * (c - np.hypot(*position))
-        columns = [evaluate(bearing, position + reach * a, REST).force_N + load - balance for a in axes]
+        columns = [
+            evaluate(bearing, position + reach * a, REST).force_N + load - balance for a in axes
+        ]
         step = _solved(np.column_stack(columns) / reach, -balance)
         gap = c - np.hypot(*position)
         step *= min(1.0, 0.6 * gap / max(np.hypot(*step), 1e-300))
@@ -90,8 +96,10 @@ def position_of_load(bearing: Bearing, load: Floats) -> Floats:
             step = step / 2
         position, balance = position + step, trial
     raise FilmNotConverged(
-        f"no equilibrium found for a load of {size:.6g} N: {np.hypot(*balance):.3g} N out of balance at "
-        f"eccentricity ratio {np.hypot(*position) / c:.6g}; near 1 the load is more than this film carries"
+        f"no equilibrium found for a load of {size:.6g} N: {np.hypot(*balance):.3g} N out of "
+        f"balance at "
+        f"eccentricity ratio {np.hypot(*position) / c:.6g}; near 1 the load is more than this film "
+        f"carries"
     )
 
 
@@ -105,7 +113,12 @@ def _solved(jacobian: Floats, right: Floats) -> Floats:
 def _short_bearing_guess(bearing: Bearing, load: Floats) -> Floats:
     """Equilibrium of the short bearing with pi film, a start for any length (Ocvirk 1952)."""
     ratio = np.linspace(0.01, 0.97, 97)
-    scale = bearing.viscosity_Pa_s * abs(bearing.speed_rad_s) * bearing.radius_m / (4 * bearing.clearance_m**2)
+    scale = (
+        bearing.viscosity_Pa_s
+        * abs(bearing.speed_rad_s)
+        * bearing.radius_m
+        / (4 * bearing.clearance_m**2)
+    )
     shape = 1 / bearing.length_m**2 + 1 / (2 * bearing.radius_m) ** 2
     root = np.sqrt(16 * ratio**2 + np.pi**2 * (1 - ratio**2))
     carried = scale * bearing.length_m / shape * ratio / (1 - ratio**2) ** 2 * root

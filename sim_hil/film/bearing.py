@@ -35,12 +35,18 @@ class Bearing:
             value = getattr(self, name)
             if not (np.isfinite(value) and value > 0):
                 raise FilmError(f"{name} = {value}: must be finite and above zero")
-        rest = (self.speed_rad_s, self.clearance_rate_m_s, self.cavitation_pressure_Pa, *self.end_pressure_Pa)
+        rest = (
+            self.speed_rad_s,
+            self.clearance_rate_m_s,
+            self.cavitation_pressure_Pa,
+            *self.end_pressure_Pa,
+        )
         if not np.all(np.isfinite(rest)):
             raise FilmError(f"speed, clearance rate and pressures must be finite, got {rest}")
         if self.clearance_m > _THIN_FILM_LIMIT * self.radius_m:
             raise FilmError(
-                f"clearance_m = {self.clearance_m}: above {_THIN_FILM_LIMIT} x radius_m = {self.radius_m}, "
+                f"clearance_m = {self.clearance_m}: above {_THIN_FILM_LIMIT} x radius_m = "
+                f"{self.radius_m}, "
                 "not a thin film; clearances are radial and in metres"
             )
         for name, choices in (("rupture", Rupture), ("inlet", Inlet), ("couette", Couette)):
@@ -49,17 +55,22 @@ class Bearing:
         lowest = min(*self.end_pressure_Pa, *(f.pressure_Pa for f in self.feed))
         if self.rupture != "full" and lowest < self.cavitation_pressure_Pa:
             raise FilmError(
-                f"cavitation_pressure_Pa = {self.cavitation_pressure_Pa}: above a feed or end pressure ({lowest})"
+                f"cavitation_pressure_Pa = {self.cavitation_pressure_Pa}: above a feed or end "
+                f"pressure ({lowest})"
             )
         if len(self.grid) != 2 or self.grid[0] < 12 or self.grid[1] < 6:
-            raise FilmError(f"grid = {self.grid}: needs at least 12 nodes around and 6 intervals along")
+            raise FilmError(
+                f"grid = {self.grid}: needs at least 12 nodes around and 6 intervals along"
+            )
 
     @classmethod
     def of(cls, arguments: FilmArguments) -> "Bearing":
         """The bearing that these arguments describe; the end pressures and feeds become tuples."""
         bearing = cls(**arguments)
         lower, upper = bearing.end_pressure_Pa
-        return replace(bearing, feed=tuple(bearing.feed), end_pressure_Pa=(float(lower), float(upper)))
+        return replace(
+            bearing, feed=tuple(bearing.feed), end_pressure_Pa=(float(lower), float(upper))
+        )
 
     @property
     def pressure_scale_Pa_s(self) -> float:
@@ -82,10 +93,13 @@ class Bearing:
             dry = max(self.end_pressure_Pa) <= self.cavitation_pressure_Pa
             if self.rupture == "jfo" and self.inlet == "periodic" and not self.feed and dry:
                 raise FilmError(
-                    "rupture = 'jfo' without memory: a film without feed, inlet line or end pressure above "
+                    "rupture = 'jfo' without memory: a film without feed, inlet line or end "
+                    "pressure above "
                     "cavitation runs dry in the steady state; give one of them, or a memory"
                 )
         elif self.rupture != "jfo" or self.inlet != "periodic":
-            raise FilmError("memory: only the film with rupture = 'jfo' and inlet = 'periodic' has one")
+            raise FilmError(
+                "memory: only the film with rupture = 'jfo' and inlet = 'periodic' has one"
+            )
         elif not (np.isfinite(memory.dt_s) and memory.dt_s > 0):
             raise FilmError(f"memory.dt_s = {memory.dt_s}: must be finite and above zero")

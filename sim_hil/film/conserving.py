@@ -1,11 +1,13 @@
-"""The mass-conserving film (Jakobsson, Floberg 1957; Olsson 1965): pressure where full, fill where ruptured.
+"""The mass-conserving film (Jakobsson, Floberg 1957; Olsson 1965): pressure where full, fill where
+ruptured.
 
 Scaled as in `solver`. With the liquid share `1 - b` of the gap,
 
-    div(H^3 grad p) = omega/2 d(H (1 - b))/dtheta + d(H (1 - b))/dt,   p >= floor, b >= 0, one of them equal,
+    div(H^3 grad p) = omega/2 d(H (1 - b))/dtheta + d(H (1 - b))/dt,   p >= floor, b >= 0, one of
+    them equal,
 
-upwind in b, implicit in time. Every mixture of the two kinds of column is an M-matrix, so the complementarity is
-solved by the same active set as Reynolds rupture.
+upwind in b, implicit in time. Every mixture of the two kinds of column is an M-matrix, so the
+complementarity is solved by the same active set as Reynolds rupture.
 """
 
 import numpy as np
@@ -15,7 +17,8 @@ from sim_hil.jit import allocating
 from .records import Floats
 from .solver import MAX_SWEEPS, eliminate, fold
 
-# A ring ruptured all around keeps no oil in the steady state; this share of the drag selects that answer.
+# A ring ruptured all around keeps no oil in the steady state; this share of the drag selects that
+# answer.
 _DRAIN = 1e-12
 
 
@@ -35,7 +38,8 @@ def _solve_mixed(
     band: Floats,
     rhs: Floats,
 ) -> None:
-    """Solve the balance of every free cell for its pressure, or where ruptured for its void share."""
+    """Solve the balance of every free cell for its pressure, or where ruptured for its void
+    share."""
     n, m = p.shape
     w = 2 * m
     band[:] = 0.0
@@ -100,13 +104,16 @@ def solve_conserving(
     Parameters
     ----------
     p, void
-        On entry the fixed pressures, and zeros; on return pressure and void share, shape (theta, z).
+        On entry the fixed pressures, and zeros; on return pressure and void share, shape (theta,
+        z).
     ruptured
         Guess of the ruptured cells on entry, the ruptured cells on return.
     supply
-        What the walls deliver to each cell if full, less what refills the voids of one time step ago.
+        What the walls deliver to each cell if full, less what refills the voids of one time step
+        ago.
     drag
-        Flow that the wall drags through each face between stations if full, shape (theta, z), not negative.
+        Flow that the wall drags through each face between stations if full, shape (theta, z), not
+        negative.
     kept
         Rate at which a void of one is stored in each cell.
     step
@@ -116,7 +123,9 @@ def solve_conserving(
     band = np.empty((n * m, 4 * m + 1))
     rhs = np.empty(n * m)
     for sweep in range(1, MAX_SWEEPS + 1):
-        _solve_mixed(p, void, fixed, ruptured, around, axial, supply, drag, kept, step, floor, band, rhs)
+        _solve_mixed(
+            p, void, fixed, ruptured, around, axial, supply, drag, kept, step, floor, band, rhs
+        )
         tiny = 1e-11 * np.max(np.abs(p - floor))
         changes = 0
         for i in range(n):

@@ -1,11 +1,13 @@
-"""The fast direct film: Guembel rupture, a few axial cosine modes, callable from other compiled kernels.
+"""The fast direct film: Guembel rupture, a few axial cosine modes, callable from other compiled
+kernels.
 
-Scaled as in `solver`, the unfed film between ambient ends is `p = sum_k P_k(theta) cos(kappa_k z)` with
-`kappa_k = (2 k - 1) pi R / L`. Each mode is one cyclic tridiagonal system,
+Scaled as in `solver`, the unfed film between ambient ends is `p = sum_k P_k(theta) cos(kappa_k z)`
+with `kappa_k = (2 k - 1) pi R / L`. Each mode is one cyclic tridiagonal system,
 
     d/dtheta(H^3 dP_k/dtheta) - kappa_k^2 H^3 P_k = a_k (omega/2 dH/dtheta + dH/dt),
 
-where `a_k = 4 (-1)^(k-1) / ((2 k - 1) pi)` expands the constant one; pressures below ambient are then cut off.
+where `a_k = 4 (-1)^(k-1) / ((2 k - 1) pi)` expands the constant one; pressures below ambient are
+then cut off.
 """
 
 import math
@@ -22,15 +24,16 @@ _AXIAL_POINTS = 6
 
 @dataclass(frozen=True)
 class DirectFilm:
-    """Arrays that `direct_force` needs: the first two fixed, `work` its scratch space (one per thread).
+    """Arrays that `direct_force` needs: the first two fixed, `work` its scratch space (one per
+    thread).
 
     Parameters
     ----------
     ring
         cos and sin at the stations and at the faces after them, shape (4, theta).
     axial
-        Cosines of the modes at the Gauss points of one half, and the points' weights over both halves (their
-        sum is one) in the last column, shape (points, modes + 1).
+        Cosines of the modes at the Gauss points of one half, and the points' weights over both
+        halves (their sum is one) in the last column, shape (points, modes + 1).
     work
         Shape (3, theta, modes).
     """
@@ -58,8 +61,9 @@ class DirectFilm:
 def solve_rings(link: Floats, diagonal: Floats, right: Floats, work: Floats) -> None:
     """Solve cyclic tridiagonal systems side by side; `right` becomes the solutions.
 
-    Row i is `diagonal[i] x[i] - link[i] x[i+1] - link[i-1] x[i-1] = right[i]` around the ring; `link` is common to
-    all systems, shape (n,), the others have shape (n, systems). The last unknown is carried along as a parameter.
+    Row i is `diagonal[i] x[i] - link[i] x[i+1] - link[i-1] x[i-1] = right[i]` around the ring;
+    `link` is common to all systems, shape (n,), the others have shape (n, systems). The last
+    unknown is carried along as a parameter.
     """
     n, systems = right.shape
     for k in range(systems):
@@ -104,7 +108,8 @@ def direct_force(
     L: float,
     c_rate: float = 0.0,
 ) -> tuple[float, float, float]:
-    """Force on the journal (fx, fy), N, and braking friction torque, N m; arguments as `table_force`.
+    """Force on the journal (fx, fy), N, and braking friction torque, N m; arguments as
+    `table_force`.
 
     The arrays are those of a `DirectFilm`. The eccentricity must be below the clearance.
     """

@@ -1,7 +1,8 @@
-"""The direct film with Reynolds rupture, callable from other compiled kernels: the check of what the table says.
+"""The direct film with Reynolds rupture, callable from other compiled kernels: the check of what
+the table says.
 
-Solver and scales are those of `solver`, on one half of an even mesh: the pressure is found at each call by the active
-set method, which starts from where the film was ruptured at the call before.
+Solver and scales are those of `solver`, on one half of an even mesh: the pressure is found at each
+call by the active set method, which starts from where the film was ruptured at the call before.
 """
 
 import math
@@ -19,9 +20,9 @@ from .solver import around_conductance, axial_conductance, solve_pressure
 class ReynoldsLaw(NamedTuple):
     """Mesh and memory of the film; `ruptured` (theta, z) is written and belongs to one thread.
 
-    `ring` holds cos and sin at the stations and at the faces after them, shape (4, theta); `z_gap`, `z_width` and
-    `z_weight` the axial mesh of one half, in journal radii; `fixed` the nodes at the end. The side flow is taken from
-    the `table`.
+    `ring` holds cos and sin at the stations and at the faces after them, shape (4, theta); `z_gap`,
+    `z_width` and `z_weight` the axial mesh of one half, in journal radii; `fixed` the nodes at the
+    end. The side flow is taken from the `table`.
     """
 
     ring: Floats
@@ -52,16 +53,20 @@ def reynolds_force(
     law: ReynoldsLaw, ex: float, ey: float, vx: float, vy: float, omega: float, c: float, mu: float, R: float,
     L: float, c_rate: float,
 ) -> tuple[float, float, float]:  # fmt: skip
-    """Force on the journal (fx, fy), N, and braking friction torque, N m; arguments as `table_force`.
+    """Force on the journal (fx, fy), N, and braking friction torque, N m; arguments as
+    `table_force`.
 
-    The eccentricity must be below the clearance. No pressure at all where the rupture does not settle.
+    The eccentricity must be below the clearance. No pressure at all where the rupture does not
+    settle.
     """
     n, m = law.fixed.shape
     gap = 2 * math.pi / n
     chord = 2 * math.sin(gap / 2)  # integral of the cosine over a cell, over its middle value
     x, y = ex / c, ey / c
     sx, sy = (vx + 0.5 * omega * ey) / c, (vy - 0.5 * omega * ex) / c
-    around = around_conductance(1.0 - x * law.ring[2] - y * law.ring[3], np.full(n, gap), law.z_width)
+    around = around_conductance(
+        1.0 - x * law.ring[2] - y * law.ring[3], np.full(n, gap), law.z_width
+    )
     axial = axial_conductance(1.0 - x * law.ring[0] - y * law.ring[1], np.full(n, gap), law.z_gap)
     rate = (sx * law.ring[0] + sy * law.ring[1]) * chord - c_rate / c * gap
     supply = rate.reshape(-1, 1) * law.z_width.reshape(1, -1)

@@ -23,7 +23,8 @@ class Equilibrium:
     Parameters
     ----------
     eccentricity_ratio, attitude_rad
-        Eccentricity over clearance; angle from the load to the eccentricity, in the direction of rotation, rad.
+        Eccentricity over clearance; angle from the load to the eccentricity, in the direction of
+        rotation, rad.
     position_m, load_N
         Journal centre (x, y), m, and the load carried, N.
     sommerfeld
@@ -33,13 +34,13 @@ class Equilibrium:
     film
         Force, torque, flows and smallest film there.
     stiffness_N_m, damping_N_s_m
-        K and C, `F_i = -K_ij x_j - C_ij v_j`; axis 0 along the load, axis 1 at 90 degrees in the direction of
-        rotation; shape (2, 2).
+        K and C, `F_i = -K_ij x_j - C_ij v_j`; axis 0 along the load, axis 1 at 90 degrees in the
+        direction of rotation; shape (2, 2).
     stiffness, damping
         The same as `K c / W` and `C c omega / W`.
     whirl_ratio, threshold
-        Whirl frequency over speed at the stability threshold of a rigid rotor, and `omega sqrt(c m / W)` there;
-        NaN where the journal is stable at any speed (Lund 1966).
+        Whirl frequency over speed at the stability threshold of a rigid rotor, and `omega sqrt(c m
+        / W)` there; NaN where the journal is stable at any speed (Lund 1966).
     """
 
     eccentricity_ratio: float
@@ -64,7 +65,8 @@ class Equilibrium:
 
 @dataclass(frozen=True)
 class Equilibria:
-    """The numbers of `Equilibrium` for a batch, which is their leading axes (attitude_rad: from -pi to pi)."""
+    """The numbers of `Equilibrium` for a batch, which is their leading axes (attitude_rad: from -pi
+    to pi)."""
 
     eccentricity_ratio: Floats
     attitude_rad: Floats
@@ -119,7 +121,8 @@ def equilibrium(
     load_angle_rad: ArrayLike = -np.pi / 2,
     **film: Unpack[FilmRules],
 ) -> Equilibrium | Equilibria:
-    """Equilibrium under a given load, or at a given eccentricity ratio, with a load of given direction.
+    """Equilibrium under a given load, or at a given eccentricity ratio, with a load of given
+    direction.
 
     Parameters
     ----------
@@ -128,8 +131,8 @@ def equilibrium(
     load_angle_rad
         Direction of the load, rad; the default is downwards.
     clearance_m, viscosity_Pa_s, speed_rad_s, **film
-        Bearing, oil and rules as in `film_force`. These three, the load, its angle and the eccentricity ratio may
-        be arrays that broadcast: the answer is then `Equilibria`.
+        Bearing, oil and rules as in `film_force`. These three, the load, its angle and the
+        eccentricity ratio may be arrays that broadcast: the answer is then `Equilibria`.
 
     Raises
     ------
@@ -142,7 +145,8 @@ def equilibrium(
         raise FilmError("give either load_N or eccentricity_ratio")
     asked = load_N if load_N is not None else eccentricity_ratio
     arrays = [
-        np.asarray(a, dtype=np.float64) for a in (asked, load_angle_rad, clearance_m, viscosity_Pa_s, speed_rad_s)
+        np.asarray(a, dtype=np.float64)
+        for a in (asked, load_angle_rad, clearance_m, viscosity_Pa_s, speed_rad_s)
     ]
     states = [_one(load_N is not None, film, *numbers) for numbers in np.broadcast(*arrays)]
     shape = np.broadcast_shapes(*(a.shape for a in arrays))
@@ -192,14 +196,18 @@ def _stacked(states: list[Equilibrium], batch: tuple[int, ...]) -> Equilibria:
 
 
 def linear_coefficients(bearing: Bearing, position: Floats, axes: Floats) -> tuple[Floats, Floats]:
-    """Stiffness and damping of the film at rest there, along the two orthonormal rows of `axes`, SI.
+    """Stiffness and damping of the film at rest there, along the two orthonormal rows of `axes`,
+    SI.
 
-    Central differences, of second order in position and of fourth in velocity: with velocity the rupture boundary
-    moves across the grid, whose grain a long step evens out (0.1 % of the largest coefficient at the standard grid).
+    Central differences, of second order in position and of fourth in velocity: with velocity the
+    rupture boundary moves across the grid, whose grain a long step evens out (0.1 % of the largest
+    coefficient at the standard grid).
     """
     c, e = bearing.clearance_m, float(np.hypot(*position))
     reach = _POSITION_STEP * min(c - e, max(4 * e, 1e-3 * c))
-    supply = max((abs(f.pressure_Pa) for f in bearing.feed), default=0.0) / bearing.pressure_scale_Pa_s
+    supply = (
+        max((abs(f.pressure_Pa) for f in bearing.feed), default=0.0) / bearing.pressure_scale_Pa_s
+    )
     rate = _VELOCITY_STEP * max(e, 1e-3 * c) * (abs(bearing.speed_rad_s) or supply or 1.0)
 
     def displaced(shift: Floats) -> Floats:
@@ -212,12 +220,15 @@ def linear_coefficients(bearing: Bearing, position: Floats, axes: Floats) -> tup
         return (at(-step) - at(step)) / 2
 
     stiffness = [drop(displaced, reach * a) / reach for a in axes]
-    damping = [(4 * drop(moving, rate * a) - drop(moving, 2 * rate * a) / 2) / (3 * rate) for a in axes]
+    damping = [
+        (4 * drop(moving, rate * a) - drop(moving, 2 * rate * a) / 2) / (3 * rate) for a in axes
+    ]
     return np.column_stack(stiffness), np.column_stack(damping)
 
 
 def whirl_threshold(stiffness: Floats, damping: Floats) -> tuple[float, float]:
-    """Whirl ratio and `omega sqrt(c m / W)` at the threshold from dimensionless K and C (Lund 1966)."""
+    """Whirl ratio and `omega sqrt(c m / W)` at the threshold from dimensionless K and C (Lund
+    1966)."""
     (kxx, kxy), (kyx, kyy) = stiffness
     (cxx, cxy), (cyx, cyy) = damping
     effective = (kxx * cyy + kyy * cxx - kxy * cyx - kyx * cxy) / (cxx + cyy)

@@ -1,13 +1,14 @@
 """Table of the film with one axial groove: `fed_kernel` says of what and evaluates it.
 
-Tabulated is the difference to the unfed film, over the four numbers on which it depends at one length over
-diameter and one shape of groove.
+Tabulated is the difference to the unfed film, over the four numbers on which it depends at one
+length over diameter and one shape of groove.
 
-Shipped: the groove of the `bench` rig (L/D = 1/2, 20 degrees, 0.8 of the length). Against the solver at random unseen
-states (eccentricity ratio to 0.95, supply 0.5 to 3 bar), error of the force over the unfed force plus supply
-pressure times projected area: with the journal opposite the groove median 0.15 %, largest 0.8 % (of the net force,
-where the two nearly cancel: 0.4 and 3.8 %); anywhere median 0.15 %, 95 % below 1.2 %, largest 6 % with the journal
-close before the groove. Side flow: median 0.3 %, 95 % below 2.5 %.
+Shipped: the groove of the `bench` rig (L/D = 1/2, 20 degrees, 0.8 of the length). Against the
+solver at random unseen states (eccentricity ratio to 0.95, supply 0.5 to 3 bar), error of the force
+over the unfed force plus supply pressure times projected area: with the journal opposite the groove
+median 0.15 %, largest 0.8 % (of the net force, where the two nearly cancel: 0.4 and 3.8 %);
+anywhere median 0.15 %, 95 % below 1.2 %, largest 6 % with the journal close before the groove. Side
+flow: median 0.3 %, 95 % below 2.5 %.
 """
 
 from dataclasses import dataclass, replace
@@ -39,7 +40,8 @@ class FedTable:
     Parameters
     ----------
     length_over_diameter, width_rad, length_share
-        The bearing, and the extent of its groove: around, rad, and along, as a share of the bearing.
+        The bearing, and the extent of its groove: around, rad, and along, as a share of the
+        bearing.
     groove
         As in `FedLaw`; the file holds it in single precision.
     """
@@ -58,7 +60,8 @@ class FedTable:
         cells: tuple[int, int, int, int] = (14, 18, 24, 7),
         grid: tuple[int, int] = (80, 12),
     ) -> "FedTable":
-        """Solve the film at every node of a table with that many cells: some three milliseconds each."""
+        """Solve the film at every node of a table with that many cells: some three milliseconds
+        each."""
         eps = -np.expm1(np.log1p(-EPS_TABLE) * np.arange(cells[0] + 1) / cells[0])
         alpha = np.pi * np.arange(cells[1] + 1) / cells[1]
         gamma = 2 * np.pi * np.arange(cells[2]) / cells[2]
@@ -84,12 +87,16 @@ class FedTable:
         if not path.exists():
             shipped = sorted(p.name for p in _DATA.glob("fed_*.npz"))
             raise FilmError(
-                f"no film table for length/diameter {length_over_diameter} and a groove of {width_rad:g} rad and "
+                f"no film table for length/diameter {length_over_diameter} and a groove of "
+                f"{width_rad:g} rad and "
                 f"{length_share:g} of the length (shipped: {shipped}); make one with FedTable.build"
             )
         with np.load(path) as stored:
             return cls(
-                length_over_diameter, width_rad, length_share, np.ascontiguousarray(stored["groove"], dtype=np.float64)
+                length_over_diameter,
+                width_rad,
+                length_share,
+                np.ascontiguousarray(stored["groove"], dtype=np.float64),
             )
 
     def save(self, folder: Path = _DATA) -> Path:
@@ -100,7 +107,11 @@ class FedTable:
 
     def law(self, groove_angle_rad: float) -> FedLaw:
         """What `fed_force` needs, with the middle of the groove at that angle."""
-        return FedLaw(FilmTable.load(self.length_over_diameter).coefficients, self.groove, float(groove_angle_rad))
+        return FedLaw(
+            FilmTable.load(self.length_over_diameter).coefficients,
+            self.groove,
+            float(groove_angle_rad),
+        )
 
 
 def _file_name(length_over_diameter: float, width_rad: float, length_share: float) -> str:
@@ -109,18 +120,25 @@ def _file_name(length_over_diameter: float, width_rad: float, length_share: floa
 
 
 def _turns(bearing: Bearing, eps: float, alpha: float, gamma: Floats, tau: Floats) -> Floats:
-    """(D_r, D_t, D_q) of `fed_kernel` with the journal there, shape (gamma, tau, 3); the groove is at angle zero."""
+    """(D_r, D_t, D_q) of `fed_kernel` with the journal there, shape (gamma, tau, 3); the groove is
+    at angle zero."""
     radial = np.array([np.cos(alpha), np.sin(alpha)])
     axes = np.array([radial, [-radial[1], radial[0]]])
     place = eps * bearing.clearance_m * radial
     films = [unsolved_film(bearing, place, bearing.clearance_m * axis) for axis in axes]
-    return np.array([_one_turn(bearing, films, axes, np.array([np.cos(g), np.sin(g)]), tau) for g in gamma])
+    return np.array(
+        [_one_turn(bearing, films, axes, np.array([np.cos(g), np.sin(g)]), tau) for g in gamma]
+    )
 
 
-def _one_turn(bearing: Bearing, films: list[Film], axes: Floats, direction: Floats, tau: Floats) -> Floats:
-    """The values at one direction of the squeeze velocity, from no supply pressure to nothing else, (tau, 3).
+def _one_turn(
+    bearing: Bearing, films: list[Film], axes: Floats, direction: Floats, tau: Floats
+) -> Floats:
+    """The values at one direction of the squeeze velocity, from no supply pressure to nothing else,
+    (tau, 3).
 
-    The bearing has a radius of one and a pressure scale of one, so that its scaled pressures are pascals.
+    The bearing has a radius of one and a pressure scale of one, so that its scaled pressures are
+    pascals.
     """
     film = replace(films[0], supply=direction[0] * films[0].supply + direction[1] * films[1].supply)
     ruptured = film.supply < 0
@@ -137,23 +155,35 @@ def _one_turn(bearing: Bearing, films: list[Film], axes: Floats, direction: Floa
         fed = _solved(film, supply_Pa, squeeze, film.mesh.fixed, ruptured)
         scale = squeeze * np.hypot(*force) + area * supply_Pa
         more = axes @ (pressure_force(fed) - squeeze * force) / scale
-        more_flow = (side_flow(bearing, fed) - squeeze * flow) / bearing.clearance_m / (scale / area)
+        more_flow = (
+            (side_flow(bearing, fed) - squeeze * flow) / bearing.clearance_m / (scale / area)
+        )
         rows.append([*more, more_flow])
     return np.array(rows)
 
 
-def _solved(film: Film, supply_Pa: float, squeeze: float, held: NDArray[np.bool_], ruptured: NDArray[np.bool_]) -> Film:
-    """The Reynolds film at that supply pressure and share of the squeeze; `ruptured` is the guess and the answer."""
+def _solved(
+    film: Film,
+    supply_Pa: float,
+    squeeze: float,
+    held: NDArray[np.bool_],
+    ruptured: NDArray[np.bool_],
+) -> Film:
+    """The Reynolds film at that supply pressure and share of the squeeze; `ruptured` is the guess
+    and the answer."""
     mesh = film.mesh
     pressure = np.where(mesh.port & held, supply_Pa, 0.0)
     supply = squeeze * film.supply
     if not solve_pressure(pressure, held, film.around, film.axial, supply, 0.0, ruptured, True):
-        raise FilmNotConverged(f"rupture boundary not settled at supply {supply_Pa:.6g}, squeeze {squeeze:.6g}")
+        raise FilmNotConverged(
+            f"rupture boundary not settled at supply {supply_Pa:.6g}, squeeze {squeeze:.6g}"
+        )
     return replace(film, pressure=pressure, supply=supply)
 
 
 def _coefficients(values: Floats) -> Floats:
-    """Spline coefficients through values (eps, half turn from the groove, turn from the eccentricity, tau, 3)."""
+    """Spline coefficients through values (eps, half turn from the groove, turn from the
+    eccentricity, tau, 3)."""
     back = -np.arange(values.shape[2]) % values.shape[2]
     other_half = values[:, -2:0:-1, back] * np.array([1.0, -1.0, 1.0])
     half_turn = values.shape[1]

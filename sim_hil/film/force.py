@@ -1,4 +1,5 @@
-"""Film force of a finite-length plain journal bearing: the Reynolds equation with a rupture rule."""
+"""Film force of a finite-length plain journal bearing: the Reynolds equation with a rupture
+rule."""
 
 from collections.abc import Sequence
 
@@ -45,10 +46,12 @@ def film_force(
     viscosity_Pa_s, speed_rad_s
         Oil viscosity and journal speed (any sign or zero).
     rupture
-        `full`: none, negative pressures stay; `gumbel`: pressures below cavitation cut off; `reynolds`:
-        Swift-Stieber, by complementarity; `jfo`: mass-conserving, steady or with `memory`.
+        `full`: none, negative pressures stay; `gumbel`: pressures below cavitation cut off;
+        `reynolds`: Swift-Stieber, by complementarity; `jfo`: mass-conserving, steady or with
+        `memory`.
     inlet
-        `periodic`: closed ring; `groove_hmax`: an axial line at the thickest film, at ambient pressure.
+        `periodic`: closed ring; `groove_hmax`: an axial line at the thickest film, at ambient
+        pressure.
     feed
         Ports of known pressure.
     end_pressure_Pa, cavitation_pressure_Pa
@@ -75,8 +78,8 @@ def film_force(
 
     Notes
     -----
-    The pressure part of the friction torque is `(e x F) / 2`: the integral of `h/2 dp/dtheta` by parts. It
-    holds for every rupture rule here because the pressure is continuous around the ring.
+    The pressure part of the friction torque is `(e x F) / 2`: the integral of `h/2 dp/dtheta` by
+    parts. It holds for every rupture rule here because the pressure is continuous around the ring.
     """
     bearing = Bearing(
         radius_m, length_m, clearance_m, viscosity_Pa_s, speed_rad_s, rupture, inlet, tuple(feed),
@@ -86,7 +89,9 @@ def film_force(
     bearing.check_memory(memory)
     position, velocity = _states(position_m, velocity_m_s)
     batch = position.shape[:-1]
-    states = zip(position.reshape(-1, 2), velocity.reshape(-1, 2), _memories(memory, batch), strict=True)
+    states = zip(
+        position.reshape(-1, 2), velocity.reshape(-1, 2), _memories(memory, batch), strict=True
+    )
     results = [evaluate(bearing, e, v, m, fields) for e, v, m in states]
     return stack(results, batch, fields)
 
@@ -146,11 +151,14 @@ def pressure_force(film: Film) -> Floats:
     mesh = film.mesh
     after, before = mesh.theta_face, np.roll(mesh.theta_face, 1)
     line = film.pressure @ mesh.z_weight * mesh.copies
-    return np.array([-line @ (np.sin(after) - np.sin(before)), line @ (np.cos(after) - np.cos(before))])
+    return np.array(
+        [-line @ (np.sin(after) - np.sin(before)), line @ (np.cos(after) - np.cos(before))]
+    )
 
 
 def _friction(bearing: Bearing, film: Film, position: Floats, force: Floats) -> float:
-    """Torque on the journal against its rotation, N m: shear of the moving wall plus `(e x F) / 2`."""
+    """Torque on the journal against its rotation, N m: shear of the moving wall plus `(e x F) /
+    2`."""
     if bearing.couette == "full":
         eps = np.hypot(*position) / bearing.clearance_m
         shear = 2 * np.pi * bearing.length_m / np.sqrt(1 - eps**2)
@@ -165,7 +173,8 @@ def _friction(bearing: Bearing, film: Film, position: Floats, force: Floats) -> 
 
 
 def side_flow(bearing: Bearing, film: Film) -> float:
-    """Flow out of both ends, m3/s: that of the end faces and what the walls deliver to the half cells there."""
+    """Flow out of both ends, m3/s: that of the end faces and what the walls deliver to the half
+    cells there."""
     mesh = film.mesh
     p = film.uncut if bearing.rupture == "gumbel" else film.pressure
     side = 0.0

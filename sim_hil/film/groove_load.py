@@ -1,7 +1,8 @@
 """What a groove opposite the load adds to it, by the film with the groove beside the film without.
 
-`python -m sim_hil.film.groove_load` (half a minute) prints it for the groove of the `bench` rig, at its loads, 30 to
-300 N, and pressures: what a guard that knows the film without groove has to declare of the one with it.
+`python -m sim_hil.film.groove_load` (half a minute) prints it for the groove of the `bench` rig, at
+its loads, 30 to 300 N, and pressures: what a guard that knows the film without groove has to
+declare of the one with it.
 """
 
 from __future__ import annotations
@@ -20,7 +21,8 @@ _WIDTH_RAD, _LENGTH_SHARE = np.radians(20.0), 0.8
 PROJECTED_M2 = 2.0 * _RADIUS_M * _LENGTH_M
 ECCENTRICITY = (0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
 PRESSURE_SHARE = (0.118, 0.25, 0.4, 0.571, 0.73, 0.889)
-"""Pressure times projected area, over itself and the load: 0.118 to 0.571 at 0.5 bar, 0.889 at 3 bar and 30 N."""
+"""Pressure times projected area, over itself and the load: 0.118 to 0.571 at 0.5 bar, 0.889 at 3
+bar and 30 N."""
 
 
 @dataclass(frozen=True)
@@ -36,8 +38,9 @@ class GrooveLoad:
     turned_deg
         Attitude beyond that without groove.
     whirl_share
-        Mass of a rigid rotor that whirls without groove, over the one that whirls with it: the film without groove, in
-        the same bearing, carries the load and the pressure on ``area_share`` of the call; nan where one never whirls.
+        Mass of a rigid rotor that whirls without groove, over the one that whirls with it: the film
+        without groove, in the same bearing, carries the load and the pressure on ``area_share`` of
+        the call; nan where one never whirls.
     """
 
     eccentricity_ratio: float
@@ -62,7 +65,9 @@ def groove_load(eccentricity_ratio: float, pressure_share: float, area_share: fl
     near_N = equilibrium(eccentricity_ratio=eccentricity_ratio, **film).load_N
     load_N = near_N / (1.0 + 0.25 * per_load)
     pressure_N = per_load * load_N
-    groove = Feed("groove", 0.5 * np.pi, _WIDTH_RAD, _LENGTH_SHARE * _LENGTH_M, pressure_N / PROJECTED_M2)
+    groove = Feed(
+        "groove", 0.5 * np.pi, _WIDTH_RAD, _LENGTH_SHARE * _LENGTH_M, pressure_N / PROJECTED_M2
+    )
     with_groove: FilmArguments = {**film, "feed": (groove,)}
     fed = equilibrium(load_N=load_N, **with_groove)
     there = equilibrium(eccentricity_ratio=fed.eccentricity_ratio, **film)

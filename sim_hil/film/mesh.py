@@ -8,7 +8,8 @@ import numpy as np
 
 from .records import Feed, FilmError, Floats
 
-# The flow is singular at the corners of a port (pressure as r^(2/3)): cells there are this much thinner than even.
+# The flow is singular at the corners of a port (pressure as r^(2/3)): cells there are this much
+# thinner than even.
 _EDGE_GRADING = 0.9
 # Axial intervals on either side of a port's end, at least.
 _PORT_INTERVALS = 6
@@ -16,11 +17,12 @@ _PORT_INTERVALS = 6
 
 @dataclass(frozen=True)
 class Mesh:
-    """Nodes, faces, fixed pressures; lengths in journal radii, z from the middle plane or over both halves.
+    """Nodes, faces, fixed pressures; lengths in journal radii, z from the middle plane or over both
+    halves.
 
-    Face i lies between nodes i and i + 1 (the last theta face closes the ring). `copies` is 2 when only one
-    half of a symmetric film is meshed. `fixed` marks nodes of known pressure `fixed_Pa`, `port` those in a
-    feed.
+    Face i lies between nodes i and i + 1 (the last theta face closes the ring). `copies` is 2 when
+    only one half of a symmetric film is meshed. `fixed` marks nodes of known pressure `fixed_Pa`,
+    `port` those in a feed.
     """
 
     theta: Floats
@@ -68,7 +70,9 @@ def build_mesh(
     theta = _ring_nodes(edges, nodes[0], hmax_rad, (1 - eccentricity_ratio) ** -0.25, bool(ports))
     symmetric = end_pressure_Pa[0] == end_pressure_Pa[1]
     z = _axial_nodes([half for (_, _, half) in ports], length_m / radius_m, nodes[1], symmetric)
-    fixed, fixed_Pa, port = _fixed_pressures(theta, z, ports, feed, end_pressure_Pa, hmax_rad, inlet_Pa)
+    fixed, fixed_Pa, port = _fixed_pressures(
+        theta, z, ports, feed, end_pressure_Pa, hmax_rad, inlet_Pa
+    )
     theta_gap = np.diff(np.append(theta, theta[0] + 2 * np.pi))
     z_gap = np.diff(z)
     z_width = np.append(z_gap, 0.0) / 2 + np.append(0.0, z_gap) / 2
@@ -89,23 +93,30 @@ def build_mesh(
 
 
 def _port_extent(feed: Feed, radius_m: float, length_m: float) -> tuple[float, float, float]:
-    """Centre angle, width (rad) and half length (radii) of the rectangle that stands for the port."""
+    """Centre angle, width (rad) and half length (radii) of the rectangle that stands for the
+    port."""
     values = (feed.angle_rad, feed.width_rad, feed.length_m, feed.pressure_Pa)
     if feed.kind not in ("groove", "orifice"):
         raise FilmError(f"feed kind {feed.kind!r}: use 'groove' or 'orifice'")
     if not np.all(np.isfinite(values)):
         raise FilmError(f"feed {feed}: every number must be finite")
     if not (0 < feed.width_rad <= 2 * np.pi and 0 < feed.length_m <= length_m):
-        raise FilmError(f"feed {feed}: width must be in (0, 2 pi] rad and length in (0, {length_m}] m")
+        raise FilmError(
+            f"feed {feed}: width must be in (0, 2 pi] rad and length in (0, {length_m}] m"
+        )
     shrink = np.sqrt(np.pi) / 2 if feed.kind == "orifice" else 1.0
     return feed.angle_rad, feed.width_rad * shrink, feed.length_m * shrink / (2 * radius_m)
 
 
-def _ring_nodes(edges: list[float], count: int, hmax_rad: float, stretch: float, ports: bool) -> Floats:
-    """Nodes of the ring: the edges, and between them nodes even (or denser at the edges) in the stretched angle.
+def _ring_nodes(
+    edges: list[float], count: int, hmax_rad: float, stretch: float, ports: bool
+) -> Floats:
+    """Nodes of the ring: the edges, and between them nodes even (or denser at the edges) in the
+    stretched angle.
 
-    The stretched angle `g` with `tan(psi / 2) = k tan(g / 2)`, `psi` from the thickest film, packs nodes at
-    the smallest film k^2 times closer than at the thickest (Sommerfeld's substitution, another exponent).
+    The stretched angle `g` with `tan(psi / 2) = k tan(g / 2)`, `psi` from the thickest film, packs
+    nodes at the smallest film k^2 times closer than at the thickest (Sommerfeld's substitution,
+    another exponent).
     """
     turn = 2 * np.pi
     start = edges[0]
@@ -132,7 +143,8 @@ def _stretch(angle: Floats | float, k: float) -> Floats:
 
 
 def _axial_nodes(half_ports: list[float], length: float, intervals: int, symmetric: bool) -> Floats:
-    """Nodes along the axis, on every port end and denser there; one half (from the middle plane) when symmetric."""
+    """Nodes along the axis, on every port end and denser there; one half (from the middle plane)
+    when symmetric."""
     ends = {min(h, length / 2) for h in half_ports} - {length / 2}
     edges = sorted({0.0, length / 2, *ends})
     parts = []
@@ -152,13 +164,19 @@ def _packed(even: Floats, first: bool, last: bool) -> Floats:
 
 
 def _parabola_weights(gap: Floats) -> Floats:
-    """Quadrature weights on uneven nodes: every interval under the mean of its two neighbouring parabolas.
+    """Quadrature weights on uneven nodes: every interval under the mean of its two neighbouring
+    parabolas.
 
-    Exact for the parabola of a short bearing; on even nodes the trapezoidal rule with end correction.
+    Exact for the parabola of a short bearing; on even nodes the trapezoidal rule with end
+    correction.
     """
     a, b = gap[:-1], gap[1:]
-    first = np.array([a * (2 * a + 3 * b) / (a + b), a * (a + 3 * b) / b, -(a**3) / (b * (a + b))]) / 6
-    second = np.array([-(b**3) / (a * (a + b)), b * (b + 3 * a) / a, b * (2 * b + 3 * a) / (a + b)]) / 6
+    first = (
+        np.array([a * (2 * a + 3 * b) / (a + b), a * (a + 3 * b) / b, -(a**3) / (b * (a + b))]) / 6
+    )
+    second = (
+        np.array([-(b**3) / (a * (a + b)), b * (b + 3 * a) / a, b * (2 * b + 3 * a) / (a + b)]) / 6
+    )
     share_first, share_second = np.full(a.size, 0.5), np.full(a.size, 0.5)
     share_first[0] = share_second[-1] = 1.0
     weight = np.zeros(gap.size + 1)
@@ -190,7 +208,11 @@ def _fixed_pressures(
         port |= inside
         fixed |= inside
         pressure[inside] = one.pressure_Pa
-    ends = [(-1, end_pressure_Pa[1])] if z[0] == 0.0 else [(0, end_pressure_Pa[0]), (-1, end_pressure_Pa[1])]
+    ends = (
+        [(-1, end_pressure_Pa[1])]
+        if z[0] == 0.0
+        else [(0, end_pressure_Pa[0]), (-1, end_pressure_Pa[1])]
+    )
     for j, value in ends:
         fixed[:, j] = True
         pressure[:, j] = np.where(port[:, j], pressure[:, j], value)

@@ -1,4 +1,5 @@
-"""A film model of someone else, such as an exported network, tabulated so that a rotor runs on it."""
+"""A film model of someone else, such as an exported network, tabulated so that a rotor runs on
+it."""
 
 from __future__ import annotations
 
@@ -12,17 +13,18 @@ from .records import FilmError, Floats
 from .table import FilmTable
 
 FilmModel = Callable[[Floats], Sequence[Floats]]
-"""State (m, 9): x, y, m, vx, vy, m/s, speed, rad/s, clearance, m, viscosity, Pa s, radius, length, m; gives force
-(m, 2), N, friction torque (m, 1), N m, side flow (m, 1), m3/s."""
+"""State (m, 9): x, y, m, vx, vy, m/s, speed, rad/s, clearance, m, viscosity, Pa s, radius, length,
+m; gives force (m, 2), N, friction torque (m, 1), N m, side flow (m, 1), m3/s."""
 
 _OUTPUTS = ("force", "friction_torque", "side_flow")
 
 
 def tabulate(model: FilmModel, length_over_diameter: float) -> FilmTable:
-    """Tabulate a model of the plain unfed film, once, through the two numbers that its force depends on.
+    """Tabulate a model of the plain unfed film, once, through the two numbers that its force
+    depends on.
 
-    What a model of another film says beyond them is lost. How the film answers a moving clearance, which such a model
-    does not know, is taken from the shipped table.
+    What a model of another film says beyond them is lost. How the film answers a moving clearance,
+    which such a model does not know, is taken from the shipped table.
 
     Raises
     ------
@@ -40,7 +42,9 @@ def tabulate(model: FilmModel, length_over_diameter: float) -> FilmTable:
     ])  # fmt: skip
     answers = [np.asarray(answer, dtype=np.float64) for answer in model(state)[:3]]
     if not all(np.isfinite(answer).all() for answer in answers):
-        raise FilmError(f"film model: its answers are not finite for eccentricity ratios up to {eps[-1]:g}")
+        raise FilmError(
+            f"film model: its answers are not finite for eccentricity ratios up to {eps[-1]:g}"
+        )
     force = answers[0].reshape(*along.shape, 2) / (12 * 0.01 * (radius / c) ** 3 * radius)
     flow = answers[2].reshape(along.shape) / radius**2
     velocity = np.stack([np.cos(around), np.sin(around)], axis=-1)
@@ -61,13 +65,23 @@ def load_model(path: Path) -> tuple[FilmModel, float]:
     onnxruntime.disable_telemetry_events()
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = 1
-    unreadable = (state.Fail, state.InvalidArgument, state.InvalidGraph, state.InvalidProtobuf, state.NotImplemented)
+    unreadable = (
+        state.Fail,
+        state.InvalidArgument,
+        state.InvalidGraph,
+        state.InvalidProtobuf,
+        state.NotImplemented,
+    )
     try:
-        session = onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
+        session = onnxruntime.InferenceSession(
+            str(path), options, providers=["CPUExecutionProvider"]
+        )
         domain = json.loads(session.get_modelmeta().custom_metadata_map["domain"])
         shape = float(domain["length_over_diameter"][0])
     except (*unreadable, KeyError, ValueError) as error:
-        raise FilmError(f"{path}: not a film model that onnxruntime reads, with its domain: {error!r}") from error
+        raise FilmError(
+            f"{path}: not a film model that onnxruntime reads, with its domain: {error!r}"
+        ) from error
     names = {output.name for output in session.get_outputs()}
     if not names.issuperset(_OUTPUTS):
         raise FilmError(f"{path}: gives {sorted(names)}; a film model gives {', '.join(_OUTPUTS)}")

@@ -15,7 +15,8 @@ from .records import FilmError, FilmMemory, FilmNotConverged, Floats, JournalOut
 class Film:
     """One solved film on its mesh, scaled as in `solver`.
 
-    `supply` is what the walls deliver to each cell, `uncut` the pressure before Guembel's rule cut it off.
+    `supply` is what the walls deliver to each cell, `uncut` the pressure before Guembel's rule cut
+    it off.
     """
 
     mesh: Mesh
@@ -29,7 +30,9 @@ class Film:
     axial: Floats
 
 
-def solve_film(bearing: Bearing, position: Floats, velocity: Floats, memory: FilmMemory | None = None) -> Film:
+def solve_film(
+    bearing: Bearing, position: Floats, velocity: Floats, memory: FilmMemory | None = None
+) -> Film:
     """Pressure and fill of one state, position and velocity of shape (2,), SI."""
     film = unsolved_film(bearing, position, velocity, memory)
     if bearing.rupture == "jfo":
@@ -39,13 +42,17 @@ def solve_film(bearing: Bearing, position: Floats, velocity: Floats, memory: Fil
     if sweeps == 0:
         eps = float(np.hypot(*position)) / bearing.clearance_m
         raise FilmNotConverged(
-            f"rupture boundary not settled after {solver.MAX_SWEEPS} sweeps at eccentricity ratio {eps:.6g}"
+            f"rupture boundary not settled after {solver.MAX_SWEEPS} sweeps at eccentricity ratio "
+            f"{eps:.6g}"
         )
     return film
 
 
-def unsolved_film(bearing: Bearing, position: Floats, velocity: Floats, memory: FilmMemory | None = None) -> Film:
-    """The film of one state before its pressure is known: only the fixed pressures are filled in."""
+def unsolved_film(
+    bearing: Bearing, position: Floats, velocity: Floats, memory: FilmMemory | None = None
+) -> Film:
+    """The film of one state before its pressure is known: only the fixed pressures are filled
+    in."""
     x, y = position / bearing.clearance_m
     eps = float(np.hypot(x, y))
     if eps >= 1:
@@ -85,7 +92,8 @@ def unsolved_film(bearing: Bearing, position: Floats, velocity: Floats, memory: 
 
 
 def _close_grooves(mesh: Mesh, around: Floats, axial: Floats) -> None:
-    """A groove as long as the bearing is closed at its ends; else its leakage would grow without limit."""
+    """A groove as long as the bearing is closed at its ends; else its leakage would grow without
+    limit."""
     for end, face in ((-1, -1), (0, 0))[: 3 - mesh.copies]:
         port = mesh.port[:, end]
         axial[port, face] = 0.0
@@ -93,9 +101,12 @@ def _close_grooves(mesh: Mesh, around: Floats, axial: Floats) -> None:
 
 
 def _rupture(bearing: Bearing, film: Film) -> int:
-    """Fill in the pressure of a rule that does not conserve mass, and the streamers; returns the sweeps."""
+    """Fill in the pressure of a rule that does not conserve mass, and the streamers; returns the
+    sweeps."""
     mesh, pressure = film.mesh, film.pressure
-    ruptured = np.zeros(film.supply.shape, dtype=bool)  # too much rupture heals one cell a sweep, too little at once
+    ruptured = np.zeros(
+        film.supply.shape, dtype=bool
+    )  # too much rupture heals one cell a sweep, too little at once
     sweeps = solver.solve_pressure(
         pressure,
         mesh.fixed,
@@ -139,7 +150,8 @@ def _conserve(bearing: Bearing, film: Film, rate: Floats, memory: FilmMemory | N
         kept = content / memory.dt_s
         if np.any(content < memory.dt_s * rate[:, None] * mesh.z_width):
             raise FilmError(
-                f"memory.dt_s = {memory.dt_s}: too long for this velocity, the journal would have been outside "
+                f"memory.dt_s = {memory.dt_s}: too long for this velocity, the journal would have "
+                f"been outside "
                 "the clearance one step ago; shorten it"
             )
         void_before = 1 - _half_of(memory.fill, mesh)
@@ -170,7 +182,8 @@ def _drag(bearing: Bearing, film: Film) -> Floats:
 
 
 def _void_transport(bearing: Bearing, film: Film) -> Floats:
-    """What each cell gains because voids, not oil, leave it with the turning wall, less those that come in."""
+    """What each cell gains because voids, not oil, leave it with the turning wall, less those that
+    come in."""
     void, drag = 1 - film.fill, _drag(bearing, film)
     if bearing.speed_rad_s < 0:
         through = drag * np.roll(void, -1, axis=0)
@@ -199,5 +212,9 @@ def _film_rate(bearing: Bearing, mesh: Mesh, velocity: Floats) -> Floats:
     """Integral of dH/dt over each station's cell for a journal velocity, 1/s."""
     after, before = mesh.theta_face, np.roll(mesh.theta_face, 1)
     rate = bearing.clearance_rate_m_s * mesh.theta_width
-    rate = rate - velocity[0] * (np.sin(after) - np.sin(before)) + velocity[1] * (np.cos(after) - np.cos(before))
+    rate = (
+        rate
+        - velocity[0] * (np.sin(after) - np.sin(before))
+        + velocity[1] * (np.cos(after) - np.cos(before))
+    )
     return np.asarray(rate / bearing.clearance_m)

@@ -1,7 +1,7 @@
 """What goes into and comes out of the fluid-film model.
 
-Frame: x right, y up, angles and speed positive from x to y. Forces act on the journal, clearances are radial,
-`z` runs along the axis from the middle plane.
+Frame: x right, y up, angles and speed positive from x to y. Forces act on the journal, clearances
+are radial, `z` runs along the axis from the middle plane.
 """
 
 from collections.abc import Sequence
@@ -36,9 +36,9 @@ class Feed:
     Parameters
     ----------
     kind
-        `groove`: a rectangle of `width_rad` times `length_m`; `orifice`: an ellipse of these two diameters,
-        computed as the rectangle of equal area and aspect. The pressure is that of the port itself: there is
-        no restrictor between it and the film.
+        `groove`: a rectangle of `width_rad` times `length_m`; `orifice`: an ellipse of these two
+        diameters, computed as the rectangle of equal area and aspect. The pressure is that of the
+        port itself: there is no restrictor between it and the film.
     angle_rad, width_rad
         Centre and circumferential extent, rad.
     length_m
@@ -70,7 +70,8 @@ class FilmRules(TypedDict, total=False):
 
 
 class FilmArguments(FilmRules, total=False):
-    """The film arguments of `film_force` that describe bearing, oil and rules, for functions that pass them on."""
+    """The film arguments of `film_force` that describe bearing, oil and rules, for functions that
+    pass them on."""
 
     clearance_m: Required[float]
     viscosity_Pa_s: Required[float]
@@ -86,7 +87,8 @@ class FilmMemory:
     dt_s
         Time since the fill was that, s.
     fill
-        Liquid share of the gap, shape (..., theta, z) on the grid of the call that returned it; or a number.
+        Liquid share of the gap, shape (..., theta, z) on the grid of the call that returned it; or
+        a number.
     """
 
     dt_s: float
@@ -102,8 +104,9 @@ class FilmForce:
     force_N
         Force on the journal (x, y), N, shape (..., 2).
     friction_torque_N_m
-        Film torque on the journal against its rotation (positive = braking, for either sense), N m. At zero
-        speed: against the positive sense. Dissipated power is `torque * |speed| - force . velocity`.
+        Film torque on the journal against its rotation (positive = braking, for either sense), N m.
+        At zero speed: against the positive sense. Dissipated power is `torque * |speed| - force .
+        velocity`.
     side_flow_m3_s
         Flow out of both ends, m3/s.
     inflow_m3_s

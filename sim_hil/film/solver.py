@@ -1,11 +1,12 @@
 """Pressure kernels: banded elimination on the folded ring and the active set of the rupture.
 
-All quantities are scaled: film thickness by the clearance, lengths by the journal radius and pressure by
-`12 mu R^2 / c^2`, so that a scaled pressure is a rate, 1/s:
+All quantities are scaled: film thickness by the clearance, lengths by the journal radius and
+pressure by `12 mu R^2 / c^2`, so that a scaled pressure is a rate, 1/s:
 
     d/dtheta(H^3 dp/dtheta) + d/dz(H^3 dp/dz) = (omega/2 dH/dtheta + dH/dt)
 
-with `H = 1 - X cos(theta) - Y sin(theta)` (equation (3) of the paper, the journal as the moving surface).
+with `H = 1 - X cos(theta) - Y sin(theta)` (equation (3) of the paper, the journal as the moving
+surface).
 """
 
 import numpy as np
@@ -19,7 +20,8 @@ MAX_SWEEPS = 200
 
 @allocating
 def fold(i: int, n: int) -> int:
-    """Place of ring station i in the order 0, n-1, 1, n-2, ...: neighbours are never more than two apart."""
+    """Place of ring station i in the order 0, n-1, 1, n-2, ...: neighbours are never more than two
+    apart."""
     return 2 * i if 2 * i < n else 2 * (n - i) - 1
 
 
@@ -64,7 +66,9 @@ def outflow(p: Floats, i: int, j: int, around: Floats, axial: Floats) -> float:
     """Pressure-driven flow out of the cell of node (i, j)."""
     n, m = p.shape
     back = (i - 1) % n
-    flow: float = around[i, j] * (p[i, j] - p[(i + 1) % n, j]) + around[back, j] * (p[i, j] - p[back, j])
+    flow: float = around[i, j] * (p[i, j] - p[(i + 1) % n, j]) + around[back, j] * (
+        p[i, j] - p[back, j]
+    )
     if j > 0:
         flow += axial[i, j - 1] * (p[i, j] - p[i, j - 1])
     if j < m - 1:
@@ -74,7 +78,13 @@ def outflow(p: Floats, i: int, j: int, around: Floats, axial: Floats) -> float:
 
 @allocating
 def _solve_filled(
-    p: Floats, held: np.ndarray, around: Floats, axial: Floats, supply: Floats, band: Floats, rhs: Floats
+    p: Floats,
+    held: np.ndarray,
+    around: Floats,
+    axial: Floats,
+    supply: Floats,
+    band: Floats,
+    rhs: Floats,
 ) -> None:
     """Solve `outflow = supply` at every node that is not held; held nodes keep their pressure."""
     n, m = p.shape
@@ -118,7 +128,8 @@ def solve_pressure(
     ruptured: np.ndarray,
     complementary: bool,
 ) -> int:
-    """Film pressure in place, filled or complementary; returns the number of solves, 0 if it did not settle.
+    """Film pressure in place, filled or complementary; returns the number of solves, 0 if it did
+    not settle.
 
     Parameters
     ----------
@@ -131,8 +142,9 @@ def solve_pressure(
     ruptured
         Guess of the ruptured nodes on entry, the ruptured nodes on return.
     complementary
-        Reynolds (Swift-Stieber) rupture: `p >= floor`, `outflow >= supply`, one of them equal at every node.
-        Solved by the primal-dual active set method (Hintermueller, Ito, Kunisch 2002), finite for M-matrices.
+        Reynolds (Swift-Stieber) rupture: `p >= floor`, `outflow >= supply`, one of them equal at
+        every node. Solved by the primal-dual active set method (Hintermueller, Ito, Kunisch 2002),
+        finite for M-matrices.
     """
     n, m = p.shape
     band = np.empty((n * m, 4 * m + 1))
@@ -178,8 +190,9 @@ def streamer_fill(
 ) -> Floats:
     """Liquid share of the gap where the rupture rule itself does not carry mass, shape (theta, z).
 
-    Along the rotation each ruptured cell passes on what it receives: the flow that the wall drags in and what
-    the pressure of filled neighbours pushes in. A ring ruptured all around passes its narrowest gap.
+    Along the rotation each ruptured cell passes on what it receives: the flow that the wall drags
+    in and what the pressure of filled neighbours pushes in. A ring ruptured all around passes its
+    narrowest gap.
     """
     n, m = ruptured.shape
     fill = np.ones((n, m))

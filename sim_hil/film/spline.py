@@ -1,4 +1,5 @@
-"""Coefficients of uniform cubic B-splines through given values; `table_kernel` and `fed_kernel` evaluate them."""
+"""Coefficients of uniform cubic B-splines through given values; `table_kernel` and `fed_kernel`
+evaluate them."""
 
 import numpy as np
 
@@ -6,7 +7,8 @@ from .records import Floats
 
 
 def line_coefficients(values: Floats, axis: int) -> Floats:
-    """Coefficients along an open axis (not-a-knot ends): one more on each side than there are values."""
+    """Coefficients along an open axis (not-a-knot ends): one more on each side than there are
+    values."""
     rows = np.moveaxis(values, axis, 0)
     padded = np.pad(rows, ((1, 1), *((0, 0),) * (rows.ndim - 1)))
     solved = np.linalg.solve(_not_a_knot(rows.shape[0]), padded.reshape(padded.shape[0], -1))
@@ -14,7 +16,8 @@ def line_coefficients(values: Floats, axis: int) -> Floats:
 
 
 def ring_coefficients(values: Floats, axis: int) -> Floats:
-    """Coefficients along a periodic axis, as many as values: the collocation is a product of their waves."""
+    """Coefficients along a periodic axis, as many as values: the collocation is a product of their
+    waves."""
     rows = np.moveaxis(values, axis, -1)
     smoothing = (2 + np.cos(2 * np.pi * np.arange(rows.shape[-1]) / rows.shape[-1])) / 3
     ring: Floats = np.fft.ifft(np.fft.fft(rows, axis=-1) / smoothing, axis=-1).real

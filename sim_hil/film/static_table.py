@@ -1,8 +1,8 @@
 """Static film of the plain unfed bearing for the guard: what its closed forms are short of.
 
-`python -m sim_hil.film.static_table` writes `firmware_py/guard/film_table.json` (ten minutes): load and attitude of
-the Reynolds solution as shares of the short bearing's, the whirl threshold, over eccentricity and length, and how much
-before it a rotor out of balance whirls.
+`python -m sim_hil.film.static_table` writes `firmware_py/guard/film_table.json` (ten minutes): load
+and attitude of the Reynolds solution as shares of the short bearing's, the whirl threshold, over
+eccentricity and length, and how much before it a rotor out of balance whirls.
 """
 
 from __future__ import annotations
@@ -30,7 +30,8 @@ _RADIUS_M, _CLEARANCE_M, _VISCOSITY, _SPEED = 0.02, 60e-6, 0.01, 600.0
 
 
 def node(ratio: float, eccentricity: float) -> tuple[float, float, float]:
-    """Load and tangent of the attitude over the short bearing's, and ``1 / Omega^2`` of the whirl threshold.
+    """Load and tangent of the attitude over the short bearing's, and ``1 / Omega^2`` of the whirl
+    threshold.
 
     ``Omega = w sqrt(c m / W)``; 0 where the film is stable at any speed.
     """
@@ -52,7 +53,9 @@ def table() -> dict[str, Any]:
     """The whole table, five digits."""
     nodes = [[node(ratio, e) for e in ECCENTRICITY] for ratio in LENGTH_OVER_DIAMETER]
     names = ("load_share", "tangent_share", "whirl_share")
-    columns = {name: [[float(f"{n[i]:.5g}") for n in row] for row in nodes] for i, name in enumerate(names)}
+    columns = {
+        name: [[float(f"{n[i]:.5g}") for n in row] for row in nodes] for i, name in enumerate(names)
+    }
     return {
         "title": TITLE, "length_over_diameter": LENGTH_OVER_DIAMETER, "eccentricity": ECCENTRICITY, **columns,
         "onset": onset(),
@@ -60,14 +63,18 @@ def table() -> dict[str, Any]:
 
 
 def onset() -> dict[str, Any]:
-    """Shares of :func:`.whirl_onset.onset_share`: a block a length, a row an eccentricity, a column an unbalance.
+    """Shares of :func:`.whirl_onset.onset_share`: a block a length, a row an eccentricity, a column
+    an unbalance.
 
-    A larger unbalance that keeps whirl off again does not count: the machine gets there through a smaller one.
+    A larger unbalance that keeps whirl off again does not count: the machine gets there through a
+    smaller one.
     """
     blocks = []
     for ratio in ONSET_LENGTH_OVER_DIAMETER:
         film = FilmTable.build(ratio)
-        rows = [[onset_share(film, e, u) for u in ONSET_UNBALANCE_SHARE] for e in ONSET_ECCENTRICITY]
+        rows = [
+            [onset_share(film, e, u) for u in ONSET_UNBALANCE_SHARE] for e in ONSET_ECCENTRICITY
+        ]
         blocks.append([[round(share, 2) for share in accumulate(row, min)] for row in rows])
     return {
         "length_over_diameter": ONSET_LENGTH_OVER_DIAMETER, "eccentricity": ONSET_ECCENTRICITY,
@@ -76,4 +83,6 @@ def onset() -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    Path("firmware_py/guard/film_table.json").write_text(json.dumps(table()) + "\n", encoding="utf-8")
+    Path("firmware_py/guard/film_table.json").write_text(
+        json.dumps(table()) + "\n", encoding="utf-8"
+    )

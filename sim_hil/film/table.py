@@ -1,7 +1,8 @@
-"""Table of the unfed Reynolds film: at one length over diameter the force is a function of two numbers.
+"""Table of the unfed Reynolds film: at one length over diameter the force is a function of two
+numbers.
 
-They are the eccentricity ratio and the angle from the eccentricity to the effective squeeze velocity; speed,
-viscosity, clearance and radius scale out exactly. `table_kernel` evaluates it.
+They are the eccentricity ratio and the angle from the eccentricity to the effective squeeze
+velocity; speed, viscosity, clearance and radius scale out exactly. `table_kernel` evaluates it.
 """
 
 from dataclasses import dataclass
@@ -29,7 +30,8 @@ class FilmTable:
     length_over_diameter
         The one bearing shape that the table holds for.
     coefficients
-        Uniform bicubic B-spline coefficients, shape (cells of -log(1 - eps) + 3, cells of the angle + 3, 5).
+        Uniform bicubic B-spline coefficients, shape (cells of -log(1 - eps) + 3, cells of the angle
+        + 3, 5).
     """
 
     length_over_diameter: float
@@ -37,9 +39,13 @@ class FilmTable:
 
     @classmethod
     def build(
-        cls, length_over_diameter: float, cells: tuple[int, int] = (40, 56), grid: tuple[int, int] = (96, 12)
+        cls,
+        length_over_diameter: float,
+        cells: tuple[int, int] = (40, 56),
+        grid: tuple[int, int] = (96, 12),
     ) -> "FilmTable":
-        """Compute the table with `film_force`, extrapolated from `grid` and twice that grid (Richardson).
+        """Compute the table with `film_force`, extrapolated from `grid` and twice that grid
+        (Richardson).
 
         Some seven thousand film solutions at each grid with the standard cells: about a minute.
         """
@@ -63,7 +69,9 @@ class FilmTable:
                 "make one with FilmTable.build"
             )
         with np.load(path) as stored:
-            return cls(float(stored["length_over_diameter"]), np.ascontiguousarray(stored["coefficients"]))
+            return cls(
+                float(stored["length_over_diameter"]), np.ascontiguousarray(stored["coefficients"])
+            )
 
     def nodes(self) -> tuple[Floats, Floats]:
         """Eccentricity ratios and angles, rad, that the table goes through."""
@@ -75,8 +83,8 @@ class FilmTable:
         Parameters
         ----------
         force, flow, velocity
-            Scaled force (eps, gamma, 2) and flow (eps, gamma) at the nodes, with the eccentricity along x, at the unit
-            squeeze velocity (eps, gamma, 2).
+            Scaled force (eps, gamma, 2) and flow (eps, gamma) at the nodes, with the eccentricity
+            along x, at the unit squeeze velocity (eps, gamma, 2).
         """
         values = _logarithms(force, flow, velocity)
         values = np.concatenate([values, np.zeros((*flow.shape, 2))], axis=-1)
@@ -87,7 +95,9 @@ class FilmTable:
     def save(self, folder: Path = _DATA) -> Path:
         """Write the table where `load` finds it; returns the file."""
         path = folder / _file_name(self.length_over_diameter)
-        np.savez_compressed(path, length_over_diameter=self.length_over_diameter, coefficients=self.coefficients)
+        np.savez_compressed(
+            path, length_over_diameter=self.length_over_diameter, coefficients=self.coefficients
+        )
         return path
 
 
@@ -101,7 +111,9 @@ def _nodes(cells: tuple[int, int]) -> tuple[Floats, Floats]:
     return eps, np.pi * np.arange(cells[1] + 1) / cells[1]
 
 
-def _reduced_film(length_over_diameter: float, eps: Floats, gamma: Floats, grid: tuple[int, int]) -> Floats:
+def _reduced_film(
+    length_over_diameter: float, eps: Floats, gamma: Floats, grid: tuple[int, int]
+) -> Floats:
     """Table values (a, d, q, a', d') of `table_kernel`, shape (eps, gamma, 5)."""
     still = _polar(length_over_diameter, eps, gamma, grid, 0.0)
     opening = _polar(length_over_diameter, eps, gamma, grid, _RATE_STEP)
@@ -110,8 +122,11 @@ def _reduced_film(length_over_diameter: float, eps: Floats, gamma: Floats, grid:
     return np.concatenate([still, rates], axis=-1)
 
 
-def _polar(length_over_diameter: float, eps: Floats, gamma: Floats, grid: tuple[int, int], rate: float) -> Floats:
-    """Log of the scaled force, its turn from the direction against v_s, and the scaled flow at |v_s| = 1 m/s."""
+def _polar(
+    length_over_diameter: float, eps: Floats, gamma: Floats, grid: tuple[int, int], rate: float
+) -> Floats:
+    """Log of the scaled force, its turn from the direction against v_s, and the scaled flow at
+    |v_s| = 1 m/s."""
     c = 1e-3
     position = np.zeros((eps.size, gamma.size, 2))
     position[..., 0] = c * eps[:, None]
@@ -137,14 +152,17 @@ def _polar(length_over_diameter: float, eps: Floats, gamma: Floats, grid: tuple[
 
 def _logarithms(force: Floats, flow: Floats, velocity: Floats) -> Floats:
     """Log of the force, its turn from the direction against the velocity, and the flow."""
-    turn = np.arctan2(force[..., 1], force[..., 0]) - np.arctan2(-velocity[..., 1], -velocity[..., 0])
+    turn = np.arctan2(force[..., 1], force[..., 0]) - np.arctan2(
+        -velocity[..., 1], -velocity[..., 0]
+    )
     turn = np.remainder(turn + np.pi, 2 * np.pi) - np.pi
     turn[:, [0, -1]] = 0.0
     return np.stack([np.log(np.hypot(force[..., 0], force[..., 1])), turn, flow], axis=-1)
 
 
 def _spline_coefficients(values: Floats) -> Floats:
-    """Uniform cubic B-spline coefficients through values (eps, gamma, 5), one more on each side and a spare."""
+    """Uniform cubic B-spline coefficients through values (eps, gamma, 5), one more on each side and
+    a spare."""
     even = np.array([1.0, -1.0, 1.0, 1.0, -1.0])
     whole_turn = np.concatenate([values, even * values[:, -2:0:-1]], axis=1)
     ring = ring_coefficients(line_coefficients(whole_turn, 0), 1)

@@ -5,12 +5,12 @@ With the effective squeeze velocity `v_s = v - (omega/2) z x e` and the film's p
     F = (12 mu R^4 / c^3) |v_s| exp(a + a' r) * (unit vector against v_s, turned by d + d' r)
     Q = R^2 |v_s| q
 
-where a, d, q, a', d' are functions of the eccentricity ratio and of the angle from e to v_s only, and
-`r = (dc/dt) / |v_s|` brings in a moving clearance to first order. Where it is not small (standstill), the journal
-instead squeezes the film against the moving wall, `v_s - 3 eps / (1 + 2 eps^2) (dc/dt) e/|e|`: the radial velocity
-that gives the same force, exact for the short full film, and within 2 % for a resting journal near contact. The
-logarithm keeps the table smooth over the five decades of the force, and the force opposing v_s whatever the
-interpolation error.
+where a, d, q, a', d' are functions of the eccentricity ratio and of the angle from e to v_s only,
+and `r = (dc/dt) / |v_s|` brings in a moving clearance to first order. Where it is not small
+(standstill), the journal instead squeezes the film against the moving wall, `v_s - 3 eps / (1 + 2
+eps^2) (dc/dt) e/|e|`: the radial velocity that gives the same force, exact for the short full film,
+and within 2 % for a resting journal near contact. The logarithm keeps the table smooth over the
+five decades of the force, and the force opposing v_s whatever the interpolation error.
 """
 
 import math
@@ -25,10 +25,15 @@ EPS_TABLE = 0.99
 CONTACT_STIFFNESS_N_M = 5e8
 CONTACT_FRICTION = 0.1
 RATE_LIMIT = 0.2
-"""First order in the clearance rate up to here, squeeze against the moving wall from twice that on."""
+"""First order in the clearance rate up to here, squeeze against the moving wall from twice that
+on."""
 _MAX_TURN = math.pi / 2
 _PER_LOG = -1 / math.log1p(-EPS_TABLE)
-_1, _2, _3 = np.uint64(1), np.uint64(2), np.uint64(3)  # unsigned: no check for an index from the end
+_1, _2, _3 = (
+    np.uint64(1),
+    np.uint64(2),
+    np.uint64(3),
+)  # unsigned: no check for an index from the end
 
 Four = tuple[float, float, float, float]
 
@@ -37,12 +42,20 @@ Four = tuple[float, float, float, float]
 def _weights(t: float) -> Four:
     """Uniform cubic B-spline weights at t in [0, 1] of a cell."""
     s = 1.0 - t
-    return s * s * s / 6, (4 - 3 * t * t * (2 - t)) / 6, (4 - 3 * s * s * (2 - s)) / 6, t * t * t / 6
+    return (
+        s * s * s / 6,
+        (4 - 3 * t * t * (2 - t)) / 6,
+        (4 - 3 * s * s * (2 - s)) / 6,
+        t * t * t / 6,
+    )
 
 
 @inlined
-def _cell(coefficients: Floats, eps: float, gamma: float) -> tuple[np.uint64, np.uint64, Four, Four]:
-    """Where to look: cell of an eccentricity ratio in [0, EPS_TABLE] and an angle in [0, pi], and its weights."""
+def _cell(
+    coefficients: Floats, eps: float, gamma: float
+) -> tuple[np.uint64, np.uint64, Four, Four]:
+    """Where to look: cell of an eccentricity ratio in [0, EPS_TABLE] and an angle in [0, pi], and
+    its weights."""
     rows = coefficients.shape[0] - 3
     columns = coefficients.shape[1] - 3
     u = -math.log(1.0 - eps) * (rows * _PER_LOG)
@@ -63,22 +76,35 @@ def _line(coefficients: Floats, i: np.uint64, j: np.uint64, weights: Four, colum
 
 
 @inlined
-def _blend(coefficients: Floats, cell: tuple[np.uint64, np.uint64, Four, Four], column: int) -> float:
+def _blend(
+    coefficients: Floats, cell: tuple[np.uint64, np.uint64, Four, Four], column: int
+) -> float:
     """One value of the table in a cell."""
     i, j, (u0, u1, u2, u3), v = cell
-    value: float = u0 * _line(coefficients, i, j, v, column) + u1 * _line(coefficients, i + _1, j, v, column)
-    value += u2 * _line(coefficients, i + _2, j, v, column) + u3 * _line(coefficients, i + _3, j, v, column)
+    value: float = u0 * _line(coefficients, i, j, v, column) + u1 * _line(
+        coefficients, i + _1, j, v, column
+    )
+    value += u2 * _line(coefficients, i + _2, j, v, column) + u3 * _line(
+        coefficients, i + _3, j, v, column
+    )
     return value
 
 
 @inlined
-def lookup(coefficients: Floats, eps: float, gamma: float, ratio: float = 0.0) -> tuple[float, float, float]:
-    """Table values (a + a' r, d + d' r, q) at an eccentricity ratio in [0, EPS_TABLE], an angle in [0, pi] and `r`.
+def lookup(
+    coefficients: Floats, eps: float, gamma: float, ratio: float = 0.0
+) -> tuple[float, float, float]:
+    """Table values (a + a' r, d + d' r, q) at an eccentricity ratio in [0, EPS_TABLE], an angle in
+    [0, pi] and `r`.
 
     `coefficients` has shape (cells of -log(1 - eps) + 3, cells of the angle + 3, 5).
     """
     cell = _cell(coefficients, eps, gamma)
-    a, d, q = _blend(coefficients, cell, 0), _blend(coefficients, cell, 1), _blend(coefficients, cell, 2)
+    a, d, q = (
+        _blend(coefficients, cell, 0),
+        _blend(coefficients, cell, 1),
+        _blend(coefficients, cell, 2),
+    )
     if ratio != 0.0:
         a += ratio * _blend(coefficients, cell, 3)
         d += ratio * _blend(coefficients, cell, 4)
@@ -89,8 +115,8 @@ def lookup(coefficients: Floats, eps: float, gamma: float, ratio: float = 0.0) -
 def contact_force(ex: float, ey: float, omega: float, c: float) -> tuple[float, float, float]:
     """Force of the asperities on a journal past EPS_TABLE (fx, fy), N, and its rubbing part, N.
 
-    A linear spring with Coulomb friction against the rotation, none at standstill: a static load W rests W / k
-    beyond EPS_TABLE, also beyond the clearance itself.
+    A linear spring with Coulomb friction against the rotation, none at standstill: a static load W
+    rests W / k beyond EPS_TABLE, also beyond the clearance itself.
     """
     e = math.hypot(ex, ey)
     if e <= EPS_TABLE * c:
@@ -102,12 +128,19 @@ def contact_force(ex: float, ey: float, omega: float, c: float) -> tuple[float, 
 
 
 @kernel
-def _moving_wall(sx: float, sy: float, ex: float, ey: float, c: float, c_rate: float) -> tuple[float, float, float]:
-    """Squeeze velocity against a wall of clearance rate ``c_rate``, and the ratio that is left to first order."""
+def _moving_wall(
+    sx: float, sy: float, ex: float, ey: float, c: float, c_rate: float
+) -> tuple[float, float, float]:
+    """Squeeze velocity against a wall of clearance rate ``c_rate``, and the ratio that is left to
+    first order."""
     squeeze = math.hypot(sx, sy)
     if abs(c_rate) <= RATE_LIMIT * squeeze:
         return sx, sy, c_rate / max(squeeze, 1e-30)
-    wall = 1.0 if abs(c_rate) >= 2 * RATE_LIMIT * squeeze else abs(c_rate) / (RATE_LIMIT * squeeze) - 1.0
+    wall = (
+        1.0
+        if abs(c_rate) >= 2 * RATE_LIMIT * squeeze
+        else abs(c_rate) / (RATE_LIMIT * squeeze) - 1.0
+    )
     shift = wall * c_rate * 3 / (1 + 2 * (ex * ex + ey * ey) / (c * c)) / c
     return sx - shift * ex, sy - shift * ey, math.copysign((1 - wall) * RATE_LIMIT, c_rate)
 
@@ -126,14 +159,16 @@ def table_force(
     L: float,
     c_rate: float = 0.0,
 ) -> tuple[float, float, float, float]:
-    """Force (fx, fy) on the journal, N, braking friction torque, N m, and side flow, m3/s, of the unfed film.
+    """Force (fx, fy) on the journal, N, braking friction torque, N m, and side flow, m3/s, of the
+    unfed film.
 
     Parameters
     ----------
     coefficients
         `FilmTable.coefficients` of this length over diameter.
     ex, ey, vx, vy, omega
-        Journal centre, m, and its velocity, m/s, relative to the bearing; speed, rad/s, any sign or zero.
+        Journal centre, m, and its velocity, m/s, relative to the bearing; speed, rad/s, any sign or
+        zero.
     c, mu, R, L
         Radial clearance, m, viscosity, Pa s, journal radius and bearing length, m, all above zero.
     c_rate
@@ -141,8 +176,9 @@ def table_force(
 
     Notes
     -----
-    Past EPS_TABLE the film stays that of EPS_TABLE and asperities carry the rest, with Coulomb friction against
-    the surface. Finite for every finite state; conventions of `film_force`, Couette part full.
+    Past EPS_TABLE the film stays that of EPS_TABLE and asperities carry the rest, with Coulomb
+    friction against the surface. Finite for every finite state; conventions of `film_force`,
+    Couette part full.
     """
     film_x, film_y, eps = ex, ey, math.sqrt(ex * ex + ey * ey) / c
     contact_x = contact_y = rub = 0.0

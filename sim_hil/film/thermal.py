@@ -2,8 +2,9 @@
 
     torque |omega| = rho c_p (Q + Q_jacket) (T - T_inlet),   mu = mu(T)
 
-`Q` is what leaves at the ends (fed or not), `Q_jacket` what is pumped through beside the film. The same balance and
-viscosity law as the rig's, which follows it in time (`sim_hil.rotor.bearing.heat_oil`).
+`Q` is what leaves at the ends (fed or not), `Q_jacket` what is pumped through beside the film. The
+same balance and viscosity law as the rig's, which follows it in time
+(`sim_hil.rotor.bearing.heat_oil`).
 """
 
 from dataclasses import dataclass
@@ -51,7 +52,8 @@ def thermal_equilibrium(
     jacket_flow_m3_s: float = 0.0,
     **film: Unpack[FilmRules],
 ) -> ThermalEquilibrium:
-    """Equilibrium of the journal with warm oil; isothermal is `equilibrium` with the viscosity at the inlet.
+    """Equilibrium of the journal with warm oil; isothermal is `equilibrium` with the viscosity at
+    the inlet.
 
     Parameters
     ----------
@@ -65,7 +67,8 @@ def thermal_equilibrium(
     Raises
     ------
     FilmError
-        As `equilibrium`; or a negative jacket flow; or no temperature within 500 K of the inlet carries the power off.
+        As `equilibrium`; or a negative jacket flow; or no temperature within 500 K of the inlet
+        carries the power off.
     """
     if not (np.isfinite(jacket_flow_m3_s) and jacket_flow_m3_s >= 0):
         raise FilmError(f"jacket_flow_m3_s = {jacket_flow_m3_s}: must be finite and not below zero")
@@ -79,7 +82,9 @@ def thermal_equilibrium(
     def surplus(oil_C: float) -> float:
         """Friction power less what the oil carries off, over the friction power."""
         state = at(oil_C)
-        carried = oil.density_kg_m3 * oil.heat_capacity_J_kgK * (state.side_flow_m3_s + jacket_flow_m3_s)
+        carried = (
+            oil.density_kg_m3 * oil.heat_capacity_J_kgK * (state.side_flow_m3_s + jacket_flow_m3_s)
+        )
         return 1 - carried * (oil_C - oil.inlet_C) / max(_power(state, speed_rad_s), 1e-300)
 
     low, high = oil.inlet_C, oil.inlet_C + 8.0
@@ -87,7 +92,8 @@ def thermal_equilibrium(
         low, high = high, oil.inlet_C + 2 * (high - oil.inlet_C)
         if high > oil.inlet_C + _HOTTEST_RISE_K:
             raise FilmError(
-                f"the film's own flow and jacket_flow_m3_s = {jacket_flow_m3_s} do not carry its friction power off "
+                f"the film's own flow and jacket_flow_m3_s = {jacket_flow_m3_s} do not carry its "
+                f"friction power off "
                 f"below {low:.6g} C; give it a feed or a jacket flow"
             )
     oil_C = bracketed_root(surplus, low, high, 1e-6)

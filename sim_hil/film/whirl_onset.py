@@ -1,7 +1,8 @@
 """Where a rotor out of balance begins to whirl: earlier than its linear threshold says.
 
-The unbalance shakes the film once a turn, twice in each turn of the whirl, and feeds it as any swing whose support is
-shaken at twice its frequency is fed.  A rigid rotor on two such films is followed in time.
+The unbalance shakes the film once a turn, twice in each turn of the whirl, and feeds it as any
+swing whose support is shaken at twice its frequency is fed.  A rigid rotor on two such films is
+followed in time.
 """
 
 from __future__ import annotations
@@ -39,8 +40,9 @@ def onset_share(table: FilmTable, eccentricity: float, unbalance_share: float) -
 
     Notes
     -----
-    It whirls where an orbit still fills a good part of the clearance after 800 turns and every second turn differs
-    from the one before; one that fills it turn by turn the same is that of the unbalance alone.
+    It whirls where an orbit still fills a good part of the clearance after 800 turns and every
+    second turn differs from the one before; one that fills it turn by turn the same is that of the
+    unbalance alone.
     """
     length_m = 2 * _RADIUS_M * table.length_over_diameter
     rest = equilibrium(
@@ -65,8 +67,8 @@ def _orbit(
     coefficients: Floats, viscosity: float, mass: float, load: float, shaking: float, clearance: float, length: float,
     start: Floats,
 ) -> tuple[float, float]:  # fmt: skip
-    """Peak-to-peak of the last tenth of the turns, and the most that one turn ends from where the last did, in
-    clearances; by the midpoint rule."""
+    """Peak-to-peak of the last tenth of the turns, and the most that one turn ends from where the
+    last did, in clearances; by the midpoint rule."""
     x, y, vx, vy = start[0], start[1], 0.0, 0.0
     step = 2 * math.pi / (_SPEED * _STEPS_A_TURN)
     left, right, low, high = math.inf, -math.inf, math.inf, -math.inf
@@ -75,13 +77,32 @@ def _orbit(
         judged = turn >= _TURNS - _TURNS // 10
         for i in range(_STEPS_A_TURN):
             angle = 2 * math.pi * i / _STEPS_A_TURN
-            fx, fy, _, _ = table_force(coefficients, x, y, vx, vy, _SPEED, clearance, viscosity, _RADIUS_M, length)
-            ax, ay = (fx + shaking * math.cos(angle)) / mass, (fy + shaking * math.sin(angle) - load) / mass
+            fx, fy, _, _ = table_force(
+                coefficients, x, y, vx, vy, _SPEED, clearance, viscosity, _RADIUS_M, length
+            )
+            ax, ay = (
+                (fx + shaking * math.cos(angle)) / mass,
+                (fy + shaking * math.sin(angle) - load) / mass,
+            )
             mid_x, mid_y, mid_vx, mid_vy = (
-                x + 0.5 * step * vx, y + 0.5 * step * vy, vx + 0.5 * step * ax, vy + 0.5 * step * ay)
+                x + 0.5 * step * vx,
+                y + 0.5 * step * vy,
+                vx + 0.5 * step * ax,
+                vy + 0.5 * step * ay,
+            )
             angle += math.pi / _STEPS_A_TURN
             fx, fy, _, _ = table_force(
-                coefficients, mid_x, mid_y, mid_vx, mid_vy, _SPEED, clearance, viscosity, _RADIUS_M, length)
+                coefficients,
+                mid_x,
+                mid_y,
+                mid_vx,
+                mid_vy,
+                _SPEED,
+                clearance,
+                viscosity,
+                _RADIUS_M,
+                length,
+            )
             vx += step * (fx + shaking * math.cos(angle)) / mass
             vy += step * (fy + shaking * math.sin(angle) - load) / mass
             x, y = x + step * mid_vx, y + step * mid_vy

@@ -36,13 +36,17 @@ def main(argv: list[str]) -> int:
     options = _parser().parse_args(argv)
     output: Path = options.output
     if output.suffix not in SUFFIXES:
-        raise PlotError(f"{output}: a figure is written as {' or '.join(SUFFIXES)}; name the file so")
+        raise PlotError(
+            f"{output}: a figure is written as {' or '.join(SUFFIXES)}; name the file so"
+        )
     if output.is_dir() or not os.access(output if output.exists() else output.parent, os.W_OK):
         raise PlotError(f"{output}: cannot be written there; name a file in a folder of your own")
     try:
         import matplotlib
     except ModuleNotFoundError as error:
-        raise PlotError("matplotlib is not installed; it comes with the extra: pip install 'orbitd[train]'") from error
+        raise PlotError(
+            "matplotlib is not installed; it comes with the extra: pip install 'orbitd[train]'"
+        ) from error
     if options.kind == "orbit" and options.rpm == 0:
         raise PlotError("--rpm 0: an orbit is drawn over turns; give a speed")
     matplotlib.use("Agg")
@@ -59,12 +63,24 @@ def _parser() -> argparse.ArgumentParser:
     listed = "; ".join(f"{name}: {what}" for name, what in KINDS.items())
     parser = argparse.ArgumentParser(prog="orbitd plot", description=__doc__, epilog=listed)
     parser.add_argument("kind", choices=KINDS)
-    parser.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="a .png or .svg file")
+    parser.add_argument(
+        "-o", "--output", type=Path, required=True, metavar="FILE", help="a .png or .svg file"
+    )
     parser.add_argument("--rig", default="bench", help="rig: bench (default) or seed")
     parser.add_argument("--rpm", type=finite, default=6000.0, help="speed, rpm (default 6000)")
-    parser.add_argument("--load", type=finite, default=100.0, metavar="N", help="static bearing load, N (default 100)")
-    parser.add_argument("--clearance", type=finite, default=60.0, metavar="UM", help="radial, um (default 60)")
-    parser.add_argument("--film", choices=["table", "direct", "linear"], default="table", help="film of the runs")
+    parser.add_argument(
+        "--load",
+        type=finite,
+        default=100.0,
+        metavar="N",
+        help="static bearing load, N (default 100)",
+    )
+    parser.add_argument(
+        "--clearance", type=finite, default=60.0, metavar="UM", help="radial, um (default 60)"
+    )
+    parser.add_argument(
+        "--film", choices=["table", "direct", "linear"], default="table", help="film of the runs"
+    )
     return parser
 
 

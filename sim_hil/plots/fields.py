@@ -25,7 +25,8 @@ _EDGE_SHARE = 2e-3
 
 
 def pressure(options: argparse.Namespace) -> Figure:
-    """Pressure of the Reynolds film at the static equilibrium, over the unwrapped bearing and around its middle."""
+    """Pressure of the Reynolds film at the static equilibrium, over the unwrapped bearing and
+    around its middle."""
     rig = load_rig(options.rig)
     b = rig.bearing
     film = FilmArguments(
@@ -43,7 +44,9 @@ def pressure(options: argparse.Namespace) -> Figure:
     mesh = above.contourf(angle, z, p.T, levels=np.linspace(0, p.max(), 25), cmap="viridis")
     above.contourf(angle, z, p.T, levels=[-1, edge], colors="none", hatches=["///"])
     above.contour(angle, z, p.T, levels=[edge], colors="white", linewidths=1.2)
-    figure.colorbar(mesh, ax=above, location="top", shrink=0.7, label="pressure, MPa", ticks=MaxNLocator(7))
+    figure.colorbar(
+        mesh, ax=above, location="top", shrink=0.7, label="pressure, MPa", ticks=MaxNLocator(7)
+    )
     plain(above, "", "axial position, mm")
     middle = p[:, z.size // 2]
     below.fill_between(angle, 0, 1, where=middle <= edge, color=GREY, alpha=0.15, linewidth=0, label="ruptured film",
@@ -53,7 +56,9 @@ def pressure(options: argparse.Namespace) -> Figure:
     below.axvline(270, color=GREY, linewidth=0.9, linestyle=":", label="direction of the load")
     gap = below.twinx()
     e = rest.position_m
-    thickness = 1e6 * (film["clearance_m"] - e @ [np.cos(np.radians(angle)), np.sin(np.radians(angle))])
+    thickness = 1e6 * (
+        film["clearance_m"] - e @ [np.cos(np.radians(angle)), np.sin(np.radians(angle))]
+    )
     gap.plot(angle, thickness, color=ORANGE)
     thinnest = int(np.argmin(thickness))
     gap.plot(angle[thinnest], thickness[thinnest], "o", color=ORANGE, markersize=4)
@@ -70,7 +75,8 @@ def pressure(options: argparse.Namespace) -> Figure:
 
 
 def _pressure_field(position_m: Floats, film: FilmArguments) -> tuple[Floats, Floats, Floats]:
-    """Angles from 0 to 360 degrees, axial places, mm, and pressure, MPa, with the ring closed at both ends."""
+    """Angles from 0 to 360 degrees, axial places, mm, and pressure, MPa, with the ring closed at
+    both ends."""
     field = film_force(position_m, (0.0, 0.0), fields=True, **film)
     assert field.theta_rad is not None
     assert field.pressure_Pa is not None
@@ -82,7 +88,8 @@ def _pressure_field(position_m: Floats, film: FilmArguments) -> tuple[Floats, Fl
 
 
 def power_and_limits(options: argparse.Namespace) -> Figure:
-    """Power, smallest film and orbit over speed and clearance, at the rig's least load, the given one and its most."""
+    """Power, smallest film and orbit over speed and clearance, at the rig's least load, the given
+    one and its most."""
     rig = load_rig(options.rig)
     b = rig.bearing
     limits = Limits.of(read_json("duty_bench.json"))
@@ -90,7 +97,9 @@ def power_and_limits(options: argparse.Namespace) -> Figure:
     clearance = np.linspace(b.clearance_min_m, b.clearance_max_m, _MAP_CLEARANCES)
     loads = np.array(sorted({rig.load_min_N, options.load, rig.load_max_N}))
     found = power_map(rig, speed, loads, clearance, seconds=_MAP_SECONDS, force=options.film)
-    caption = f"rig {options.rig}, {options.film} film, isothermal; last half of {_MAP_SECONDS:g} s at "
+    caption = (
+        f"rig {options.rig}, {options.film} film, isothermal; last half of {_MAP_SECONDS:g} s at "
+    )
     caption += f"{speed.size} x {clearance.size} points each; hatched: film below {limits.min_film_m * 1e6:g} µm or "
     caption += f"peak to peak above {ORBIT_SHARE:g} of the clearance"
     figure = new_figure((13, 3.7 * loads.size), "Power, film and vibration", caption)
@@ -104,13 +113,27 @@ def power_and_limits(options: argparse.Namespace) -> Figure:
         levels = MaxNLocator(20).tick_values(float(values.min()), float(values.max()))
         for row, load in enumerate(loads.tolist()):
             axes = all_axes[row, column]
-            mesh = axes.contourf(speed, clearance * 1e6, values[:, row].T, levels=levels, cmap=colors)
-            axes.contourf(speed, clearance * 1e6, bad[:, row].T, levels=[0, np.inf], colors="none", hatches=["xx"])
-            axes.contour(speed, clearance * 1e6, bad[:, row].T, levels=[0], colors=RED, linewidths=2)
-            plain(axes, "speed, rpm" * (row == loads.size - 1), f"{load:g} N\n\nradial clearance, µm" * (column == 0),
+            mesh = axes.contourf(
+                speed, clearance * 1e6, values[:, row].T, levels=levels, cmap=colors
+            )
+            axes.contourf(
+                speed,
+                clearance * 1e6,
+                bad[:, row].T,
+                levels=[0, np.inf],
+                colors="none",
+                hatches=["xx"],
+            )
+            axes.contour(
+                speed, clearance * 1e6, bad[:, row].T, levels=[0], colors=RED, linewidths=2
+            )
+            plain(axes, "speed, rpm" * (row == loads.size - 1), f"{load:g} N\n\nradial "
+                                                                f"clearance, µm" * (column == 0),
                   title * (row == 0))  # fmt: skip
         bar = figure.colorbar(mesh, ax=all_axes[:, column], location="bottom", aspect=40)
         if column == 0:
-            ticks = [t for t in (5, 10, 20, 50, 100, 200, 400) if levels[0] <= np.log10(t) <= levels[-1]]
+            ticks = [
+                t for t in (5, 10, 20, 50, 100, 200, 400) if levels[0] <= np.log10(t) <= levels[-1]
+            ]
             bar.set_ticks(np.log10(ticks).tolist(), labels=[str(t) for t in ticks])
     return figure

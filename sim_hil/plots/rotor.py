@@ -26,7 +26,8 @@ _CAMPBELL_BEYOND = 1.25
 
 
 def orbit(options: argparse.Namespace) -> Figure:
-    """The last turns of a run in the clearance circle, enlarged beside, with the amplitude spectrum."""
+    """The last turns of a run in the clearance circle, enlarged beside, with the amplitude
+    spectrum."""
     rig = load_rig(options.rig)
     clearance = options.clearance * 1e-6
     turns_s = 20 * 60 / abs(options.rpm)
@@ -35,12 +36,23 @@ def orbit(options: argparse.Namespace) -> Figure:
         force=options.film, thermal=False,
     )  # fmt: skip
     tail = run.last(turns_s)
-    figure = new_figure((12, 4.4), "Orbit of the journal", f"{point(options)}; last 20 turns of {run.time_s[-1]:.1f} s")
+    figure = new_figure(
+        (12, 4.4),
+        "Orbit of the journal",
+        f"{point(options)}; last 20 turns of {run.time_s[-1]:.1f} s",
+    )
     whole, near, spectrum = figure.subplots(1, 3, width_ratios=[1, 1, 1.25])
     x, y = (tail.position_m * UM).T
     angle = np.linspace(0, 2 * np.pi, 200)
-    whole.fill(clearance * UM * np.cos(angle), clearance * UM * np.sin(angle), color=GREY, alpha=0.1)
-    whole.plot(clearance * UM * np.cos(angle), clearance * UM * np.sin(angle), color=GREY, label="clearance circle")
+    whole.fill(
+        clearance * UM * np.cos(angle), clearance * UM * np.sin(angle), color=GREY, alpha=0.1
+    )
+    whole.plot(
+        clearance * UM * np.cos(angle),
+        clearance * UM * np.sin(angle),
+        color=GREY,
+        label="clearance circle",
+    )
     marks = np.flatnonzero(np.diff(np.floor(tail.column("angle_rad") / (2 * np.pi))))
     for axes in (whole, near):
         axes.plot(x, y, color=BLUE, linewidth=1, label="journal centre")
@@ -52,7 +64,9 @@ def orbit(options: argparse.Namespace) -> Figure:
     swing = tail.peak_to_peak_m()
     percent = f"{100 * swing / clearance:.1f} % of c (limit {100 * ORBIT_SHARE:g} %)"
     plain(near, "x, µm", "y, µm", f"peak to peak {swing * UM:.2f} µm, {percent}")
-    whole.legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2, frameon=False)
+    whole.legend(
+        fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2, frameon=False
+    )
     _spectrum(spectrum, run.last(1.0), abs(options.rpm) / 60)
     return figure
 
@@ -71,7 +85,8 @@ def _spectrum(axes: Axes, run: Trajectory, turn_hz: float) -> None:
 
 
 def waterfall(options: argparse.Namespace) -> Figure:
-    """Short spectra of x during a run-up through the whole speed range, and the orbit's size beside."""
+    """Short spectra of x during a run-up through the whole speed range, and the orbit's size
+    beside."""
     rig = load_rig(options.rig)
     low, high, rate_hz = rig.speed_min_rpm, rig.speed_max_rpm, 5000.0
     ramp = Duty((0.0, _RUN_UP_S), (low, high), (options.load, options.load))
@@ -79,24 +94,43 @@ def waterfall(options: argparse.Namespace) -> Figure:
         rig, ramp, clearance=options.clearance * 1e-6, rate_hz=rate_hz, force=options.film, thermal=False
     )  # fmt: skip
     frequency, time_s, power = spectrogram(
-        run.position_m[:, 0], rate_hz, "hann", 2048, 1792, nfft=8192, detrend="linear", scaling="spectrum", mode="psd"
+        run.position_m[:, 0],
+        rate_hz,
+        "hann",
+        2048,
+        1792,
+        nfft=8192,
+        detrend="linear",
+        scaling="spectrum",
+        mode="psd",
     )
     rpm = np.interp(time_s, [0, _RUN_UP_S], [low, high])
     level = 10 * np.log10(np.maximum(2 * power, 1e-20) / 1e-12)
     caption = f"rig {options.rig}, {options.load:g} N, radial clearance {options.clearance:g} µm, {options.film} film, "
-    figure = new_figure((10, 5.8), "Run-up: spectrum of the journal over speed", caption + f"{_RUN_UP_S:g} s ramp")
+    figure = new_figure(
+        (10, 5.8), "Run-up: spectrum of the journal over speed", caption + f"{_RUN_UP_S:g} s ramp"
+    )
     axes, size = figure.subplots(1, 2, sharey=True, width_ratios=[4, 1])
     shown = frequency <= 2.5 * high / 60
     mesh = axes.pcolormesh(frequency[shown], rpm, level[shown].T, cmap="magma", vmin=-60, vmax=30, shading="gouraud",
                            rasterized=True)  # fmt: skip
     for order in (0.5, 1.0, 2.0):
         axes.plot(order * rpm / 60, rpm, "--", color="white", linewidth=0.7, alpha=0.6)
-        axes.annotate(f"{order:g}X", (order * rpm[-1] / 60, rpm[-1]), color=GREY, fontsize=9, ha="center", va="bottom")
+        axes.annotate(
+            f"{order:g}X",
+            (order * rpm[-1] / 60, rpm[-1]),
+            color=GREY,
+            fontsize=9,
+            ha="center",
+            va="bottom",
+        )
     axes.set_xlim(0, 2.5 * high / 60)
     axes.set_ylim(rpm[0], rpm[-1])
     figure.colorbar(mesh, ax=axes, location="left", label="amplitude of x, dB re 1 µm rms")
     plain(axes, "frequency, Hz", "speed, rpm")
-    size.plot(100 * orbit_share(run), np.linspace(low, high, run.time_s.size), color=BLUE, linewidth=1)
+    size.plot(
+        100 * orbit_share(run), np.linspace(low, high, run.time_s.size), color=BLUE, linewidth=1
+    )
     size.axvline(100 * ORBIT_SHARE, color=RED, linewidth=0.9, linestyle="--")
     size.set_xlim(0, None)
     plain(size, "peak to peak\nover clearance, %", "", "red: limit")
@@ -104,7 +138,8 @@ def waterfall(options: argparse.Namespace) -> Figure:
 
 
 def campbell(options: argparse.Namespace) -> Figure:
-    """Damped frequencies and damping of the rotor on film and coupling, the film linear at each speed."""
+    """Damped frequencies and damping of the rotor on film and coupling, the film linear at each
+    speed."""
     rig = load_rig(options.rig)
     speeds = np.linspace(rig.speed_min_rpm, _CAMPBELL_BEYOND * rig.speed_max_rpm, 60)
     rows = [
@@ -121,12 +156,25 @@ def campbell(options: argparse.Namespace) -> Figure:
     for value, name, color, mark in senses:
         of = sense == value
         if of.any():
-            above.plot(rpm[of], frequency[of], mark, color=color, markersize=3.5, label=f"{name} whirl")
+            above.plot(
+                rpm[of], frequency[of], mark, color=color, markersize=3.5, label=f"{name} whirl"
+            )
             below.plot(rpm[of], damping[of], mark, color=color, markersize=3.5)
     unstable = damping < 0
     if unstable.any():
-        above.plot(rpm[unstable], frequency[unstable], "o", markerfacecolor="none", color=RED, label="unstable")
-        above.set_title(f"unstable from about {100 * round(rpm[unstable].min() / 100)} rpm on", fontsize=10, color=RED)
+        above.plot(
+            rpm[unstable],
+            frequency[unstable],
+            "o",
+            markerfacecolor="none",
+            color=RED,
+            label="unstable",
+        )
+        above.set_title(
+            f"unstable from about {100 * round(rpm[unstable].min() / 100)} rpm on",
+            fontsize=10,
+            color=RED,
+        )
     for order in (0.5, 1.0, 2.0):
         above.plot(speeds, order * speeds / 60, "--", color=GREY, linewidth=0.9)
         inside = min(speeds[-1], 60 / order * 1.1 * frequency.max())
@@ -134,7 +182,9 @@ def campbell(options: argparse.Namespace) -> Figure:
                        fontsize=9)  # fmt: skip
     for axes in (above, below):
         axes.axvline(rig.speed_max_rpm, color=GREY, linewidth=0.9, linestyle=":")
-    above.annotate(" rig's largest speed", (rig.speed_max_rpm, 0), color=GREY, fontsize=8, va="bottom")
+    above.annotate(
+        " rig's largest speed", (rig.speed_max_rpm, 0), color=GREY, fontsize=8, va="bottom"
+    )
     above.set_ylim(0, 1.15 * frequency.max())
     below.axhspan(-1, 0, color=RED, alpha=0.08)
     below.axhline(0, color=RED, linewidth=0.9)
@@ -146,7 +196,9 @@ def campbell(options: argparse.Namespace) -> Figure:
     return figure
 
 
-def _film_modes(rig: RigData, rpm: float, load_N: float, clearance_m: float) -> tuple[Floats, Floats, Floats]:
+def _film_modes(
+    rig: RigData, rpm: float, load_N: float, clearance_m: float
+) -> tuple[Floats, Floats, Floats]:
     """Oscillating modes: frequency, Hz, damping ratio, sense of whirl."""
     plant = assemble(rig, Build.nominal(rig), 5e-5, thermal=False)
     s = plant.shaft
@@ -168,7 +220,9 @@ def duty(options: argparse.Namespace) -> Figure:
     rig = load_rig(options.rig)
     published = Duty.published()
     clearance = options.clearance * 1e-6
-    run = simulate(rig, published, clearance=clearance, rate_hz=_RATE_HZ, dt_s=1e-4, force=options.film)
+    run = simulate(
+        rig, published, clearance=clearance, rate_hz=_RATE_HZ, dt_s=1e-4, force=options.film
+    )
     caption = f"rig {options.rig}, fixed radial clearance {options.clearance:g} µm, {options.film} film, thermal; "
     figure = new_figure((10, 8), "The published duty", caption + _summary(run))
     speed, load, power, film, share = figure.subplots(5, 1, sharex=True)

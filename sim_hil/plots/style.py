@@ -30,7 +30,8 @@ def plain(axes: Axes, x: str, y: str, title: str = "") -> None:
 def point(options: argparse.Namespace) -> str:
     """The operating point in words."""
     return (
-        f"rig {options.rig}, {options.rpm:g} rpm, {options.load:g} N, radial clearance {options.clearance:g} µm, "
+        f"rig {options.rig}, {options.rpm:g} rpm, {options.load:g} N, radial clearance "
+        f"{options.clearance:g} µm, "
         f"{options.film} film"
     )
 
@@ -39,4 +40,12 @@ def limit_line(axes: Axes, value: float, text: str) -> None:
     """A limit across the axes, named at its right end."""
     axes.axhline(value, color=RED, linewidth=0.9, linestyle="--")
     place = (0.995, value)
-    axes.annotate(text, place, xycoords=axes.get_yaxis_transform(), color=RED, fontsize=8, ha="right", va="bottom")
+    axes.annotate(
+        text,
+        place,
+        xycoords=axes.get_yaxis_transform(),
+        color=RED,
+        fontsize=8,
+        ha="right",
+        va="bottom",
+    )

@@ -1,7 +1,7 @@
 """The rigs, sensors, classes and duty as data, read into frozen dataclasses.
 
-``bench.json``, ``seed.json``, ``sensors.json``, ``classes.json`` and ``duty_bench.json`` are the reference
-files as given; ``assumed.json`` holds what they leave open.
+``bench.json``, ``seed.json``, ``sensors.json``, ``classes.json`` and ``duty_bench.json`` are the
+reference files as given; ``assumed.json`` holds what they leave open.
 """
 
 from __future__ import annotations
@@ -50,7 +50,9 @@ class Bearing:
             The bearing is no cone.
         """
         if self.cone_half_angle_rad is None:
-            raise NoCone("axial shift: this rig's bearing is no cone; its clearance is set otherwise")
+            raise NoCone(
+                "axial shift: this rig's bearing is no cone; its clearance is set otherwise"
+            )
         return (clearance_m - self.clearance_nominal_m) / math.tan(self.cone_half_angle_rad)
 
 
@@ -67,12 +69,15 @@ class Oil:
 
     def viscosity_at(self, temperature_C: float) -> float:
         """Dynamic viscosity, Pa s."""
-        return self.viscosity_Pa_s * math.exp(-self.slope_per_K * (temperature_C - self.reference_C))
+        return self.viscosity_Pa_s * math.exp(
+            -self.slope_per_K * (temperature_C - self.reference_C)
+        )
 
 
 @dataclass(frozen=True)
 class Groove:
-    """One axial feed groove: its middle, its width around the journal, and its share of the bearing's length."""
+    """One axial feed groove: its middle, its width around the journal, and its share of the
+    bearing's length."""
 
     angle_rad: float
     width_rad: float
@@ -113,7 +118,9 @@ class Rotor:
     def gravity_share_N(self) -> float:
         """Weight carried by the bearing."""
         return (
-            self.mass_kg * GRAVITY_M_S2 * self.coupling_to_cg_m
+            self.mass_kg
+            * GRAVITY_M_S2
+            * self.coupling_to_cg_m
             / (self.coupling_to_cg_m + self.bearing_to_cg_m)
         )
 
@@ -131,7 +138,8 @@ class Body:
 
 @dataclass(frozen=True)
 class Foundation:
-    """Pedestal and motor with their joints; ``contact_stiffness_N_m`` is that of four bolts together."""
+    """Pedestal and motor with their joints; ``contact_stiffness_N_m`` is that of four bolts
+    together."""
 
     pedestal: Body
     motor: Body
@@ -204,7 +212,9 @@ class RigData:
 
 def read_json(name: str) -> dict[str, Any]:
     """One of the data files of this package."""
-    table: dict[str, Any] = json.loads(resources.files(__name__).joinpath(name).read_text(encoding="utf-8"))
+    table: dict[str, Any] = json.loads(
+        resources.files(__name__).joinpath(name).read_text(encoding="utf-8")
+    )
     return table
 
 
@@ -225,7 +235,9 @@ def load_rig(name: str) -> RigData:
     return RigData(
         name=name,
         foundation=Foundation(
-            pedestal=Body(**foundation.pop("pedestal")), motor=Body(**foundation.pop("motor")), **foundation
+            pedestal=Body(**foundation.pop("pedestal")),
+            motor=Body(**foundation.pop("motor")),
+            **foundation,
         ),
         excitation=Excitation(**assumed["excitation"]),
         thermal=Thermal(**assumed["thermal"]),
@@ -236,23 +248,44 @@ def load_rig(name: str) -> RigData:
 
 
 def _bench(t: dict[str, Any]) -> dict[str, Any]:
-    clearance, oil, feed, rotor = t["bearing"]["radial_clearance_m"], t["oil"], t["feed"], t["rotor"]
+    clearance, oil, feed, rotor = (
+        t["bearing"]["radial_clearance_m"],
+        t["oil"],
+        t["feed"],
+        t["rotor"],
+    )
     return {
         "bearing": Bearing(
-            t["bearing"]["journal_radius_m"], t["bearing"]["length_m"],
-            clearance["min"], clearance["max"], clearance["nominal"], math.radians(t["bearing"]["cone_half_angle_deg"]),
+            t["bearing"]["journal_radius_m"],
+            t["bearing"]["length_m"],
+            clearance["min"],
+            clearance["max"],
+            clearance["nominal"],
+            math.radians(t["bearing"]["cone_half_angle_deg"]),
         ),
         "oil": Oil(
-            oil["viscosity_Pa_s_at_40C"], 0.03, 40.0,
-            oil["density_kg_m3"], oil["heat_capacity_J_kgK"], oil["inlet_C"],
+            oil["viscosity_Pa_s_at_40C"],
+            0.03,
+            40.0,
+            oil["density_kg_m3"],
+            oil["heat_capacity_J_kgK"],
+            oil["inlet_C"],
         ),
         "supply": Supply(
-            feed["pressure_Pa"]["nominal"], feed["pressure_Pa"]["min"], feed["pressure_Pa"]["max"],
-            feed["pump_efficiency"], Groove(math.pi / 2, math.radians(feed["width_deg"]), feed["length_share"]),
+            feed["pressure_Pa"]["nominal"],
+            feed["pressure_Pa"]["min"],
+            feed["pressure_Pa"]["max"],
+            feed["pump_efficiency"],
+            Groove(math.pi / 2, math.radians(feed["width_deg"]), feed["length_share"]),
         ),
         "rotor": Rotor(
-            rotor["mass_kg"], rotor["J_d_kg_m2"], rotor["J_p_kg_m2"], rotor["coupling_to_cg_m"],
-            rotor["bearing_to_cg_m"], rotor["coupling_stiffness_N_m"], rotor["coupling_damping_N_s_m"],
+            rotor["mass_kg"],
+            rotor["J_d_kg_m2"],
+            rotor["J_p_kg_m2"],
+            rotor["coupling_to_cg_m"],
+            rotor["bearing_to_cg_m"],
+            rotor["coupling_stiffness_N_m"],
+            rotor["coupling_damping_N_s_m"],
             t["unbalance"]["kg_m"],
         ),
         "actuator": ActuatorData(**t["actuator"]),
@@ -268,18 +301,33 @@ def _seed(t: dict[str, Any], assumed: dict[str, Any]) -> dict[str, Any]:
     rotor, low_high = t["rotor"], t["feed"]["pressure_Pa"][0]
     return {
         "bearing": Bearing(
-            t["bearing"]["journal_radius_m"][0], t["bearing"]["length_m"][0],
-            assumed["clearance_m"][0], assumed["clearance_m"][1], t["bearing"]["radial_clearance_m"][0], None,
+            t["bearing"]["journal_radius_m"][0],
+            t["bearing"]["length_m"][0],
+            assumed["clearance_m"][0],
+            assumed["clearance_m"][1],
+            t["bearing"]["radial_clearance_m"][0],
+            None,
         ),
         "oil": Oil(
-            t["lubricant"]["viscosity_Pa_s"][0], assumed["viscosity_slope_per_K"], assumed["reference_C"],
-            t["lubricant"]["density_kg_m3"][0], assumed["heat_capacity_J_kgK"], assumed["reference_C"],
+            t["lubricant"]["viscosity_Pa_s"][0],
+            assumed["viscosity_slope_per_K"],
+            assumed["reference_C"],
+            t["lubricant"]["density_kg_m3"][0],
+            assumed["heat_capacity_J_kgK"],
+            assumed["reference_C"],
         ),
-        "supply": Supply(sum(low_high) / 2, low_high[0], low_high[1], assumed["pump_efficiency"], None),
+        "supply": Supply(
+            sum(low_high) / 2, low_high[0], low_high[1], assumed["pump_efficiency"], None
+        ),
         "rotor": Rotor(
-            rotor["mass_kg"][0], rotor["J_d_kg_m2"][0], rotor["J_p_kg_m2"][0], rotor["coupling_to_cg_m"][0],
-            rotor["bearing_to_cg_m"][0], rotor["coupling_stiffness_N_m"][0],
-            rotor["coupling_damping_N_s_m"][0], assumed["unbalance_kg_m"],
+            rotor["mass_kg"][0],
+            rotor["J_d_kg_m2"][0],
+            rotor["J_p_kg_m2"][0],
+            rotor["coupling_to_cg_m"][0],
+            rotor["bearing_to_cg_m"][0],
+            rotor["coupling_stiffness_N_m"][0],
+            rotor["coupling_damping_N_s_m"][0],
+            assumed["unbalance_kg_m"],
         ),
         "actuator": ActuatorData(**assumed["actuator"]),
         "load_min_N": assumed["load_N"][0],

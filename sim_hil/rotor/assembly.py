@@ -12,7 +12,18 @@ from sim_hil.film.fed import FedLaw, FedTable
 from sim_hil.film.records import FilmError
 from sim_hil.film.table import FilmTable
 from sim_hil.rigs import Body, RigData, read_json
-from sim_hil.rotor.parameters import Act, Excite, Film, Floats, Foot, Pickup, Plant, Shaft, four, three
+from sim_hil.rotor.parameters import (
+    Act,
+    Excite,
+    Film,
+    Floats,
+    Foot,
+    Pickup,
+    Plant,
+    Shaft,
+    four,
+    three,
+)
 
 BOLT_STIFFNESS_SHARE = 0.5
 """A bolt that stops a lift, relative to the joint's contact stiffness."""
@@ -85,13 +96,18 @@ def _refuse_absurd(plant: Plant, rig: RigData) -> None:
             if not np.isfinite(numbers).all():
                 raise AssemblyError(f"{where}: not finite; mend the rig's data or the build")
             if name in _POSITIVE and not (numbers > 0).all():
-                raise AssemblyError(f"{where}: must be above zero; mend the rig's data or the build")
+                raise AssemblyError(
+                    f"{where}: must be above zero; mend the rig's data or the build"
+                )
             if name in _NOT_NEGATIVE and not (numbers >= 0).all():
-                raise AssemblyError(f"{where}: must not be below zero; mend the rig's data or the build")
+                raise AssemblyError(
+                    f"{where}: must not be below zero; mend the rig's data or the build"
+                )
     narrowest = rig.bearing.clearance_min_m + plant.film.wear
     if not narrowest > 0:
         raise AssemblyError(
-            f"clearance error of the build = {plant.film.wear:g} m: leaves {narrowest:g} m of the smallest clearance "
+            f"clearance error of the build = {plant.film.wear:g} m: leaves {narrowest:g} m of the "
+            f"smallest clearance "
             f"of rig {rig.name}; must leave a gap"
         )
 
@@ -110,7 +126,8 @@ def rig_film(rig: RigData, fed: bool) -> Floats | FedLaw:
     groove = rig.supply.groove
     if groove is None:
         raise FilmError(
-            f"fed film of rig {rig.name}: its feed is not one axial groove, and no other is tabulated; take the "
+            f"fed film of rig {rig.name}: its feed is not one axial groove, and no other is "
+            f"tabulated; take the "
             "periodic film, which knows no supply pressure"
         )
     return FedTable.load(shape, groove.width_rad, groove.length_share).law(groove.angle_rad)
@@ -192,7 +209,10 @@ def _excite(rig: RigData, build: Build) -> Excite:
 
 
 def _pickup(build: Build, step_s: float) -> Pickup:
-    lags = [-math.expm1(-2 * math.pi * c["bandwidth_Hz"] * step_s) for c in read_json("sensors.json")["channels"]]
+    lags = [
+        -math.expm1(-2 * math.pi * c["bandwidth_Hz"] * step_s)
+        for c in read_json("sensors.json")["channels"]
+    ]
     cosine = build.runout_m * np.cos(build.runout_phase_rad)
     sine = -build.runout_m * np.sin(build.runout_phase_rad)
     return Pickup(

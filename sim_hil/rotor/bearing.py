@@ -1,10 +1,11 @@
-"""The bearing with its oil: what the film law says once supply, wear and temperature have had their share.
+"""The bearing with its oil: what the film law says once supply, wear and temperature have had their
+share.
 
-Starvation.  A feed that covers only the share ``s`` of what runs off at the ends fills a band of width ``s L``
-(streamlets between, as in the ruptured part of a fed film).  A film this narrow carries ``s^2.5``: the exponent of
-the load in the length of the full Reynolds film, 2.8 to 2.2 at eccentricity ratios 0.3 to 0.9 and L/D from 1/4 to
-1/2 (`sim_hil.film.equilibrium`).  Shear and outflow go with the wetted band, ``s``.  The band's place within the
-arc is not modelled.
+Starvation.  A feed that covers only the share ``s`` of what runs off at the ends fills a band of
+width ``s L`` (streamlets between, as in the ruptured part of a fed film).  A film this narrow
+carries ``s^2.5``: the exponent of the load in the length of the full Reynolds film, 2.8 to 2.2 at
+eccentricity ratios 0.3 to 0.9 and L/D from 1/4 to 1/2 (`sim_hil.film.equilibrium`).  Shear and
+outflow go with the wetted band, ``s``.  The band's place within the arc is not modelled.
 """
 
 from __future__ import annotations
@@ -49,7 +50,16 @@ def gap(film: Film, ex: float, ey: float, c: float) -> float:
 
 @inlined
 def bearing_force(
-    law: Law, film: Film, oil: Oil, ex: float, ey: float, vx: float, vy: float, omega: float, c: float, c_rate: float
+    law: Law,
+    film: Film,
+    oil: Oil,
+    ex: float,
+    ey: float,
+    vx: float,
+    vy: float,
+    omega: float,
+    c: float,
+    c_rate: float,
 ) -> Forces:
     """Force (fx, fy), N, friction torque, N m, and side flow, m3/s; arguments as `table_force`."""
     y, r = ey + film.drop, film.radius
@@ -58,6 +68,16 @@ def bearing_force(
     )
     if oil.filled != 1.0:
         eps = min(math.hypot(ex, y) / c, EPS_TABLE)
-        shear = 2 * math.pi * oil.viscosity * abs(omega) * r * r * r * film.length / (c * math.sqrt(1 - eps * eps))
+        shear = (
+            2
+            * math.pi
+            * oil.viscosity
+            * abs(omega)
+            * r
+            * r
+            * r
+            * film.length
+            / (c * math.sqrt(1 - eps * eps))
+        )
         torque += (oil.filled - oil.bears) * shear
     return fx, fy, torque, flow * oil.filled

@@ -1,7 +1,7 @@
 """One call for the film force, whatever stands behind it; chosen by type when a kernel is compiled.
 
-A law is the coefficient array of a `FilmTable`, a `FedLaw`, a `DirectLaw`, a `ReynoldsLaw`, a `LinearLaw`, or a
-network of `network_law`. The supply pressure counts for the `FedLaw` alone.
+A law is the coefficient array of a `FilmTable`, a `FedLaw`, a `DirectLaw`, a `ReynoldsLaw`, a
+`LinearLaw`, or a network of `network_law`. The supply pressure counts for the `FedLaw` alone.
 """
 
 from __future__ import annotations
@@ -60,8 +60,11 @@ class LinearLaw(NamedTuple):
     cyy: float
 
     @classmethod
-    def of(cls, rest: tuple[Floats, Floats], stiffness_N_m: Floats, damping_N_s_m: Floats) -> LinearLaw:
-        """The law around `rest`: position, m, and force there, N; K and C along x and y, shape (2, 2)."""
+    def of(
+        cls, rest: tuple[Floats, Floats], stiffness_N_m: Floats, damping_N_s_m: Floats
+    ) -> LinearLaw:
+        """The law around `rest`: position, m, and force there, N; K and C along x and y, shape (2,
+        2)."""
         numbers = np.concatenate([*rest, np.ravel(stiffness_N_m), np.ravel(damping_N_s_m)])
         return cls._make(numbers.tolist())
 
@@ -82,7 +85,9 @@ def _direct(
     L: float, c_rate: float,
 ) -> Forces:  # fmt: skip
     x, y = _held_inside(ex, ey, c)
-    fx, fy, torque = direct_force(law.ring, law.axial, law.work, x, y, vx, vy, omega, c, mu, R, L, c_rate)
+    fx, fy, torque = direct_force(
+        law.ring, law.axial, law.work, x, y, vx, vy, omega, c, mu, R, L, c_rate
+    )
     forces: Forces = _touching(law.table, (fx, fy, torque), ex, ey, vx, vy, omega, c, R)
     return forces
 
@@ -122,7 +127,17 @@ def _linear(
     fx = law.fx - law.kxx * dx - law.kxy * dy - law.cxx * vx - law.cxy * vy
     fy = law.fy - law.kyx * dx - law.kyy * dy - law.cyx * vx - law.cyy * vy
     x, y = _held_inside(ex, ey, c)
-    shear = 2 * math.pi * mu * abs(omega) * R * R * R * L / (c * math.sqrt(1 - (x * x + y * y) / (c * c)))
+    shear = (
+        2
+        * math.pi
+        * mu
+        * abs(omega)
+        * R
+        * R
+        * R
+        * L
+        / (c * math.sqrt(1 - (x * x + y * y) / (c * c)))
+    )
     sense = -1.0 if omega < 0 else 1.0
     return fx, fy, shear + sense * 0.5 * (ex * fy - ey * fx), 0.0
 
@@ -155,7 +170,8 @@ def film_law(
     law: Law, ex: float, ey: float, vx: float, vy: float, omega: float, c: float, mu: float, R: float, L: float,
     c_rate: float, supply_Pa: float = 0.0,
 ) -> Forces:  # fmt: skip
-    """Force (fx, fy), N, friction torque, N m, and side flow, m3/s; arguments as `table_force` and `fed_force`."""
+    """Force (fx, fy), N, friction torque, N m, and side flow, m3/s; arguments as `table_force` and
+    `fed_force`."""
     forces: Forces
     if isinstance(law, FedLaw):
         forces = _fed(law, ex, ey, vx, vy, omega, c, mu, R, L, c_rate, supply_Pa)

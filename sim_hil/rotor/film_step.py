@@ -1,14 +1,15 @@
 """What film and contact add within a step of the machine: linearly implicit, in two ways.
 
-In running the slopes ``J = dF/dw`` of the film force on the journal's velocity ``w`` against the housing are held
-over a sampling period and the force is taken near the middle of the step, ``dF = theta J dw`` (second order).
+In running the slopes ``J = dF/dw`` of the film force on the journal's velocity ``w`` against the
+housing are held over a sampling period and the force is taken near the middle of the step, ``dF =
+theta J dw`` (second order).
 
-That fails where the film is not smooth over a step.  A ruptured film resists approach up to 10^4 times more than
-retreat, and at standstill, where nothing but ``w`` squeezes it, slopes held from a retreating journal throw an
-approaching one through the wall.  The same holds near contact, and for a journal that crosses its gap in a step.
-There the slopes are fresh, include position (``K = dF/de``, the contact's stiffness with it), and the step is
-linearly implicit Euler (Hairer and Wanner, Solving ODEs II, IV.7), ``dF = J dw + dt K (w + dw)``: first order,
-damped at any stiffness.
+That fails where the film is not smooth over a step.  A ruptured film resists approach up to 10^4
+times more than retreat, and at standstill, where nothing but ``w`` squeezes it, slopes held from a
+retreating journal throw an approaching one through the wall.  The same holds near contact, and for
+a journal that crosses its gap in a step. There the slopes are fresh, include position (``K =
+dF/de``, the contact's stiffness with it), and the step is linearly implicit Euler (Hairer and
+Wanner, Solving ODEs II, IV.7), ``dF = J dw + dt K (w + dw)``: first order, damped at any stiffness.
 """
 
 from __future__ import annotations
@@ -22,7 +23,8 @@ from sim_hil.rotor.kernel import relative
 from sim_hil.rotor.parameters import Eight, Film, Oil, Plant, Six, State
 
 THETA = 0.55
-"""Share of the new velocity in the film force: 1/2 is centred, a little more damps the stiffest modes."""
+"""Share of the new velocity in the film force: 1/2 is centred, a little more damps the stiffest
+modes."""
 NEAR_CONTACT = 0.02
 """Gap, relative to the clearance, below which a step is Euler's."""
 _TURNED_SHARE = 0.5
@@ -34,7 +36,8 @@ def film_slopes(
     law: Law, film: Film, oil: Oil, f0: Forces, ex: float, ey: float, vx: float, vy: float, omega: float, c: float,
     c_rate: float,
 ) -> Eight:  # fmt: skip
-    """Forward differences of the film force from ``f0``, the force there: dF/de (xx, xy, yx, yy), then dF/dv."""
+    """Forward differences of the film force from ``f0``, the force there: dF/de (xx, xy, yx, yy),
+    then dF/dv."""
     de = 1e-5 * max(gap(film, ex, ey, c), 0.01 * c)
     dv = 1e-4 * (c * abs(omega) + abs(vx) + abs(vy)) + 1e-9
     f1 = bearing_force(law, film, oil, ex + de, ey, vx, vy, omega, c, c_rate)
@@ -62,9 +65,18 @@ def turned(sx: float, sy: float, held_x: float, held_y: float) -> bool:
 
 @inlined
 def film_reaction(
-    plant: Plant, st: State, law: Law, renew: bool, omega: float, c: float, c_rate: float, oil: Oil, dt: float
+    plant: Plant,
+    st: State,
+    law: Law,
+    renew: bool,
+    omega: float,
+    c: float,
+    c_rate: float,
+    oil: Oil,
+    dt: float,
 ) -> Six:
-    """``G`` (xx, xy, yx, yy), N s/m, and ``r`` (x, y), N, of ``dF = G dw + r`` over the step to come.
+    """``G`` (xx, xy, yx, yy), N s/m, and ``r`` (x, y), N, of ``dF = G dw + r`` over the step to
+    come.
 
     ``renew`` takes fresh slopes, kept in ``st.film`` with the squeeze velocity that they belong to.
     """
@@ -72,7 +84,9 @@ def film_reaction(
     ex, ey = relative(plant, st.q)
     wx, wy = relative(plant, st.v)
     sx, sy = wx + 0.5 * omega * ey, wy - 0.5 * omega * ex
-    smooth = not crossing(gap(plant.film, ex, ey, c), wx, wy, c, dt) and not turned(sx, sy, held[4], held[5])
+    smooth = not crossing(gap(plant.film, ex, ey, c), wx, wy, c, dt) and not turned(
+        sx, sy, held[4], held[5]
+    )
     kxx = kxy = kyx = kyy = 0.0
     if renew or not smooth:
         force = bearing_force(law, plant.film, oil, ex, ey, wx, wy, omega, c, c_rate)
@@ -81,5 +95,10 @@ def film_reaction(
         held[4], held[5] = sx, sy
     if smooth:
         return THETA * held[0], THETA * held[1], THETA * held[2], THETA * held[3], 0.0, 0.0
-    gxx, gxy, gyx, gyy = held[0] + dt * kxx, held[1] + dt * kxy, held[2] + dt * kyx, held[3] + dt * kyy
+    gxx, gxy, gyx, gyy = (
+        held[0] + dt * kxx,
+        held[1] + dt * kxy,
+        held[2] + dt * kyx,
+        held[3] + dt * kyy,
+    )
     return gxx, gxy, gyx, gyy, dt * (kxx * wx + kxy * wy), dt * (kyx * wx + kyy * wy)

@@ -1,15 +1,16 @@
 """Bolted feet: bilinear contact with preload and gap, and dry friction along the joint.
 
-Normal force of bolt ``i`` on the body for its lift ``u`` (up positive), preload (clamp) ``P``, contact
-stiffness ``k``, gap ``g`` and bolt stiffness ``k_b``::
+Normal force of bolt ``i`` on the body for its lift ``u`` (up positive), preload (clamp) ``P``,
+contact stiffness ``k``, gap ``g`` and bolt stiffness ``k_b``::
 
     N(u) = -k u                               u <= P / k         clamped: contact and bolt act as one spring
          = -P                                 P / k < u < P/k+g  lifted off, bolt head not yet reached
          = -P - k_b (u - P / k - g)           above              the bolt stops the lift: impact
 
 With lost preload (``P = 0``) only weight holds the foot down.  Along the joint a Jenkins element
-(spring ``k_t`` in series with a Coulomb slider ``mu max(0, P - k u)``) sticks or slips.  Source: bilinear
-looseness after Goldman and Muszynska (J. Eng. Gas Turbines Power 113, 1991); Jenkins element after Iwan.
+(spring ``k_t`` in series with a Coulomb slider ``mu max(0, P - k u)``) sticks or slips.  Source:
+bilinear looseness after Goldman and Muszynska (J. Eng. Gas Turbines Power 113, 1991); Jenkins
+element after Iwan.
 """
 
 from __future__ import annotations
@@ -19,7 +20,9 @@ from sim_hil.rotor.parameters import Floats, Foot
 
 
 @inlined
-def normal_force(lift: float, stiffness: float, clamp: float, gap: float, bolt_stiffness: float) -> float:
+def normal_force(
+    lift: float, stiffness: float, clamp: float, gap: float, bolt_stiffness: float
+) -> float:
     """Force on the body, N, for a lift in m (see the module)."""
     opening = lift - clamp / stiffness
     if opening <= 0.0:
@@ -29,7 +32,15 @@ def normal_force(lift: float, stiffness: float, clamp: float, gap: float, bolt_s
 
 @inlined
 def foot_forces(
-    foot: Foot, x: float, y: float, roll: float, vx: float, vy: float, v_roll: float, slip: Floats, first: int
+    foot: Foot,
+    x: float,
+    y: float,
+    roll: float,
+    vx: float,
+    vy: float,
+    v_roll: float,
+    slip: Floats,
+    first: int,
 ) -> tuple[float, float, float]:
     """Force (x, y) and moment of the four feet on the body; ``slip[first:first+4]`` is updated.
 

@@ -1,12 +1,13 @@
 """Equation of motion of the whole machine, advanced in place by compiled code.
 
-Positions stand at whole steps, velocities at half steps (leap-frog, second order).  The film is far stiffer
-than any affordable step, so its force is taken linearly implicit: with the reaction ``G, r`` of film and contact
-(:mod:`sim_hil.rotor.film_step`) and the mobility ``A`` of journal and housing, ``(I - dt A G) a = A (F + r) + ...``
-is solved for the two components that the film joins.  The gyroscopic coupling is a Cayley rotation.
+Positions stand at whole steps, velocities at half steps (leap-frog, second order).  The film is far
+stiffer than any affordable step, so its force is taken linearly implicit: with the reaction ``G,
+r`` of film and contact (:mod:`sim_hil.rotor.film_step`) and the mobility ``A`` of journal and
+housing, ``(I - dt A G) a = A (F + r) + ...`` is solved for the two components that the film joins.
+The gyroscopic coupling is a Cayley rotation.
 
-Rotor (equation (2) of the paper with its omissions mended: the skew coupling carries the speed, gravity acts,
-moments are cross products), tilts ``A = dx/dz``, ``B = dy/dz``::
+Rotor (equation (2) of the paper with its omissions mended: the skew coupling carries the speed,
+gravity acts, moments are cross products), tilts ``A = dx/dz``, ``B = dy/dz``::
 
     m x'' = sum Fx                     J_d A'' = sum z Fx - J_p (omega B' + alpha B)
     m y'' = sum Fy - m g               J_d B'' = sum z Fy + J_p (omega A' + alpha A)
@@ -58,19 +59,26 @@ def move_actuator(act: Act, scalar: Floats, clearance: float, pressure: float, d
     """Rate limit, first-order lag, backlash; returns the rate of change of the clearance, m/s."""
     step = min(max(clearance - scalar[DEMAND], -act.rate * dt), act.rate * dt)
     scalar[DEMAND] += step
-    scalar[POSITION] += (scalar[DEMAND] - scalar[POSITION]) * (1 - math.exp(-dt / act.time_constant))
+    scalar[POSITION] += (scalar[DEMAND] - scalar[POSITION]) * (
+        1 - math.exp(-dt / act.time_constant)
+    )
     before = scalar[CLEARANCE]
     play = 0.5 * act.backlash
     scalar[CLEARANCE] = min(max(before, scalar[POSITION] - play), scalar[POSITION] + play)
     supplied = act.pressure_gain * pressure
-    scalar[PRESSURE] += (supplied - scalar[PRESSURE]) * (1 - math.exp(-dt / act.pressure_time_constant))
+    scalar[PRESSURE] += (supplied - scalar[PRESSURE]) * (
+        1 - math.exp(-dt / act.pressure_time_constant)
+    )
     rate: float = (scalar[CLEARANCE] - before) / dt
     return rate
 
 
 @inlined
-def coupling_force(plant: Plant, q: Floats, v: Floats, angle: float, omega: float) -> tuple[float, float]:
-    """On the rotor's coupling end: linear spring and damper, alignment preload, misalignment, tooth force."""
+def coupling_force(
+    plant: Plant, q: Floats, v: Floats, angle: float, omega: float
+) -> tuple[float, float]:
+    """On the rotor's coupling end: linear spring and damper, alignment preload, misalignment, tooth
+    force."""
     s, e = plant.shaft, plant.excite
     x = q[0] - s.to_coupling * q[2] - (q[7] - plant.motor.axis_height * q[9])
     y = q[1] - s.to_coupling * q[3] - q[8]
@@ -101,7 +109,8 @@ def accelerate_feet(plant: Plant, st: State, film_x: float, film_y: float, ambie
 def accelerate_motor(
     plant: Plant, st: State, coupling_x: float, coupling_y: float, omega: float, ambient: Floats
 ) -> None:
-    """Motor accelerations into ``st.a[7:10]``: feet, coupling reaction, own unbalance, line-frequency force."""
+    """Motor accelerations into ``st.a[7:10]``: feet, coupling reaction, own unbalance,
+    line-frequency force."""
     q, v, motor, e = st.q, st.v, plant.motor, plant.excite
     fx, fy, moment = foot_forces(motor, q[7], q[8], q[9], v[7], v[8], v[9], st.slip, 4)
     angle = st.scalar[ANGLE] + e.motor_angle
@@ -115,7 +124,8 @@ def accelerate_motor(
 
 @inlined
 def join_film(plant: Plant, a: Floats, reaction: Six, dt: float) -> tuple[float, float]:
-    """What the film force changes by during the step, ``dF = dt G a + r``, N, added to the accelerations."""
+    """What the film force changes by during the step, ``dF = dt G a + r``, N, added to the
+    accelerations."""
     s, pedestal = plant.shaft, plant.pedestal
     b, height = s.to_bearing, pedestal.axis_height
     ground_y = 1 / s.mass + b * b / s.diametral + 1 / pedestal.mass
@@ -141,8 +151,18 @@ def join_film(plant: Plant, a: Floats, reaction: Six, dt: float) -> tuple[float,
 
 @inlined
 def substep(
-    plant: Plant, st: State, law: Law, reaction: Six, omega: float, alpha: float, load: float, c: float,
-    c_rate: float, oil: Oil, ambient: Floats, dt: float,
+    plant: Plant,
+    st: State,
+    law: Law,
+    reaction: Six,
+    omega: float,
+    alpha: float,
+    load: float,
+    c: float,
+    c_rate: float,
+    oil: Oil,
+    ambient: Floats,
+    dt: float,
 ) -> None:
     """One step of ``dt``: accelerations into ``st.a``, then velocities, positions, angle and time.
 
@@ -185,10 +205,13 @@ def substep(
     v[3] = (tilt_y + g * tilt_x) / (1 + g * g)
     for i in range(10):
         q[i] += dt * v[i]
-    # work of the force that acted, over the way that was gone (mean of the two half-step velocities)
+    # work of the force that acted, over the way that was gone (mean of the two half-step
+    # velocities)
     after_x, after_y = relative(plant, v)
     work = 0.5 * ((fx + dfx) * (wx + after_x) + (fy + dfy) * (wy + after_y))
-    scalar[POWER] = torque * abs(omega) + drag * film.radius * omega - work + film.windage * abs(omega) ** 3
+    scalar[POWER] = (
+        torque * abs(omega) + drag * film.radius * omega - work + film.windage * abs(omega) ** 3
+    )
     scalar[FLOW] = flow
     scalar[ANGLE] += (omega + 0.5 * alpha * dt) * dt
     scalar[TIME] += dt

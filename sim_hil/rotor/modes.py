@@ -21,7 +21,8 @@ class ModesError(OrbitdError, ValueError):
 
 
 class Support(NamedTuple):
-    """A bearing or coupling: stiffness and damping in (x, y), N/m and N s/m, at `z_m` from the centre of gravity."""
+    """A bearing or coupling: stiffness and damping in (x, y), N/m and N s/m, at `z_m` from the
+    centre of gravity."""
 
     z_m: float
     stiffness_N_m: float | Floats
@@ -54,13 +55,18 @@ class Modes:
 
     @property
     def damping_ratio(self) -> Floats:
-        """Share of critical damping; negative is unstable, zero for a motion that nothing restores."""
+        """Share of critical damping; negative is unstable, zero for a motion that nothing
+        restores."""
         size = np.abs(self.eigenvalue_1_s)
         return np.asarray(-self.eigenvalue_1_s.real / np.where(size > 0, size, 1.0))
 
 
 def modes(
-    m: float, J_d: float, J_p: float, supports: Sequence[Support | tuple[float, ...]], speed_rad_s: float
+    m: float,
+    J_d: float,
+    J_p: float,
+    supports: Sequence[Support | tuple[float, ...]],
+    speed_rad_s: float,
 ) -> Modes:
     """Modes of `M q'' + (C + omega G) q' + K q = 0`, `q = (x, y, A, B)`, `A = dx/dz`, `B = dy/dz`.
 
@@ -87,14 +93,20 @@ def modes(
 
 
 def state_matrix(
-    m: float, J_d: float, J_p: float, supports: Sequence[Support | tuple[float, ...]], speed_rad_s: float
+    m: float,
+    J_d: float,
+    J_p: float,
+    supports: Sequence[Support | tuple[float, ...]],
+    speed_rad_s: float,
 ) -> Floats:
     """The matrix of `d(q, q')/dt`, shape (8, 8); arguments and errors as `modes`."""
     for name, value in (("m", m), ("J_d", J_d)):
         if not (np.isfinite(value) and value > 0):
             raise ModesError(f"{name} = {value}: must be finite and above zero")
     if not (np.isfinite(J_p) and J_p >= 0 and np.isfinite(speed_rad_s)):
-        raise ModesError(f"J_p = {J_p}, speed_rad_s = {speed_rad_s}: must be finite, J_p not negative")
+        raise ModesError(
+            f"J_p = {J_p}, speed_rad_s = {speed_rad_s}: must be finite, J_p not negative"
+        )
     if not supports:
         raise ModesError("supports: none given; a rotor without supports has no modes")
     held = [Support(*s) for s in supports]
@@ -118,7 +130,8 @@ def _lifted(z: float, matrix: float | Floats) -> Floats:
 
 
 def _senses(shapes: NDArray[np.complex128], reach: float) -> NDArray[np.int64]:
-    """Sense of whirl where the rotor moves most, of both ends at `reach` (or 1 m for a rotor held at its middle)."""
+    """Sense of whirl where the rotor moves most, of both ends at `reach` (or 1 m for a rotor held
+    at its middle)."""
     senses = []
     for x, y, a, b in shapes:
         ends = [(x + z * a, y + z * b) for z in (-(reach or 1.0), reach or 1.0)]

@@ -1,4 +1,5 @@
-"""Film networks as film laws, compiled: the reduced network of the surrogate, and the raw one of equation (5).
+"""Film networks as film laws, compiled: the reduced network of the surrogate, and the raw one of
+equation (5).
 
 Neither knows a moving clearance.
 """
@@ -21,8 +22,8 @@ GAUSS_NODES = 40
 class Perceptron(NamedTuple):
     """Sigmoid network with a linear last layer.
 
-    `theta` holds one row-major `(inputs + 1, outputs)` matrix a layer, biases first; `sizes` the neurons of each
-    layer; `work` (2, widest) belongs to one thread.
+    `theta` holds one row-major `(inputs + 1, outputs)` matrix a layer, biases first; `sizes` the
+    neurons of each layer; `work` (2, widest) belongs to one thread.
     """
 
     theta: Floats
@@ -32,12 +33,15 @@ class Perceptron(NamedTuple):
     @classmethod
     def make(cls, theta: Floats, sizes: tuple[int, ...]) -> Perceptron:
         """A network of these weights and sizes."""
-        return cls(np.ascontiguousarray(theta), np.array(sizes, np.int64), np.zeros((2, max(sizes))))
+        return cls(
+            np.ascontiguousarray(theta), np.array(sizes, np.int64), np.zeros((2, max(sizes)))
+        )
 
 
 @kernel
 def propagate(net: Perceptron) -> int:
-    """Forward pass of the inputs in `net.work[0]`; returns the row of `net.work` that holds the outputs."""
+    """Forward pass of the inputs in `net.work[0]`; returns the row of `net.work` that holds the
+    outputs."""
     row, start = 0, 0
     for k in range(net.sizes.size - 1):
         n, m = net.sizes[k], net.sizes[k + 1]
@@ -57,10 +61,28 @@ def propagate(net: Perceptron) -> int:
 
 @kernel
 def _friction(
-    ex: float, ey: float, fx: float, fy: float, omega: float, c: float, mu: float, R: float, L: float
+    ex: float,
+    ey: float,
+    fx: float,
+    fy: float,
+    omega: float,
+    c: float,
+    mu: float,
+    R: float,
+    L: float,
 ) -> float:
     """Full Couette shear and the pressure part of the braking torque, N m."""
-    shear = 2 * math.pi * mu * abs(omega) * R * R * R * L / (c * math.sqrt(1 - (ex * ex + ey * ey) / (c * c)))
+    shear = (
+        2
+        * math.pi
+        * mu
+        * abs(omega)
+        * R
+        * R
+        * R
+        * L
+        / (c * math.sqrt(1 - (ex * ex + ey * ey) / (c * c)))
+    )
     return shear + (-0.5 if omega < 0 else 0.5) * (ex * fy - ey * fx)
 
 
@@ -115,7 +137,8 @@ def raw_forces(
 
 
 class ReducedNetworkLaw(NamedTuple):
-    """The reduced film network: `(a, b^2)` to the logarithms of film over short film along, across, and of the flow.
+    """The reduced film network: `(a, b^2)` to the logarithms of film over short film along, across,
+    and of the flow.
 
     `nodes` (n, 2): Gauss-Legendre nodes and weights of the short film's integrals.
     """
@@ -126,11 +149,15 @@ class ReducedNetworkLaw(NamedTuple):
     @classmethod
     def make(cls, theta: Floats, sizes: tuple[int, ...]) -> ReducedNetworkLaw:
         """The law of a network of these weights and sizes."""
-        return cls(Perceptron.make(theta, sizes), np.column_stack(np.polynomial.legendre.leggauss(GAUSS_NODES)))
+        return cls(
+            Perceptron.make(theta, sizes),
+            np.column_stack(np.polynomial.legendre.leggauss(GAUSS_NODES)),
+        )
 
 
 class RawNetworkLaw(NamedTuple):
-    """Equation (5): position and velocity over `length_m`, `velocity_m_s` to the force over `force_N`.
+    """Equation (5): position and velocity over `length_m`, `velocity_m_s` to the force over
+    `force_N`.
 
     It holds for the one clearance, speed and viscosity that it was trained at.
     """

@@ -1,7 +1,8 @@
-"""What the compiled plant needs, grouped by part: named tuples of numbers, free of reference counts.
+"""What the compiled plant needs, grouped by part: named tuples of numbers, free of reference
+counts.
 
-Frame: x right, y up, z along the axis from the coupling to the bearing; angles and speed positive from x
-to y.  SI throughout.
+Frame: x right, y up, z along the axis from the coupling to the bearing; angles and speed positive
+from x to y.  SI throughout.
 """
 
 from __future__ import annotations
@@ -58,7 +59,8 @@ class Foot(NamedTuple):
 
 
 class Shaft(NamedTuple):
-    """Rigid rotor: mass, inertias, distances to coupling and bearing, coupling, unbalance at the bearing."""
+    """Rigid rotor: mass, inertias, distances to coupling and bearing, coupling, unbalance at the
+    bearing."""
 
     mass: float
     diametral: float
@@ -74,8 +76,8 @@ class Shaft(NamedTuple):
 class Film(NamedTuple):
     """Bearing and oil (:mod:`sim_hil.rotor.bearing`).
 
-    ``share`` is the part of the film that is filled, ``wear`` adds radial clearance, and ``drop`` is how far wear has
-    moved the middle of the bore in the direction of the load.
+    ``share`` is the part of the film that is filled, ``wear`` adds radial clearance, and ``drop``
+    is how far wear has moved the middle of the bore in the direction of the load.
     """
 
     radius: float
@@ -96,7 +98,8 @@ class Film(NamedTuple):
 
 
 class Oil(NamedTuple):
-    """The oil in the film now: viscosity, Pa s, share of the film that it fills, that bears, and supply, Pa."""
+    """The oil in the film now: viscosity, Pa s, share of the film that it fills, that bears, and
+    supply, Pa."""
 
     viscosity: float
     filled: float
@@ -105,7 +108,8 @@ class Oil(NamedTuple):
 
 
 class Excite(NamedTuple):
-    """Forces beside the unbalance; ``misaligned_kg_m`` runs round at twice the speed, ``misaligned_N_m`` stands.
+    """Forces beside the unbalance; ``misaligned_kg_m`` runs round at twice the speed,
+    ``misaligned_N_m`` stands.
 
     ``rub``: a stator ring around the shaft at the bearing (:mod:`sim_hil.rotor.stator`).
     """
@@ -126,7 +130,8 @@ class Excite(NamedTuple):
 
 
 class Pickup(NamedTuple):
-    """How motion becomes sensor signals; ``lag_share`` is how far each sensor follows in one step."""
+    """How motion becomes sensor signals; ``lag_share`` is how far each sensor follows in one
+    step."""
 
     mode_rad_s: Three
     mode_damping: float
@@ -164,11 +169,11 @@ class Plant(NamedTuple):
 class State(NamedTuple):
     """Everything that changes; advanced in place by the kernel.
 
-    ``q``, ``v``: rotor x, y, tilt dx/dz, tilt dy/dz; pedestal x, y, roll; motor x, y, roll.
-    ``a``: their accelerations in the last step.  ``slip``: slip of the eight feet.  ``mode``: three housing
-    modes, position and velocity.  ``lag``: sensor lags.  ``ring``: anti-alias history, each instant stored
-    twice.  ``film``: slopes of the film force and where they were taken (:mod:`sim_hil.rotor.film_step`).
-    ``scalar``: the named indices below.
+    ``q``, ``v``: rotor x, y, tilt dx/dz, tilt dy/dz; pedestal x, y, roll; motor x, y, roll. ``a``:
+    their accelerations in the last step.  ``slip``: slip of the eight feet.  ``mode``: three
+    housing modes, position and velocity.  ``lag``: sensor lags.  ``ring``: anti-alias history, each
+    instant stored twice.  ``film``: slopes of the film force and where they were taken
+    (:mod:`sim_hil.rotor.film_step`). ``scalar``: the named indices below.
     """
 
     q: Floats
@@ -210,8 +215,11 @@ def four(values: Iterable[float]) -> Four:
     return a, b, c, d
 
 
-def new_state(taps: int, clearance_m: float, pressure_Pa: float, oil_C: float, angle_rad: float) -> State:
-    """A machine at rest in the middle of its clearance, with ``taps`` instants of filter history."""
+def new_state(
+    taps: int, clearance_m: float, pressure_Pa: float, oil_C: float, angle_rad: float
+) -> State:
+    """A machine at rest in the middle of its clearance, with ``taps`` instants of filter
+    history."""
     scalar = np.zeros(N_SCALARS)
     scalar[[DEMAND, POSITION, CLEARANCE]] = clearance_m
     scalar[PRESSURE] = pressure_Pa

@@ -1,16 +1,19 @@
-"""The rotor of equation (2) alone: four degrees of freedom on a film and a coupling, both on firm ground.
+"""The rotor of equation (2) alone: four degrees of freedom on a film and a coupling, both on firm
+ground.
 
-Coordinates `x, y, A = dx/dz, B = dy/dz`; the equation with its omissions mended is that of `rotor.kernel`. One step
-is ROS2 (Verwer, Spee, Blom and Hundsdorfer 1999), second order and L-stable with gamma = 1 - 1/sqrt(2):
+Coordinates `x, y, A = dx/dz, B = dy/dz`; the equation with its omissions mended is that of
+`rotor.kernel`. One step is ROS2 (Verwer, Spee, Blom and Hundsdorfer 1999), second order and
+L-stable with gamma = 1 - 1/sqrt(2):
 
-    (I - gamma dt J) k1 = dt f(w),   (I - gamma dt J) k2 = dt f(w + k1) - 2 k1,   w += 3/2 k1 + 1/2 k2
+    (I - gamma dt J) k1 = dt f(w),   (I - gamma dt J) k2 = dt f(w + k1) - 2 k1,   w += 3/2 k1 + 1/2
+    k2
 
-J holds the film alone (the rest is not stiff) and is renewed every few steps, and when the journal has moved by a
-share of its gap since, or its squeeze has turned: ROS2 keeps its order with any J, its stability needs one that is
-near.  Near contact, where the film is not smooth over a step, the step is linearly implicit Euler's
-(:mod:`sim_hil.rotor.film_step`); so it is where the squeeze of a fed film turns within the step: between a ruptured
-film that retreats and a full one that approaches, ROS2 has fixed points of its own, where a loaded journal hangs in
-mid-air.
+J holds the film alone (the rest is not stiff) and is renewed every few steps, and when the journal
+has moved by a share of its gap since, or its squeeze has turned: ROS2 keeps its order with any J,
+its stability needs one that is near.  Near contact, where the film is not smooth over a step, the
+step is linearly implicit Euler's (:mod:`sim_hil.rotor.film_step`); so it is where the squeeze of a
+fed film turns within the step: between a ruptured film that retreats and a full one that
+approaches, ROS2 has fixed points of its own, where a loaded journal hangs in mid-air.
 """
 
 from __future__ import annotations
@@ -48,7 +51,8 @@ COLUMNS = (
     "x_m", "y_m", "vx_m_s", "vy_m_s", "min_film_m", "clearance_m", "power_W", "oil_C", "angle_rad", "side_flow_m3_s",
     "pressure_Pa",
 )  # fmt: skip
-"""Columns of the output: journal at the bearing; smallest film, mean power and side flow since the row before."""
+"""Columns of the output: journal at the bearing; smallest film, mean power and side flow since the
+row before."""
 
 
 @inlined
@@ -72,10 +76,13 @@ def direction(shaft: Shaft, angle: float) -> Two:
 
 
 @inlined
-def rates(shaft: Shaft, force: Forces, w: Eight, heavy: Two, omega: float, alpha: float, load: float) -> Eight:
+def rates(
+    shaft: Shaft, force: Forces, w: Eight, heavy: Two, omega: float, alpha: float, load: float
+) -> Eight:
     """Rates of change of ``w``: the coordinates (x, y, A, B) and their rates.
 
-    `force` is the film's, `heavy` the direction of the unbalance, `load` the total static load at the bearing, N.
+    `force` is the film's, `heavy` the direction of the unbalance, `load` the total static load at
+    the bearing, N.
     """
     s, b, d = shaft, shaft.to_bearing, shaft.to_coupling
     x, y, tilt_x, tilt_y, x_rate, y_rate, tilt_x_rate, tilt_y_rate = w
@@ -85,7 +92,12 @@ def rates(shaft: Shaft, force: Forces, w: Eight, heavy: Two, omega: float, alpha
     by = fy + s.unbalance * (omega * omega * sine - alpha * cosine) - (load - gravity_share)
     k, damping = s.coupling_stiffness, s.coupling_damping
     cx = -k * (x - d * tilt_x) - damping * (x_rate - d * tilt_x_rate)
-    cy = -k * (y - d * tilt_y) - damping * (y_rate - d * tilt_y_rate) + s.mass * GRAVITY - gravity_share
+    cy = (
+        -k * (y - d * tilt_y)
+        - damping * (y_rate - d * tilt_y_rate)
+        + s.mass * GRAVITY
+        - gravity_share
+    )
     return (
         x_rate, y_rate, tilt_x_rate, tilt_y_rate, (bx + cx) / s.mass, (by + cy) / s.mass - GRAVITY,
         (b * bx - d * cx - s.polar * (omega * tilt_y_rate + alpha * tilt_y)) / s.diametral,
@@ -130,16 +142,21 @@ def step(
 ) -> Eight:  # fmt: skip
     """State after one step (numbers, not arrays: these stay in registers).
 
-    `force` acts at its start; the unbalance points in the direction `heavy` there and `ahead` at its end.
+    `force` acts at its start; the unbalance points in the direction `heavy` there and `ahead` at
+    its end.
     """
     rate = rates(shaft, force, w, heavy, omega, alpha, load)
     if rough:
-        after: Eight = mixed(1.0, w, 1.0, solve_stage(shaft, slopes, dt, mixed(dt, rate, 0.0, rate)))
+        after: Eight = mixed(
+            1.0, w, 1.0, solve_stage(shaft, slopes, dt, mixed(dt, rate, 0.0, rate))
+        )
     else:
         k1 = solve_stage(shaft, slopes, GAMMA * dt, mixed(dt, rate, 0.0, rate))
         probe = mixed(1.0, w, 1.0, k1)
         if is_fed(law) and turned(*squeeze(shaft, probe, omega), *squeeze(shaft, w, omega)):
-            euler: Eight = mixed(1.0, w, 1.0, solve_stage(shaft, slopes, dt, mixed(dt, rate, 0.0, rate)))
+            euler: Eight = mixed(
+                1.0, w, 1.0, solve_stage(shaft, slopes, dt, mixed(dt, rate, 0.0, rate))
+            )
             return euler
         omega += alpha * dt
         ex, ey, vx, vy = journal(shaft, probe)
@@ -196,10 +213,29 @@ def advance_rotor(
             scalar[ANGLE] += (omega + 0.5 * alpha * dt) * dt
             ahead = direction(shaft, scalar[ANGLE])
             now = step(
-                shaft, film, law, oil, slopes, rough, force, now, heavy, ahead, omega, alpha, load, c, c_rate, dt
+                shaft,
+                film,
+                law,
+                oil,
+                slopes,
+                rough,
+                force,
+                now,
+                heavy,
+                ahead,
+                omega,
+                alpha,
+                load,
+                c,
+                c_rate,
+                dt,
             )
             heavy = ahead
-            power += force[2] * abs(omega) - (force[0] * vx + force[1] * vy) + film.windage * abs(omega) ** 3
+            power += (
+                force[2] * abs(omega)
+                - (force[0] * vx + force[1] * vy)
+                + film.windage * abs(omega) ** 3
+            )
             flow += force[3]
             c += c_rate * dt
             ex, ey, _, _ = journal(shaft, now)
@@ -218,8 +254,20 @@ def advance_rotors(
     shaft: Shaft, film: Film, act: Act, law: Floats, w: Floats, scalar: Floats, drive: Floats, target: Floats,
     period: float, substeps: int, renew: int, out: Floats,
 ) -> None:  # fmt: skip
-    """Many rotors on the table film, one a thread: the arrays of `advance_rotor` with a leading axis."""
+    """Many rotors on the table film, one a thread: the arrays of `advance_rotor` with a leading
+    axis."""
     for r in prange(w.shape[0]):
         advance_rotor(
-            shaft, film, act, law, w[r], scalar[r], drive[r], target[r], period, substeps, renew, out[r]
+            shaft,
+            film,
+            act,
+            law,
+            w[r],
+            scalar[r],
+            drive[r],
+            target[r],
+            period,
+            substeps,
+            renew,
+            out[r],
         )

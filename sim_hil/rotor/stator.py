@@ -1,13 +1,14 @@
 """Rub: the shaft touches a ring of the stator that stands out of line.
 
-The ring has the radial gap ``g0`` and leaves the gap ``g`` above where the shaft ran before, so that its middle is
-``g0 - g`` below there.  Where the shaft at distance ``e`` from that middle goes deeper than the gap,
+The ring has the radial gap ``g0`` and leaves the gap ``g`` above where the shaft ran before, so
+that its middle is ``g0 - g`` below there.  Where the shaft at distance ``e`` from that middle goes
+deeper than the gap,
 
     N = k (e - g0),   friction mu N against the sliding of the shaft's surface,  v_s = R omega + v_t
 
-linear contact with Coulomb friction (Muszynska, Partial Physical Contact..., 1989; Choy and Padovan, J. Sound Vib.
-113, 1987).  Contact over a part of the orbit truncates the wave (orders 2, 3, ...; fractions where it skips turns);
-the friction drives backward whirl and brakes the shaft.
+linear contact with Coulomb friction (Muszynska, Partial Physical Contact..., 1989; Choy and
+Padovan, J. Sound Vib. 113, 1987).  Contact over a part of the orbit truncates the wave (orders 2,
+3, ...; fractions where it skips turns); the friction drives backward whirl and brakes the shaft.
 """
 
 from __future__ import annotations

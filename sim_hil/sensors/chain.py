@@ -68,5 +68,3 @@ def units(counts: Counts) -> Floats:
     """Counts as SI values, shape as given."""
     si: Floats = counts * SCALES
     return si
-
-

@@ -41,11 +41,12 @@ _PUMP_RIPPLE = 0.01
 
 @inlined
 def contact_voltage(min_film: float, roughness: float) -> float:
-    """Voltage over the film: its resistance (proportional to the minimum film) beside asperity contacts.
+    """Voltage over the film: its resistance (proportional to the minimum film) beside asperity
+    contacts.
 
-    ``R_film = 2e10 h``, ``R_asperity = 10 exp(h / sigma)``, both ohm, in parallel, fed from 2 V through
-    100 kOhm.  ``sigma`` is the composite roughness; the exponential height distribution of asperities is
-    Greenwood and Williamson's (1966).
+    ``R_film = 2e10 h``, ``R_asperity = 10 exp(h / sigma)``, both ohm, in parallel, fed from 2 V
+    through 100 kOhm.  ``sigma`` is the composite roughness; the exponential height distribution of
+    asperities is Greenwood and Williamson's (1966).
     """
     h = max(min_film, 0.0)
     film = FILM_OHM_PER_M * h
@@ -58,7 +59,8 @@ def contact_voltage(min_film: float, roughness: float) -> float:
 
 @inlined
 def housing_mode(pickup: Pickup, mode: Floats, i: int, base: float, dt: float) -> float:
-    """Acceleration at sensor ``i``: that of its base plus a share of a local housing mode (ringing)."""
+    """Acceleration at sensor ``i``: that of its base plus a share of a local housing mode
+    (ringing)."""
     w = pickup.mode_rad_s[i]
     inner = -2 * pickup.mode_damping * w * mode[3 + i] - w * w * mode[i]
     mode[3 + i] += dt * (inner - base)
@@ -81,8 +83,22 @@ def sense(plant: Plant, st: State, c: float, dt: float) -> None:
     ripple = 1 + _PUMP_RIPPLE * math.sin(_PUMP_TEETH_RAD_S * scalar[TIME])
     cos_x, sin_x = p.runout_cos[0], p.runout_sin[0]
     cos_y, sin_y = p.runout_cos[1], p.runout_sin[1]
-    wobble_x = cos_x[0] * c1 + cos_x[1] * c2 + cos_x[2] * c3 + sin_x[0] * s1 + sin_x[1] * s2 + sin_x[2] * s3
-    wobble_y = cos_y[0] * c1 + cos_y[1] * c2 + cos_y[2] * c3 + sin_y[0] * s1 + sin_y[1] * s2 + sin_y[2] * s3
+    wobble_x = (
+        cos_x[0] * c1
+        + cos_x[1] * c2
+        + cos_x[2] * c3
+        + sin_x[0] * s1
+        + sin_x[1] * s2
+        + sin_x[2] * s3
+    )
+    wobble_y = (
+        cos_y[0] * c1
+        + cos_y[1] * c2
+        + cos_y[2] * c3
+        + sin_y[0] * s1
+        + sin_y[1] * s2
+        + sin_y[2] * s3
+    )
     now = (
         _DIAGONAL * (ex + ey) + wobble_x,
         _DIAGONAL * (ey - ex) + wobble_y,
@@ -101,7 +117,8 @@ def sense(plant: Plant, st: State, c: float, dt: float) -> None:
 
 @inlined
 def filtered(ring: Floats, start: int, taps: Floats, out: Floats) -> None:
-    """Anti-alias filter: the last ``len(taps)`` instants of each channel against the impulse response."""
+    """Anti-alias filter: the last ``len(taps)`` instants of each channel against the impulse
+    response."""
     out[:] = 0.0
     for k in range(taps.size):
         for channel in range(8):
@@ -124,10 +141,11 @@ def advance(
     ambient
         Shape (n, 4): broadband force on pedestal (x, y) and motor (x, y), N, held over a period.
     period
-        Sampling period, s; ``substeps`` equal steps each, with fresh slopes of the film every ``kept``.
+        Sampling period, s; ``substeps`` equal steps each, with fresh slopes of the film every
+        ``kept``.
     signals, truth, marks
-        Written: filtered channels (n, 8); :data:`TRUTH_COLUMNS` (n, 14); time of a mark edge from the
-        start of the period, s, or -1 (n,).
+        Written: filtered channels (n, 8); :data:`TRUTH_COLUMNS` (n, 14); time of a mark edge from
+        the start of the period, s, or -1 (n,).
     """
     film, scalar = plant.film, st.scalar
     dt = period / substeps
@@ -172,5 +190,3 @@ def _write_truth(
     row[3], row[4], row[5], row[6] = c, scalar[PRESSURE], scalar[OIL], oil.viscosity
     row[7], row[8], row[9] = ex, ey, gap(film, ex, ey, c)
     row[10], row[11], row[12], row[13] = scalar[POWER], scalar[FLOW], fx, fy
-
-

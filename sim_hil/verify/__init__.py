@@ -1,9 +1,11 @@
-"""`orbitd verify`: this project beside closed forms, published tables and the properties a film must have.
+"""`orbitd verify`: this project beside closed forms, published tables and the properties a film
+must have.
 
-With `--json` one object goes to standard output: `failed`, the number of rows outside their tolerance, and `rows`,
-each with `group`, `quantity`, `value` (this project's), `reference`, `source`, `difference` (value less reference; over
-the reference where `kind` is `relative`, in the quantity's unit where it is `absolute`), `tolerance` (of the
-difference) and `pass`; numbers that are not finite are null.  The exit code is 1 when a row fails, else 0.
+With `--json` one object goes to standard output: `failed`, the number of rows outside their
+tolerance, and `rows`, each with `group`, `quantity`, `value` (this project's), `reference`,
+`source`, `difference` (value less reference; over the reference where `kind` is `relative`, in the
+quantity's unit where it is `absolute`), `tolerance` (of the difference) and `pass`; numbers that
+are not finite are null.  The exit code is 1 when a row fails, else 0.
 """
 
 from __future__ import annotations
@@ -23,7 +25,8 @@ Group = Callable[[], Iterator[Row]]
 
 
 def groups(quick: bool) -> dict[str, Group]:
-    """The groups of rows by title; `quick` leaves out the integrated rotor and the larger tables."""
+    """The groups of rows by title; `quick` leaves out the integrated rotor and the larger
+    tables."""
     from sim_hil.verify import closed_forms, facts, oil, properties, published, rotor
 
     short = {
@@ -62,14 +65,20 @@ def main(argv: list[str]) -> int:
     """Print the table; 1 when a row is outside its tolerance."""
     what, _, report = str(__doc__).partition("\n\n")
     parser = argparse.ArgumentParser(prog="orbitd verify", description=what, epilog=report)
-    parser.add_argument("--quick", action="store_true", help="without the integrated rotor and the larger tables")
+    parser.add_argument(
+        "--quick", action="store_true", help="without the integrated rotor and the larger tables"
+    )
     parser.add_argument("--json", action="store_true", help="for programs")
     options = parser.parse_args(argv)
     results = {title: list(group()) for title, group in groups(options.quick).items()}
     rows = [row for group in results.values() for row in group]
     failed = sum(row.passed is False for row in rows)
     if options.json:
-        print(json.dumps({"rows": [_record(t, r) for t, g in results.items() for r in g], "failed": failed}))
+        print(
+            json.dumps(
+                {"rows": [_record(t, r) for t, g in results.items() for r in g], "failed": failed}
+            )
+        )
     else:
         _print(results)
         judged = sum(row.passed is not None for row in rows)
@@ -89,13 +98,19 @@ def _print(results: dict[str, list[Row]]) -> None:
     """The groups as tables; sources stand below, where they may be long."""
     console = Console(width=None if Console().is_terminal else 100)
     for title, rows in results.items():
-        table = Table(title=title, title_justify="left", box=SIMPLE, pad_edge=False, padding=(0, 1, 0, 0))
+        table = Table(
+            title=title, title_justify="left", box=SIMPLE, pad_edge=False, padding=(0, 1, 0, 0)
+        )
         table.add_column("quantity", overflow="fold", ratio=1)
         for name in ("this project", "reference", "difference", "tolerance", "pass", "src"):
             table.add_column(name, justify="right", no_wrap=True)
         sources = list(dict.fromkeys(row.source for row in rows))
         for row in rows:
-            value, reference, letter = f"{row.value:.6g}", f"{row.reference:.6g}", _letter(sources.index(row.source))
+            value, reference, letter = (
+                f"{row.value:.6g}",
+                f"{row.reference:.6g}",
+                _letter(sources.index(row.source)),
+            )
             table.add_row(row.quantity, value, reference, *_judgement(row), letter)
         console.print(table)
         for i, source in enumerate(sources):

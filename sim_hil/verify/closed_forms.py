@@ -1,4 +1,5 @@
-"""The film against closed forms: short, long and lightly loaded bearing, squeeze film, Petroff's friction."""
+"""The film against closed forms: short, long and lightly loaded bearing, squeeze film, Petroff's
+friction."""
 
 from __future__ import annotations
 
@@ -27,7 +28,8 @@ _turning = partial(_film_of, speed_rad_s=OMEGA)
 
 
 def short_bearing() -> Iterator[Row]:
-    """Ocvirk's pi film: the finite film at small length, and the whirl formula on the exact coefficients."""
+    """Ocvirk's pi film: the finite film at small length, and the whirl formula on the exact
+    coefficients."""
     source = "short bearing, pi film (Ocvirk), closed form"
     for row in reference("short_bearing_closed_form.json")["rows"]:
         eps = row["eps"]
@@ -36,9 +38,17 @@ def short_bearing() -> Iterator[Row]:
             viscosity_Pa_s=MU, speed_rad_s=OMEGA,
         )  # fmt: skip
         case = f"short bearing L/D=1/16 eps={eps}:"
-        # 3 %: circumferential flow, which the closed form leaves out, is of the order of (L/D)^2 / (1 - eps)
+        # 3 %: circumferential flow, which the closed form leaves out, is of the order of (L/D)^2 /
+        # (1 - eps)
         yield Row(f"{case} S (L/D)^2", state.sommerfeld / 16**2, row["S_times_LD2"], source, 3e-2)
-        yield Row(f"{case} attitude, deg", math.degrees(state.attitude_rad), row["attitude_deg"], source, 0.5, True)
+        yield Row(
+            f"{case} attitude, deg",
+            math.degrees(state.attitude_rad),
+            row["attitude_deg"],
+            source,
+            0.5,
+            True,
+        )
         sommerfeld, turned = row["S_times_LD2"] * 16**2, math.sin(math.radians(row["attitude_deg"]))
         friction = 2 * math.pi**2 * sommerfeld / math.sqrt(1 - eps * eps) + eps / 2 * turned
         yield Row(f"{case} (R/c) f", state.friction_variable, friction, source, 3e-2)
@@ -46,9 +56,20 @@ def short_bearing() -> Iterator[Row]:
             # of the largest coefficient: the smallest ones are differences of large ones
             allowed = 3e-2 * max(abs(row[letter + name]) for name in _NAMES)
             for name, value in zip(_NAMES, matrix.ravel(), strict=True):
-                yield Row(f"{case} {letter}{name}", float(value), row[letter + name], source, allowed, True)
-        stiffness, damping = (np.array([row[k + n] for n in _NAMES]).reshape(2, 2) for k in ("K", "C"))
-        yield from _whirl(case, row, whirl_threshold(stiffness, damping), (state.whirl_ratio, state.threshold))
+                yield Row(
+                    f"{case} {letter}{name}",
+                    float(value),
+                    row[letter + name],
+                    source,
+                    allowed,
+                    True,
+                )
+        stiffness, damping = (
+            np.array([row[k + n] for n in _NAMES]).reshape(2, 2) for k in ("K", "C")
+        )
+        yield from _whirl(
+            case, row, whirl_threshold(stiffness, damping), (state.whirl_ratio, state.threshold)
+        )
 
 
 def _whirl(
@@ -80,11 +101,18 @@ def short_bearing_forces() -> Iterator[Row]:
         yield Row(f"{case} F_t, N", float(film.force_N[1]), tangential * scale, source, 5e-3)
         if not whirl:
             flow = eps * OMEGA * R * C * length
-            yield Row(f"{case} side flow, m3/s", float(film.side_flow_m3_s), flow, "mass balance, pi film", 2e-2)
+            yield Row(
+                f"{case} side flow, m3/s",
+                float(film.side_flow_m3_s),
+                flow,
+                "mass balance, pi film",
+                2e-2,
+            )
 
 
 def squeeze_film() -> Iterator[Row]:
-    """Damping of a filled film without rotation, along and across the eccentricity; Petroff's friction."""
+    """Damping of a filled film without rotation, along and across the eccentricity; Petroff's
+    friction."""
     rate = 1e-3
     for eps in (0.0, 0.6):
         g = 1 - eps * eps
@@ -97,13 +125,27 @@ def squeeze_film() -> Iterator[Row]:
             state = ((eps * C, 0.0), velocity)
             film = _film_of(*state, rupture="full", length_m=R / 16, speed_rad_s=0.0)
             value = -float(film.force_N @ velocity) / rate**2
-            yield Row(f"squeeze film L/D=1/32 eps={eps} {name}, N s/m", value, of_short, "short bearing", 5e-3)
+            yield Row(
+                f"squeeze film L/D=1/32 eps={eps} {name}, N s/m",
+                value,
+                of_short,
+                "short bearing",
+                5e-3,
+            )
             force, _ = _infinite(*state, "full", 0.0)
             value = -float(force @ velocity) / rate**2
-            yield Row(f"squeeze film, long, eps={eps} {name}, N s/m per m", value, of_long, "long bearing", 1e-3)
+            yield Row(
+                f"squeeze film, long, eps={eps} {name}, N s/m per m",
+                value,
+                of_long,
+                "long bearing",
+                1e-3,
+            )
     film = _turning((0.0, 0.0), (0.0, 0.0), length_m=R)
     petroff = 2 * math.pi * MU * OMEGA * R**3 * R / C
-    yield Row("friction torque at eps=0, N m", float(film.friction_torque_N_m), petroff, "Petroff", 1e-9)
+    yield Row(
+        "friction torque at eps=0, N m", float(film.friction_torque_N_m), petroff, "Petroff", 1e-9
+    )
 
 
 def long_bearing() -> Iterator[Row]:
@@ -111,16 +153,25 @@ def long_bearing() -> Iterator[Row]:
     for row in reference("long_bearing_closed_form.json")["rows"]:
         eps = row["eps"]
         for kind in ("full", "half"):
-            force, torque = _infinite((eps * C, 0.0), (0.0, 0.0), "full" if kind == "full" else "gumbel", OMEGA)
+            force, torque = _infinite(
+                (eps * C, 0.0), (0.0, 0.0), "full" if kind == "full" else "gumbel", OMEGA
+            )
             load = float(np.hypot(*force))
             expected = row[kind]
-            case, source = f"long bearing {kind} eps={eps}:", f"{kind} Sommerfeld (1904), closed form"
+            case, source = (
+                f"long bearing {kind} eps={eps}:",
+                f"{kind} Sommerfeld (1904), closed form",
+            )
             yield Row(f"{case} W_bar", load / UNIT_N_M, expected["W_bar"], source, 1e-3)
             yield Row(f"{case} S", UNIT_N_M / (math.pi * load), expected["S"], source, 1e-3)
             attitude = math.degrees(math.atan2(force[1], -force[0]))
-            yield Row(f"{case} attitude, deg", attitude, expected["attitude_deg"], source, 0.05, True)
+            yield Row(
+                f"{case} attitude, deg", attitude, expected["attitude_deg"], source, 0.05, True
+            )
             if kind == "full":
-                yield Row(f"{case} (R/c) f", torque / (load * C), expected["friction_var"], source, 1e-3)
+                yield Row(
+                    f"{case} (R/c) f", torque / (load * C), expected["friction_var"], source, 1e-3
+                )
 
 
 def _infinite(
@@ -133,7 +184,12 @@ def _infinite(
 
     def film(cells: int) -> FilmForce:
         return _film_of(
-            position, velocity, length_m=R * cells * 4 / 3, rupture=rupture, speed_rad_s=speed, grid=(360, cells)
+            position,
+            velocity,
+            length_m=R * cells * 4 / 3,
+            rupture=rupture,
+            speed_rad_s=speed,
+            grid=(360, cells),
         )
 
     long, short = film(24), film(12)
@@ -156,14 +212,21 @@ def light_load() -> Iterator[Row]:
     for row in reference("long_bearing_closed_form.json")["rows"]:
         source = "long bearing x side leakage; the 3 % that its file allows at L/D=8 leave the ends' 1/8 out"
         expected = row["full"]["W_bar"] * _side_leakage(row["eps"], 8.0)
-        yield Row(f"L/D=8 eps={row['eps']} full: W_bar", _full_load(row["eps"], 8.0), expected, source, 3e-3)
+        yield Row(
+            f"L/D=8 eps={row['eps']} full: W_bar",
+            _full_load(row["eps"], 8.0),
+            expected,
+            source,
+            3e-3,
+        )
 
 
 def _side_leakage(eps: float, ratio: float) -> float:
     """Share of the infinitely long full bearing's load that is left between two ends.
 
-    Kantorovich's one-term solution `p = p_long(theta) (1 - cosh(lambda z/R) / cosh(lambda L/D))` of Reynolds'
-    equation, `lambda^2 = int h^3 p_long'^2 / int h^3 p_long^2`, whose mean along z is `1 - tanh(x)/x`, x = lambda L/D.
+    Kantorovich's one-term solution `p = p_long(theta) (1 - cosh(lambda z/R) / cosh(lambda L/D))` of
+    Reynolds' equation, `lambda^2 = int h^3 p_long'^2 / int h^3 p_long^2`, whose mean along z is `1
+    - tanh(x)/x`, x = lambda L/D.
     """
     theta = 2 * math.pi * np.arange(4096) / 4096
     h = 1 + eps * np.cos(theta)
@@ -175,5 +238,7 @@ def _side_leakage(eps: float, ratio: float) -> float:
 
 def _full_load(eps: float, ratio: float) -> float:
     """W_bar of the full film."""
-    film = _turning((eps * C, 0.0), (0.0, 0.0), rupture="full", length_m=2 * R * ratio, grid=(360, 60))
+    film = _turning(
+        (eps * C, 0.0), (0.0, 0.0), rupture="full", length_m=2 * R * ratio, grid=(360, 60)
+    )
     return float(np.hypot(*film.force_N)) / (UNIT_N_M * 2 * R * ratio)

@@ -18,7 +18,15 @@ from sim_hil.verify.closed_forms import MU, OMEGA, C, R
 from sim_hil.verify.row import Row, residual
 
 _GRID = (96, 12)
-film_of = partial(film_force, radius_m=R, length_m=R, clearance_m=C, viscosity_Pa_s=MU, speed_rad_s=OMEGA, grid=_GRID)
+film_of = partial(
+    film_force,
+    radius_m=R,
+    length_m=R,
+    clearance_m=C,
+    viscosity_Pa_s=MU,
+    speed_rad_s=OMEGA,
+    grid=_GRID,
+)
 
 
 def states(count: int, seed: int) -> tuple[Floats, Floats]:
@@ -44,11 +52,31 @@ def scaling() -> Iterator[Row]:
         film = partial(film_of, rupture=rupture)
         force = film(e, v).force_N
         cases = (
-            ("twice speed and velocity", film(e, 2 * v, speed_rad_s=2 * OMEGA), 2 * force, "homogeneity of degree one"),
-            ("thrice the viscosity", film(e, v, viscosity_Pa_s=3 * MU), 3 * force, "linear in viscosity"),
-            ("half the clearance", film(e / 2, v / 2, clearance_m=C / 2), 4 * force, "F ~ 1/c^2 at equal e/c, v/c"),
+            (
+                "twice speed and velocity",
+                film(e, 2 * v, speed_rad_s=2 * OMEGA),
+                2 * force,
+                "homogeneity of degree one",
+            ),
+            (
+                "thrice the viscosity",
+                film(e, v, viscosity_Pa_s=3 * MU),
+                3 * force,
+                "linear in viscosity",
+            ),
+            (
+                "half the clearance",
+                film(e / 2, v / 2, clearance_m=C / 2),
+                4 * force,
+                "F ~ 1/c^2 at equal e/c, v/c",
+            ),
             ("turned by 90 degrees", film(e @ turn.T, v @ turn.T), force @ turn.T, "rotation"),
-            ("reflected", film(e * mirror, v * mirror, speed_rad_s=-OMEGA), force * mirror, "reversed speed"),
+            (
+                "reflected",
+                film(e * mirror, v * mirror, speed_rad_s=-OMEGA),
+                force * mirror,
+                "reversed speed",
+            ),
         )
         for name, found, expected, source in cases:
             case = f"{rupture}, 12 random states, {name}: largest relative error"
@@ -60,10 +88,15 @@ def fast_films() -> Iterator[Row]:
     e, v = states(40, 3)
     table, direct = FilmTable.load(0.5).coefficients, DirectFilm.make()
     state = (OMEGA, C, MU, R, R)
-    tabulated = np.array([table_force(table, *a, *b, *state)[:2] for a, b in zip(e, v, strict=True)])
-    solved = np.array([
-        direct_force(direct.ring, direct.axial, direct.work, *a, *b, *state)[:2] for a, b in zip(e, v, strict=True)
-    ])
+    tabulated = np.array(
+        [table_force(table, *a, *b, *state)[:2] for a, b in zip(e, v, strict=True)]
+    )
+    solved = np.array(
+        [
+            direct_force(direct.ring, direct.axial, direct.work, *a, *b, *state)[:2]
+            for a, b in zip(e, v, strict=True)
+        ]
+    )
     cases: tuple[tuple[str, Floats, Rupture, float], ...] = (
         ("table", tabulated, "reynolds", 3e-3),
         ("direct", solved, "gumbel", 2e-2),
@@ -75,21 +108,44 @@ def fast_films() -> Iterator[Row]:
 
 
 def whirl_and_dissipation() -> Iterator[Row]:
-    """No force in pure whirl at half speed; the film never drives the effective squeeze, nor gives power."""
+    """No force in pure whirl at half speed; the film never drives the effective squeeze, nor gives
+    power."""
     e, v = states(40, 2)
     half = OMEGA / 2 * np.column_stack([-e[:, 1], e[:, 0]])
     still = np.hypot(*film_of(e, np.zeros_like(e)).force_N.T).mean()
     whirled = float(np.max(np.hypot(*film_of(e, half).force_N.T)) / still)
-    yield residual("reynolds: force in pure whirl at omega/2 over force at rest", whirled, "paper, equation (3)", 1e-9)
+    yield residual(
+        "reynolds: force in pure whirl at omega/2 over force at rest",
+        whirled,
+        "paper, equation (3)",
+        1e-9,
+    )
     film = film_of(e, v)
-    against = float(np.max(np.sum(film.force_N * (v - half), axis=1) / (np.hypot(*film.force_N.T) * C * OMEGA)))
-    yield Row("reynolds: F . v_s not above zero, 40 states", float(against <= 0), 1.0, "dissipation", 0.0, True)
+    against = float(
+        np.max(np.sum(film.force_N * (v - half), axis=1) / (np.hypot(*film.force_N.T) * C * OMEGA))
+    )
+    yield Row(
+        "reynolds: F . v_s not above zero, 40 states",
+        float(against <= 0),
+        1.0,
+        "dissipation",
+        0.0,
+        True,
+    )
     power = film.friction_torque_N_m * OMEGA - np.sum(film.force_N * v, axis=1)
-    yield Row("reynolds: dissipated power above zero, 40 states", float(power.min() > 0), 1.0, "second law", 0.0, True)
+    yield Row(
+        "reynolds: dissipated power above zero, 40 states",
+        float(power.min() > 0),
+        1.0,
+        "second law",
+        0.0,
+        True,
+    )
 
 
 def complementarity() -> Iterator[Row]:
-    """Pressure and Reynolds residual of the ruptured film, by finite differences of our own on the returned field."""
+    """Pressure and Reynolds residual of the ruptured film, by finite differences of our own on the
+    returned field."""
     e = np.array([0.3, -0.6]) * C
     film = film_of(e, (0.0, 0.0), fields=True, grid=(180, 24))
     assert film.pressure_Pa is not None
@@ -101,15 +157,21 @@ def complementarity() -> Iterator[Row]:
     flux = (at_face**3 / gap)[:, None] * (np.roll(p, -1, axis=0) - p) / (12 * MU * R**2)
     dz = np.diff(film.z_m)
     curvature = np.diff(np.diff(p, axis=1) / dz, axis=1) / ((dz[1:] + dz[:-1]) / 2)
-    divergence = ((flux - np.roll(flux, 1, axis=0)) / width)[:, 1:-1] + (at_node**3)[:, None] / (12 * MU) * curvature
+    divergence = ((flux - np.roll(flux, 1, axis=0)) / width)[:, 1:-1] + (at_node**3)[:, None] / (
+        12 * MU
+    ) * curvature
     wedge = OMEGA / 2 * (at_face - np.roll(at_face, 1))[:, None] / width
     excess = (wedge - divergence) / np.abs(wedge).max()
     full = p[:, 1:-1] > 1e-9 * p.max()
     source = "Swift-Stieber: p >= 0, div q <= wedge, one of them equal"
     name = "reynolds, own finite differences:"
     yield Row(f"{name} smallest pressure, Pa", float(p.min()), 0.0, source, 1e-9, True)
-    yield residual(f"{name} largest residual where p > 0", float(np.abs(excess[full]).max()), source, 5e-3)
-    yield residual(f"{name} largest inflow where p = 0", float(max(0, -excess[~full].min())), source, 5e-3)
+    yield residual(
+        f"{name} largest residual where p > 0", float(np.abs(excess[full]).max()), source, 5e-3
+    )
+    yield residual(
+        f"{name} largest inflow where p = 0", float(max(0, -excess[~full].min())), source, 5e-3
+    )
 
 
 def _ring(theta: Floats) -> tuple[Floats, Floats, Floats]:
@@ -128,7 +190,13 @@ def flow_balance() -> Iterator[Row]:
     groove = Feed("groove", math.pi / 2, math.radians(20), 0.8 * R, 1e5)
     film = film_of(e, (0.0, 0.0), rupture="jfo", feed=[groove], fields=True)
     source = "mass conservation (Jakobsson, Floberg, Olsson)"
-    yield Row("jfo: side flow, m3/s, against inflow", float(film.side_flow_m3_s), float(film.inflow_m3_s), source, 1e-7)
+    yield Row(
+        "jfo: side flow, m3/s, against inflow",
+        float(film.side_flow_m3_s),
+        float(film.inflow_m3_s),
+        source,
+        1e-7,
+    )
     assert film.fill is not None
     assert film.theta_rad is not None
     _, _, face = _ring(film.theta_rad)
@@ -156,6 +224,9 @@ def grid_convergence() -> Iterator[Row]:
         limit = loads[2] + (loads[2] - loads[1]) / 3
         order = math.log2(abs((loads[0] - loads[1]) / (loads[1] - loads[2])))
         default = load(rupture, DEFAULT_GRID)
-        yield Row(f"{rupture}: load on the default grid, N", default, limit, "Richardson limit", 5e-3)
-        # a rupture line that crosses the cells adds a first-order grain to the second order of the scheme
+        yield Row(
+            f"{rupture}: load on the default grid, N", default, limit, "Richardson limit", 5e-3
+        )
+        # a rupture line that crosses the cells adds a first-order grain to the second order of the
+        # scheme
         yield Row(f"{rupture}: observed order of convergence", order, 2.0, "three grids", 1.0, True)

@@ -18,7 +18,8 @@ def _state(eps: float, ratio: float) -> Equilibrium:
 
 
 def raimondi_boyd() -> Iterator[Row]:
-    """Performance of the full bearing, L/D = 1, 1/2, 1/4; the digits of 1958 carry one to two percent."""
+    """Performance of the full bearing, L/D = 1, 1/2, 1/4; the digits of 1958 carry one to two
+    percent."""
     table = reference("raimondi_boyd_1958.json")
     allowed = table["tolerance"]
     for ratio, rows in table["rows"].items():
@@ -31,8 +32,16 @@ def raimondi_boyd() -> Iterator[Row]:
             source = "Raimondi and Boyd 1958, digits recalled, not checked against print"
             angle = math.degrees(state.attitude_rad)
             yield Row(f"{case} S", state.sommerfeld, sommerfeld, source, allowed["S"])
-            yield Row(f"{case} attitude, deg", angle, attitude, source, allowed["attitude_deg"], True)
-            yield Row(f"{case} (R/c) f", state.friction_variable, friction, source, allowed["friction_var"])
+            yield Row(
+                f"{case} attitude, deg", angle, attitude, source, allowed["attitude_deg"], True
+            )
+            yield Row(
+                f"{case} (R/c) f",
+                state.friction_variable,
+                friction,
+                source,
+                allowed["friction_var"],
+            )
             yield Row(f"{case} Q_s/(RcNL)", side_flow, flow * share, source, allowed["side_flow"])
             yield Row(f"{case} P/p_max", mean, pressure, source, allowed["P_over_pmax"])
 
@@ -44,11 +53,18 @@ def raimondi_boyd_excerpt() -> Iterator[Row]:
         state = _state(row["eps"], 1.0)
         case = f"L/D=1 eps={row['eps']} (excerpt):"
         yield Row(f"{case} S", state.sommerfeld, row["S"], "raimondi_boyd_LD1.json", 2e-2)
-        yield Row(f"{case} (R/c) f", state.friction_variable, row["friction_var"], "raimondi_boyd_LD1.json", 2e-2)
+        yield Row(
+            f"{case} (R/c) f",
+            state.friction_variable,
+            row["friction_var"],
+            "raimondi_boyd_LD1.json",
+            2e-2,
+        )
 
 
 def two_axial_grooves() -> Iterator[Row]:
-    """Static and dynamic columns of the bearing with grooves at right angles to the load, L/D = 1/2."""
+    """Static and dynamic columns of the bearing with grooves at right angles to the load, L/D =
+    1/2."""
     table = reference("two_axial_grooves_LD05.json")
     for name, book in (("Lund", table["lund"]), ("Someya", table["someya"])):
         width, source, allowed = math.radians(book["groove_deg"]), book["source"], book["tolerance"]
@@ -62,8 +78,14 @@ def two_axial_grooves() -> Iterator[Row]:
             digit = allowed["S"] + allowed.get("S_digit", 0.0) / sommerfeld
             yield Row(f"{case} S", state.sommerfeld, sommerfeld, source, digit)
             angle = math.degrees(state.attitude_rad)
-            yield Row(f"{case} attitude, deg", angle, attitude, source, allowed["attitude_deg"], True)
-            for letter, found, printed in zip("KC", (state.stiffness, state.damping), coefficients, strict=False):
+            yield Row(
+                f"{case} attitude, deg", angle, attitude, source, allowed["attitude_deg"], True
+            )
+            for letter, found, printed in zip(
+                "KC", (state.stiffness, state.damping), coefficients, strict=False
+            ):
                 share = allowed["coefficients_of_the_largest"] * max(printed)
-                for axes, value, expected in zip(("xx", "xy", "yx", "yy"), found.ravel(), printed, strict=True):
+                for axes, value, expected in zip(
+                    ("xx", "xy", "yx", "yy"), found.ravel(), printed, strict=True
+                ):
                     yield Row(f"{case} {letter}{axes}", float(value), expected, source, share, True)

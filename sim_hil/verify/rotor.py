@@ -33,7 +33,8 @@ def _bench() -> RigData:
 
 
 def rigid_modes() -> Iterator[Row]:
-    """A symmetric rotor: bouncing at sqrt(2k/m), tilting split by the gyroscopic moment, free precession."""
+    """A symmetric rotor: bouncing at sqrt(2k/m), tilting split by the gyroscopic moment, free
+    precession."""
     m, j_d, j_p, k, reach = 6.0, 0.06, 0.004, 1e6, 0.25
     tilting = 2 * k * reach**2
     for omega in (0.0, 600.0, -1200.0):
@@ -44,19 +45,46 @@ def rigid_modes() -> Iterator[Row]:
         expected = (bounce, bounce, root - half, root + half)
         source = "rigid rotor on two equal springs, closed form"
         for i, value in enumerate(expected):
-            yield Row(f"mode {i + 1} at {omega:g} rad/s, rad/s", float(found.frequency_rad_s[i]), value, source, 1e-9)
+            yield Row(
+                f"mode {i + 1} at {omega:g} rad/s, rad/s",
+                float(found.frequency_rad_s[i]),
+                value,
+                source,
+                1e-9,
+            )
         if omega:
             turning = float(np.sign(omega))
             name = f"sense of the lower and upper tilting mode at {omega:g} rad/s"
-            yield Row(f"{name}: lower", float(found.forward[2]), -turning, "backward below, forward above", 0, True)
-            yield Row(f"{name}: upper", float(found.forward[3]), turning, "backward below, forward above", 0, True)
+            yield Row(
+                f"{name}: lower",
+                float(found.forward[2]),
+                -turning,
+                "backward below, forward above",
+                0,
+                True,
+            )
+            yield Row(
+                f"{name}: upper",
+                float(found.forward[3]),
+                turning,
+                "backward below, forward above",
+                0,
+                True,
+            )
     free = modes(m, j_d, j_p, [Support(0.0, k)], 600.0).frequency_rad_s
     precession = float(free[free > 1e-3].min())
-    yield Row("free precession J_p omega / J_d, rad/s", precession, j_p * 600.0 / j_d, "rigid body, Euler", 1e-9)
+    yield Row(
+        "free precession J_p omega / J_d, rad/s",
+        precession,
+        j_p * 600.0 / j_d,
+        "rigid body, Euler",
+        1e-9,
+    )
 
 
 def linear_rotor() -> Iterator[Row]:
-    """The integrated rotor on springs against the matrix exponential of its own equation, gyroscopics included."""
+    """The integrated rotor on springs against the matrix exponential of its own equation,
+    gyroscopics included."""
     rig = _bench()
     quiet = replace(Build.nominal(rig), unbalance_kg_m=0.0)
     plant = assemble(rig, quiet, 5e-5, thermal=False)
@@ -74,9 +102,13 @@ def linear_rotor() -> Iterator[Row]:
         rows = np.empty((n, len(COLUMNS)))
         advance_rotor(plant.shaft, plant.film, plant.act, law, w, state.scalar, drive,
                       np.tile([60e-6, 1e5], (n, 1)), period, steps, 1, rows)  # fmt: skip
-        exact = expm(state_matrix(s.mass, s.diametral, s.polar, supports, omega) * n * period) @ start
+        exact = (
+            expm(state_matrix(s.mass, s.diametral, s.polar, supports, omega) * n * period) @ start
+        )
         apart = float(np.linalg.norm(w[4:] - exact[4:]) / np.linalg.norm(start[4:]))
-        allowed = 8e-3 / steps**2  # second order: the stiffest mode (3600 rad/s) turns 0.18 rad in 50 us
+        allowed = (
+            8e-3 / steps**2
+        )  # second order: the stiffest mode (3600 rad/s) turns 0.18 rad in 50 us
         yield residual(f"free motion at {omega:g} rad/s, step {50 / steps:g} us", apart,
                        "matrix exponential of equation (2) after 4 ms, share of the start", allowed)  # fmt: skip
 
@@ -87,7 +119,10 @@ def step_halving() -> Iterator[Row]:
     for point in (stiff, (3000, 100, 60e-6), (10000, 100, 60e-6), (12000, 30, 60e-6)):
         coarse, fine = (_steady(*point, dt) for dt in (50e-6, 25e-6))
         yield from _halved(_case(*point), coarse, fine)
-    yield from _halved(_case(*stiff) + " direct film,", *(_steady(*stiff, dt, force="direct") for dt in (50e-6, 25e-6)))
+    yield from _halved(
+        _case(*stiff) + " direct film,",
+        *(_steady(*stiff, dt, force="direct") for dt in (50e-6, 25e-6)),
+    )
     whole, finer = (_whole_machine(*stiff, dt) for dt in (40e-6, 20e-6))
     yield Row(f"{_case(*stiff)} whole machine, p-p, um", whole, finer, "40 us beside 20 us", 5e-3)
 
@@ -99,28 +134,52 @@ def _case(rpm: float, load: float, clearance: float) -> str:
 def _halved(case: str, coarse: Trajectory, fine: Trajectory) -> Iterator[Row]:
     orbit = fine.peak_to_peak_m()
     apart = float(np.hypot(*(coarse.position_m - fine.position_m).T).max()) / (orbit / 2)
-    yield Row(f"{case} p-p, um", 1e6 * coarse.peak_to_peak_m(), 1e6 * orbit, "50 us beside 25 us", 5e-3)
-    yield residual(f"{case} orbits apart, of one", apart, "largest distance of the orbits at 50 us and 25 us", 5e-3)
-    yield Row(f"{case} power, W", float(coarse.power_W.mean()), float(fine.power_W.mean()), "50 us beside 25 us", 1e-3)
+    yield Row(
+        f"{case} p-p, um", 1e6 * coarse.peak_to_peak_m(), 1e6 * orbit, "50 us beside 25 us", 5e-3
+    )
+    yield residual(
+        f"{case} orbits apart, of one",
+        apart,
+        "largest distance of the orbits at 50 us and 25 us",
+        5e-3,
+    )
+    yield Row(
+        f"{case} power, W",
+        float(coarse.power_W.mean()),
+        float(fine.power_W.mean()),
+        "50 us beside 25 us",
+        1e-3,
+    )
 
 
 def _whole_machine(rpm: float, load: float, clearance: float, dt: float) -> float:
-    """Larger peak-to-peak of the two axes, um, over the last half of two seconds of the whole machine."""
+    """Larger peak-to-peak of the two axes, um, over the last half of two seconds of the whole
+    machine."""
     rig = _bench()
-    machine = Machine(rig, Build.nominal(rig), 0, clearance_m=clearance, thermal=False, max_step_s=dt)
+    machine = Machine(
+        rig, Build.nominal(rig), 0, clearance_m=clearance, thermal=False, max_step_s=dt
+    )
     truth = run(machine, Duty.hold(rpm, load), 2.0, clearance=clearance).truth
     axes = [TRUTH_COLUMNS.index(f"eccentricity_{axis}_m") for axis in "xy"]
     return 1e6 * float(np.ptp(truth[len(truth) // 2 :, axes], axis=0).max())
 
 
 def _steady(
-    rpm: float, load: float, clearance: float, dt: float = 50e-6, *, unbalance: float = 1.0, force: Force = "table"
+    rpm: float,
+    load: float,
+    clearance: float,
+    dt: float = 50e-6,
+    *,
+    unbalance: float = 1.0,
+    force: Force = "table",
 ) -> Trajectory:
     """The last quarter of two seconds, isothermal."""
     rig = _bench()
     build = replace(Build.nominal(rig), unbalance_kg_m=unbalance * rig.rotor.unbalance_kg_m)
     duty = Duty.hold(rpm, load, 2.0)
-    return simulate(rig, duty, clearance=clearance, dt_s=dt, thermal=False, build=build, force=force).last(0.5)
+    return simulate(
+        rig, duty, clearance=clearance, dt_s=dt, thermal=False, build=build, force=force
+    ).last(0.5)
 
 
 def whirl_onset() -> Iterator[Row]:
@@ -134,7 +193,9 @@ def whirl_onset() -> Iterator[Row]:
     source = f"{_FACTS}: half-order whirl sets in between 60 and 70 um"
     for clearance, sets_in in ((60e-6, 0.0), (70e-6, 1.0)):
         whirls = float(_steady(12000, 30, clearance).peak_to_peak_m() > 0.5 * clearance)
-        yield Row(f"12000 rpm, 30 N, {clearance * 1e6:.0f} um: whirl", whirls, sets_in, source, 0, True)
+        yield Row(
+            f"12000 rpm, 30 N, {clearance * 1e6:.0f} um: whirl", whirls, sets_in, source, 0, True
+        )
     orbits = [_steady(12000, 30, 70e-6, unbalance=factor).peak_to_peak_m() for factor in (1.0, 4.0)]
     source = f"{_FACTS}: more unbalance quenches it"
     case = "12000 rpm, 30 N, 70 um: 4 x unbalance, smaller orbit"
@@ -154,11 +215,13 @@ def _linear_growth(rpm: float, clearance: float) -> float:
 
 
 def _growth(rpm: float, clearance: float) -> float:
-    """Rate at which the orbit of the balanced rotor grows from rounding's first push, 1/s, between 0.6 and 1 s."""
+    """Rate at which the orbit of the balanced rotor grows from rounding's first push, 1/s, between
+    0.6 and 1 s."""
     build = replace(Build.nominal(_bench()), unbalance_kg_m=0.0)
     duty = Duty.hold(rpm, 30.0, 1.2)
     run = simulate(_bench(), duty, clearance=clearance, dt_s=50e-6, thermal=False, build=build)
     before, after = (
-        np.ptp(run.position_m[(run.time_s > at) & (run.time_s < at + 0.2)], axis=0).max() for at in (0.6, 1.0)
+        np.ptp(run.position_m[(run.time_s > at) & (run.time_s < at + 0.2)], axis=0).max()
+        for at in (0.6, 1.0)
     )
     return float(math.log(after / before) / 0.4)

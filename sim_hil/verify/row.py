@@ -12,8 +12,8 @@ from typing import Any
 class Row:
     """A quantity here and in the reference.
 
-    `difference` and `tolerance` are relative, or in the unit of the quantity where `absolute`; a row without a
-    tolerance is shown, not judged.
+    `difference` and `tolerance` are relative, or in the unit of the quantity where `absolute`; a
+    row without a tolerance is shown, not judged.
     """
 
     quantity: str

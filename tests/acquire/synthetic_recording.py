@@ -36,7 +36,10 @@ def recording(
         [
             probes.real,
             probes.imag,
-            *(acceleration_m_s2 * np.cos(angle - i) + rng.normal(0, noise, len(t)) for i in range(3)),
+            *(
+                acceleration_m_s2 * np.cos(angle - i) + rng.normal(0, noise, len(t))
+                for i in range(3)
+            ),
             rng.normal(0, 0.05, len(t)),
             np.full(len(t), 1.0),
             np.full(len(t), 1.2),

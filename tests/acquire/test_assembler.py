@@ -68,7 +68,7 @@ def test_a_gap_closes_the_block_and_is_counted(lost: int) -> None:
     stream.run(1000)
     before = len(stream.blocks)
     sampled = [f for _ in range(60) for f in stream.frames() if f.frame_id == 0x0C0]
-    stream.feed(sampled[:5] + sampled[5 + lost:])
+    stream.feed(sampled[:5] + sampled[5 + lost :])
     assert stream.stage.counters["frames_lost"] == lost
     marked = [b for b in stream.blocks[before:] if b.quality & Quality.GAP_BEFORE]
     assert len(marked) == 1
@@ -87,7 +87,9 @@ def test_repeated_and_reordered_frames_are_dropped_and_counted() -> None:
     stream.feed(frames[:10] + frames[5:8] + [frames[9]] + frames[10:])
     assert stream.stage.counters["reject_reordered"] == 3
     assert stream.stage.counters["reject_repeated"] == 1
-    assert b"".join(b.samples for b in stream.blocks) == b"".join(b.samples for b in reference.blocks)
+    assert b"".join(b.samples for b in stream.blocks) == b"".join(
+        b.samples for b in reference.blocks
+    )
 
 
 def test_damaged_frames_are_counted_by_reason_and_never_raise() -> None:
@@ -95,10 +97,20 @@ def test_damaged_frames_are_counted_by_reason_and_never_raise() -> None:
     stream.run(500)
     good = next(f for f in iter(lambda: stream.frames()[0], None) if f.frame_id == 0x0C0)
     broken = bytes([good.data[0] ^ 1]) + good.data[1:]
-    stream.feed([RawFrame(0, 0x0C0, broken), RawFrame(0, 0x0C0, good.data[:-1]), RawFrame(0, 0x123, b"abc"),
-                 RawFrame(0, 0x0C0, b"")])
+    stream.feed(
+        [
+            RawFrame(0, 0x0C0, broken),
+            RawFrame(0, 0x0C0, good.data[:-1]),
+            RawFrame(0, 0x123, b"abc"),
+            RawFrame(0, 0x0C0, b""),
+        ]
+    )
     counters = stream.stage.counters
-    assert (counters["reject_crc"], counters["reject_length"], counters["reject_unknown_id"]) == (1, 2, 1)
+    assert (counters["reject_crc"], counters["reject_length"], counters["reject_unknown_id"]) == (
+        1,
+        2,
+        1,
+    )
 
 
 def test_a_node_that_starts_again_is_noticed_and_its_clock_mapped_anew() -> None:
@@ -118,7 +130,11 @@ def test_freshness_is_the_worse_of_arrival_and_mapped_age() -> None:
     stream.run(1500)
     assert stream.stage.sample_age_ns(stream.now_ns) < 3 * MS
     assert stream.stage.sample_age_ns(stream.now_ns + 30 * MS) >= 30 * MS
-    late = [RawFrame(f.arrival_ns + 50 * MS, f.frame_id, f.data) for _ in range(50) for f in stream.frames()]
+    late = [
+        RawFrame(f.arrival_ns + 50 * MS, f.frame_id, f.data)
+        for _ in range(50)
+        for f in stream.frames()
+    ]
     stream.feed(late)
     assert stream.stage.sample_age_ns(late[-1].arrival_ns) >= 49 * MS
 

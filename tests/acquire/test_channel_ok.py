@@ -32,7 +32,9 @@ def test_more_than_a_quarter_outside_is_not_ok_a_clipped_peak_is(outside: int) -
     assert bool(ok.step(samples) & 1) == (4 * outside <= N)
 
 
-@pytest.mark.parametrize(("count", "good"), [(24500, True), (24501, False), (-24500, True), (-24501, False)])
+@pytest.mark.parametrize(
+    ("count", "good"), [(24500, True), (24501, False), (-24500, True), (-24501, False)]
+)
 def test_the_edge_of_the_range_is_exact(count: int, good: bool) -> None:
     ok = ChannelOk(CHANNELS, RATE_HZ)
     samples = lively()

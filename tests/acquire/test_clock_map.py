@@ -78,5 +78,7 @@ def test_drift_and_lateness_are_never_ahead(drift_ppm: int) -> None:
     clock = ClockMap()
     for k in range(100_000):
         late_ns = 50_000_000 if 20_000 < k < 30_000 else k % 7 * 100_000
-        clock.observe(k * FRAME_US, k * FRAME_US * 1000 + k * FRAME_US * drift_ppm // 1000 + late_ns)
+        clock.observe(
+            k * FRAME_US, k * FRAME_US * 1000 + k * FRAME_US * drift_ppm // 1000 + late_ns
+        )
     assert clock.ahead_ns < 5_000_000, "the envelope creeps up while frames are late"

@@ -4,10 +4,23 @@ from itertools import count
 
 import pytest
 
-from firmware_py.acquire.counting import CONFIRM, CONFIRM_BACK, NEAR, PATIENCE, CounterTrack, doubled, take
+from firmware_py.acquire.counting import (
+    CONFIRM,
+    CONFIRM_BACK,
+    NEAR,
+    PATIENCE,
+    CounterTrack,
+    doubled,
+    take,
+)
 from firmware_py.records import NodeInfo, NodeState, RigStatus, SampleFrame
 
-PERIODS_NS = {SampleFrame: 600_000, RigStatus: 50_000_000, NodeState: 50_000_000, NodeInfo: 1_000_000_000}
+PERIODS_NS = {
+    SampleFrame: 600_000,
+    RigStatus: 50_000_000,
+    NodeState: 50_000_000,
+    NodeInfo: 1_000_000_000,
+}
 
 
 def message(kind: type, counter: int, who: int = 0):
@@ -36,7 +49,9 @@ class Line:
     def send(self, *counters: int, who: int = 0, after_ns: int | None = None) -> None:
         for counter in counters:
             self.now_ns += PERIODS_NS[self.kind] if after_ns is None else after_ns
-            for taken in take(self.track, message(self.kind, counter, who), self.now_ns, self.counters):
+            for taken in take(
+                self.track, message(self.kind, counter, who), self.now_ns, self.counters
+            ):
                 self.lost += taken.lost
                 self.restarts += taken.restarted
                 self.taken.append(taken.message.counter)
@@ -52,7 +67,9 @@ class Line:
 
 @pytest.mark.parametrize("last", [0, 1, 100, 65533, 65534, 65535])
 @pytest.mark.parametrize("jump", [2, 3, NEAR - 1, NEAR])
-def test_a_near_jump_forward_is_a_loss_across_the_wrap_once_the_next_frame_continues_it(last: int, jump: int) -> None:
+def test_a_near_jump_forward_is_a_loss_across_the_wrap_once_the_next_frame_continues_it(
+    last: int, jump: int
+) -> None:
     line = Line(last=last)
     line.send(last + jump)
     assert line.lost == 0
@@ -135,13 +152,17 @@ def test_far_frames_that_do_not_continue_each_other_are_never_believed() -> None
 
 @pytest.mark.parametrize("kind", PATIENCE)
 @pytest.mark.parametrize("ahead", [0, 1, 2, 30, NEAR, 1000, 30_000, 40_000, -1, -30, -1000])
-def test_two_interleaved_senders_are_told_soon_and_the_true_one_is_taken_up_again(kind: type, ahead: int) -> None:
+def test_two_interleaved_senders_are_told_soon_and_the_true_one_is_taken_up_again(
+    kind: type, ahead: int
+) -> None:
     line = Line(kind, last=65_500)
     true = count(65_501)
     for _ in range(30):
         line.send(next(true))
     assert not line.doubled
-    told_after = next((k for k in range(40) if _pair(line, next(true), ahead) or line.doubled), None)
+    told_after = next(
+        (k for k in range(40) if _pair(line, next(true), ahead) or line.doubled), None
+    )
     assert told_after is not None
     assert told_after <= PATIENCE[kind].frames * 1.3 + 2
     for _ in range(40):

@@ -1,4 +1,5 @@
-"""Order analysis finds what was put in, at every speed and on ramps; features are finite and fixed."""
+"""Order analysis finds what was put in, at every speed and on ramps; features are finite and
+fixed."""
 
 from __future__ import annotations
 
@@ -28,7 +29,13 @@ def named(window: Window) -> dict[str, float]:
 @pytest.mark.parametrize("speed_hz", [12.5, 25.0, 61.7, 200.0])
 @pytest.mark.parametrize("rate", [5000, 10000])
 def test_amplitudes_of_a_known_orbit(speed_hz: float, rate: int) -> None:
-    o = orders(rate, start_hz=speed_hz, forward_m=(10e-6, 2e-6, 1e-6, 0.5e-6), backward_m=(3e-6, 0.5e-6), half_m=4e-6)
+    o = orders(
+        rate,
+        start_hz=speed_hz,
+        forward_m=(10e-6, 2e-6, 1e-6, 0.5e-6),
+        backward_m=(3e-6, 0.5e-6),
+        half_m=4e-6,
+    )
     assert o.speed_rad_s == pytest.approx(2 * np.pi * speed_hz, rel=1e-4)
     assert o.forward[:4] == pytest.approx([10e-6, 2e-6, 1e-6, 0.5e-6], rel=0.02, abs=3e-8)
     assert o.backward[:2] == pytest.approx([3e-6, 0.5e-6], rel=0.02, abs=3e-8)
@@ -74,19 +81,31 @@ def test_features_stay_finite_without_any_signal() -> None:
 def test_gain_error_moves_absolute_features_only() -> None:
     small = named(last_window(forward_m=(10e-6, 4e-6), acceleration_m_s2=5.0, noise=0.0))
     large = named(last_window(forward_m=(11e-6, 4.4e-6), acceleration_m_s2=5.5, noise=0.0))
-    assert large["log_shaft_fwd_1x_m"] - small["log_shaft_fwd_1x_m"] == pytest.approx(np.log10(1.1), abs=1e-3)
-    for name in ("shaft_fwd_2x_1x", "acc_motor_1x_rms", "acc_motor_bearing_1x", "acc_motor_kurtosis"):
+    assert large["log_shaft_fwd_1x_m"] - small["log_shaft_fwd_1x_m"] == pytest.approx(
+        np.log10(1.1), abs=1e-3
+    )
+    for name in (
+        "shaft_fwd_2x_1x",
+        "acc_motor_1x_rms",
+        "acc_motor_bearing_1x",
+        "acc_motor_kurtosis",
+    ):
         assert large[name] == pytest.approx(small[name], abs=2e-3), name
 
 
 def test_each_cause_moves_its_own_features() -> None:
     plain = named(last_window())
     assert named(last_window(half_m=5e-6))["shaft_half_fwd_rms"] > plain["shaft_half_fwd_rms"] + 1
-    assert named(last_window(backward_m=(5e-6,)))["shaft_bwd_fwd_1x"] > plain["shaft_bwd_fwd_1x"] + 1
+    assert (
+        named(last_window(backward_m=(5e-6,)))["shaft_bwd_fwd_1x"] > plain["shaft_bwd_fwd_1x"] + 1
+    )
     assert named(last_window(acceleration_m_s2=50.0))["acc_motor_1x_per_shaft"] == pytest.approx(
         plain["acc_motor_1x_per_shaft"] + 1, abs=0.01
     )
-    assert named(last_window(noise=1.0))["acc_motor_band_900_1400"] > plain["acc_motor_band_900_1400"] + 1
+    assert (
+        named(last_window(noise=1.0))["acc_motor_band_900_1400"]
+        > plain["acc_motor_band_900_1400"] + 1
+    )
 
 
 def test_missing_readings_stay_visible_as_nan() -> None:

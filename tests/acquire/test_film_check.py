@@ -1,4 +1,5 @@
-"""Film, position and power held against each other: nothing where the laws hold, each cause in its own feature."""
+"""Film, position and power held against each other: nothing where the laws hold, each cause in its
+own feature."""
 
 from __future__ import annotations
 
@@ -28,13 +29,17 @@ def volt(gap_m: float) -> float:
     return float(contact_volt(fc.CIRCUIT, np.array(gap_m)))
 
 
-def ideal(ratio: float = RATIO, gap_m: float | None = None, power: float = 1.0) -> tuple[Window, Orders]:
+def ideal(
+    ratio: float = RATIO, gap_m: float | None = None, power: float = 1.0
+) -> tuple[Window, Orders]:
     """A window and its orders on a shaft that floats where the short bearing has it."""
     window = last_window(start_hz=SPEED_HZ, forward_m=(1e-7,), noise=0.0)
     rest = 1.0 - ratio**2
     attitude = math.atan2(0.25 * math.pi * math.sqrt(rest), ratio)
     samples = window.samples.copy()
-    samples[:, :2] += ratio * CLEARANCE_M * np.array([math.sin(attitude), -math.cos(attitude)]) - samples[:, :2].mean(0)
+    samples[:, :2] += ratio * CLEARANCE_M * np.array(
+        [math.sin(attitude), -math.cos(attitude)]
+    ) - samples[:, :2].mean(0)
     samples[:, 7] = volt(CLEARANCE_M * (1.0 - ratio) if gap_m is None else gap_m)
     omega = 2 * math.pi * SPEED_HZ
     viscosity = fc.VISCOSITY_PA_S * math.exp(-fc.VISCOSITY_PER_K * (OIL_C - fc.REFERENCE_C))
@@ -59,8 +64,12 @@ def test_a_bearing_that_follows_the_laws_shows_nothing(ratio: float) -> None:
 
 
 def test_a_wider_gap_than_the_position_s_and_more_power_show_in_their_scale() -> None:
-    assert named(gap_m=CLEARANCE_M * (1 - RATIO) + 5e-6)["film_gap_over_position"] == pytest.approx(1.0, abs=0.02)
-    assert named(power=1.5)["film_power_excess"] > 3.0 > -3.0 > named(power=0.5)["film_power_excess"]
+    assert named(gap_m=CLEARANCE_M * (1 - RATIO) + 5e-6)["film_gap_over_position"] == pytest.approx(
+        1.0, abs=0.02
+    )
+    assert (
+        named(power=1.5)["film_power_excess"] > 3.0 > -3.0 > named(power=0.5)["film_power_excess"]
+    )
 
 
 @pytest.mark.parametrize("ratio", [0.2, 0.5, 0.8])
@@ -69,20 +78,31 @@ def test_load_is_near_that_of_the_guard_s_table(ratio: float) -> None:
 
     omega = 2 * math.pi * SPEED_HZ
     viscosity = fc.VISCOSITY_PA_S * math.exp(-fc.VISCOSITY_PER_K * (OIL_C - fc.REFERENCE_C))
-    expected = viscosity * omega * static_film(fc.RADIUS_M, fc.LENGTH_M).load_per_viscous_speed(ratio, CLEARANCE_M)
+    expected = (
+        viscosity
+        * omega
+        * static_film(fc.RADIUS_M, fc.LENGTH_M).load_per_viscous_speed(ratio, CLEARANCE_M)
+    )
     assert 10 ** named(ratio)["film_log_load_N"] == pytest.approx(expected, rel=0.15)
 
 
 @pytest.mark.parametrize("ratio", [0.15, 0.5, 0.85])
 def test_response_to_a_rotating_force_is_that_of_the_film_differentiated(ratio: float) -> None:
-    """Stiffness and damping by differences of the short bearing's forces, instead of their closed forms."""
+    """Stiffness and damping by differences of the short bearing's forces, instead of their closed
+    forms."""
     carried, omega = 40.0, 500.0
 
     def force(e: float, angle: float, e_rate: float, angle_rate: float) -> np.ndarray:
         slow, rest = 1.0 - 2.0 * angle_rate / omega, 1.0 - e * e
-        inward = 4.0 * e * e * slow / rest**2 + 2.0 * math.pi * e_rate / omega * (1.0 + 2.0 * e * e) / rest**2.5
+        inward = (
+            4.0 * e * e * slow / rest**2
+            + 2.0 * math.pi * e_rate / omega * (1.0 + 2.0 * e * e) / rest**2.5
+        )
         along = math.pi * e * slow / rest**1.5 + 8.0 * e * e_rate / omega / rest**2
-        radial, around = np.array([math.cos(angle), math.sin(angle)]), np.array([-math.sin(angle), math.cos(angle)])
+        radial, around = (
+            np.array([math.cos(angle), math.sin(angle)]),
+            np.array([-math.sin(angle), math.cos(angle)]),
+        )
         return carried * (-inward * radial + along * around)
 
     step, unit = 1e-6, 1.0 / CLEARANCE_M
@@ -93,7 +113,9 @@ def test_response_to_a_rotating_force_is_that_of_the_film_differentiated(ratio: 
                                 force(ratio, 0.0, 0.0, step / ratio) - rest]) / step * unit  # fmt: skip
     whole = stiffness + 1j * omega * damping - fc.MASS_KG * omega**2 * np.eye(2)
     expected = np.linalg.solve(whole, np.array([1.0, -1.0j]))
-    assert np.array(fc._moves_per_N(carried, CLEARANCE_M, ratio, omega)) == pytest.approx(expected, rel=1e-4)
+    assert np.array(fc._moves_per_N(carried, CLEARANCE_M, ratio, omega)) == pytest.approx(
+        expected, rel=1e-4
+    )
 
 
 def test_unbalance_is_found_again_from_the_swing_of_the_film() -> None:
@@ -103,7 +125,9 @@ def test_unbalance_is_found_again_from_the_swing_of_the_film() -> None:
     rest = 1.0 - RATIO**2
     carried = load * rest**2 / RATIO / math.sqrt(16.0 * RATIO**2 + math.pi**2 * rest)
     swing_m = unbalance * omega**2 * abs(fc._moves_per_N(carried, CLEARANCE_M, RATIO, omega)[0])
-    per_metre = (volt(CLEARANCE_M * (1 - RATIO) + 1e-8) - volt(CLEARANCE_M * (1 - RATIO) - 1e-8)) / 2e-8
+    per_metre = (
+        volt(CLEARANCE_M * (1 - RATIO) + 1e-8) - volt(CLEARANCE_M * (1 - RATIO) - 1e-8)
+    ) / 2e-8
     harmonics = orders.harmonics.copy()
     harmonics[CONTACT, 0] = swing_m * per_metre
     found = fc.film_check(window, replace(orders, harmonics=harmonics))[4]
@@ -138,14 +162,23 @@ def test_an_unknown_roughness_misleads_by_a_quarter_at_most_above_eight_micromet
 
 @pytest.mark.parametrize(("rpm", "load_N", "clearance_m"), [
     (3000.0, 60.0, 50e-6), (6000.0, 100.0, 90e-6), (9000.0, 250.0, 120e-6), (12000.0, 150.0, 60e-6)])  # fmt: skip
-def test_power_of_a_healthy_rig_is_explained_within_two_percent(rpm: float, load_N: float, clearance_m: float) -> None:
+def test_power_of_a_healthy_rig_is_explained_within_two_percent(
+    rpm: float, load_N: float, clearance_m: float
+) -> None:
     """Film in software against the closed forms; readings without their errors."""
     rig = load_rig("bench")
-    taken = record(rig, Build.nominal(rig), Duty.hold(rpm, load_N), 1.2, clearance=clearance_m, seed=1)
-    means = [np.full(len(taken.status), taken.column(n).mean()) for n in ("clearance_m", "shaft_power_W", "oil_C")]
+    taken = record(
+        rig, Build.nominal(rig), Duty.hold(rpm, load_N), 1.2, clearance=clearance_m, seed=1
+    )
+    means = [
+        np.full(len(taken.status), taken.column(n).mean())
+        for n in ("clearance_m", "shaft_power_W", "oil_C")
+    ]
     readings = np.column_stack([taken.status[:, 0] * 1e6, *means])
     marks_us = np.round(taken.mark_s * 1e6).astype(np.int64)
-    windows = iter_windows(taken.counts, round(taken.time_s[0] * 1e6), marks_us, taken.rate_hz, readings=readings)
+    windows = iter_windows(
+        taken.counts, round(taken.time_s[0] * 1e6), marks_us, taken.rate_hz, readings=readings
+    )
     window = [w for w in windows if not w.quality & Quality.NO_MARK][-1]
     excess = fc.film_check(window, analyse(window))[2]
     drag = window.shaft_power_W

@@ -1,4 +1,5 @@
-"""Plausibility: each sick sensor is found and named, a healthy machine's channels are left alone."""
+"""Plausibility: each sick sensor is found and named, a healthy machine's channels are left
+alone."""
 
 from __future__ import annotations
 
@@ -13,7 +14,8 @@ ALL = 0xFF
 
 
 def counts(speed_hz: float = 70.0) -> np.ndarray:
-    """A turning machine: orbit, accelerations, microphone with noise, pressure, contact near its supply."""
+    """A turning machine: orbit, accelerations, microphone with noise, pressure, contact near its
+    supply."""
     rng = np.random.default_rng(0)
     time = np.arange(N) / RATE
     wave = np.sin(2 * np.pi * speed_hz * time)
@@ -47,7 +49,9 @@ def test_dropping_out(channel: int) -> None:
 def test_clipping(channel: int) -> None:
     values = counts()
     middle = int(values[:, channel].mean())
-    values[:, channel] = np.minimum(values[:, channel], middle + np.ptp(values[:, channel].astype(int)) // 5)
+    values[:, channel] = np.minimum(
+        values[:, channel], middle + np.ptp(values[:, channel].astype(int)) // 5
+    )
     assert ok(values) == ALL & ~(1 << channel)
 
 

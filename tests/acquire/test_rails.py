@@ -11,12 +11,16 @@ LOW, HIGH, RAIL = -20000, 20000, 21000
 SPEED_RAD_S = 6000.0 * pi / 30
 
 
-def feed(watch: RailWatch, state: RailState, signal: np.ndarray, speed_rad_s: float = SPEED_RAD_S) -> list[Rail]:
+def feed(
+    watch: RailWatch, state: RailState, signal: np.ndarray, speed_rad_s: float = SPEED_RAD_S
+) -> list[Rail]:
     said = []
     for k in range(0, len(signal), N):
         part = signal[k : k + N].astype(np.int16)
         touched = bool(((part < LOW) | (part > HIGH)).any())
-        said.append(watch.step(state, part, touched, k * speed_rad_s / (2 * pi * RATE_HZ), speed_rad_s))
+        said.append(
+            watch.step(state, part, touched, k * speed_rad_s / (2 * pi * RATE_HZ), speed_rad_s)
+        )
     return said
 
 
@@ -48,7 +52,9 @@ def test_touches_at_random_are_not_coherent() -> None:
 
 @pytest.mark.parametrize("speed_rad_s", [0.0, SPEED_RAD_S])
 def test_a_lone_touch_is_out_of_step_once_no_other_follows(speed_rad_s: float) -> None:
-    said = feed(RailWatch(LOW, HIGH, RATE_HZ), RailState(), at_rail(0.3, (0.05, 0.052)), speed_rad_s)
+    said = feed(
+        RailWatch(LOW, HIGH, RATE_HZ), RailState(), at_rail(0.3, (0.05, 0.052)), speed_rad_s
+    )
     assert [r.unsure for r in said].count(True) >= 1
     assert [r.out_of_step for r in said].count(True) == 1
     assert said[-1] == CLEAR
@@ -71,7 +77,9 @@ def test_touches_in_step_are_saturated_from_the_sixteenth_on() -> None:
 
 
 @pytest.mark.parametrize(("alternating", "opened"), [(0, True), (300, True), (2000, False)])
-def test_a_tenth_of_a_second_at_the_rail_is_open_unless_it_alternates(alternating: int, opened: bool) -> None:
+def test_a_tenth_of_a_second_at_the_rail_is_open_unless_it_alternates(
+    alternating: int, opened: bool
+) -> None:
     signal = at_rail(0.2, (0.03, 0.2))
     signal[signal > 0] += alternating * (np.arange(int((signal > 0).sum())) % 2)
     state = RailState()
@@ -85,7 +93,9 @@ def test_a_tenth_of_a_second_at_the_rail_is_open_unless_it_alternates(alternatin
 def test_a_second_touch_after_a_long_wait_within_one_block_ends_the_first_chain() -> None:
     signal = np.zeros(60)
     signal[0], signal[59] = RAIL, RAIL
-    said = RailWatch(LOW, HIGH, RATE_HZ).step(RailState(), signal.astype(np.int16), True, 0.0, 100.0 * SPEED_RAD_S)
+    said = RailWatch(LOW, HIGH, RATE_HZ).step(
+        RailState(), signal.astype(np.int16), True, 0.0, 100.0 * SPEED_RAD_S
+    )
     assert said.out_of_step
 
 

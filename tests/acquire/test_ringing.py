@@ -1,4 +1,5 @@
-"""Spectra in bands: levels per hertz, shapes that shift with stiffness, phasors that tell in phase from against."""
+"""Spectra in bands: levels per hertz, shapes that shift with stiffness, phasors that tell in phase
+from against."""
 
 from __future__ import annotations
 
@@ -30,7 +31,9 @@ def test_a_resonance_stands_in_its_band() -> None:
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_phasors_tell_in_phase_from_against(sign: float) -> None:
     base = noise()
-    _, _, cross = spectra(np.vstack([base, sign * base + 0.3 * noise(seed=1), noise(seed=2)]), 5000.0, EDGES_HZ)
+    _, _, cross = spectra(
+        np.vstack([base, sign * base + 0.3 * noise(seed=1), noise(seed=2)]), 5000.0, EDGES_HZ
+    )
     assert cross.shape == (3, 42)
     assert (sign * cross[0].real).mean() > 0.8
     assert abs(cross[1].real.mean()) < 0.1

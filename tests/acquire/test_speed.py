@@ -17,7 +17,9 @@ MINUTE_US = 60_000_000
 class Marks:
     """Frames every 600 us whose newest mark a test sets, with ticks that do not wrap."""
 
-    def __init__(self, start_us: int = 5 * RANGE_US, mark_us: int | None = None, turn: int = 65_530) -> None:
+    def __init__(
+        self, start_us: int = 5 * RANGE_US, mark_us: int | None = None, turn: int = 65_530
+    ) -> None:
         self.meter = SpeedMeter(RAMP_RAD_S2)
         self.now_us = start_us
         self.mark_us = start_us - 1000 if mark_us is None else mark_us
@@ -86,7 +88,9 @@ def test_a_shaft_that_stood_for_longer_than_the_ticks_range_starts_rightly(minut
 
 
 @pytest.mark.parametrize("minutes", [0.2, 1, 35, 36, 71, 71.6, 72, 150, 10_000])
-def test_a_guard_that_starts_beside_a_standing_shaft_tells_0_and_then_the_right_speed(minutes: float) -> None:
+def test_a_guard_that_starts_beside_a_standing_shaft_tells_0_and_then_the_right_speed(
+    minutes: float,
+) -> None:
     start_us = 200_000 * MINUTE_US
     marks = Marks(start_us, start_us - round(minutes * MINUTE_US))
     marks.wait(6_400_000)
@@ -194,7 +198,9 @@ SPEEDS = pytest.mark.parametrize("rpm", [1500.0, 3000.0, 6000.0, 12_000.0])
 
 @SPEEDS
 @pytest.mark.parametrize("edges", [(0.5, 0.5), (0.3, 0.7), (1 / 3, 1 / 3, 1 / 3), (0.05, 0.95)])
-def test_edges_too_many_are_doubted_with_the_first_reading(rpm: float, edges: tuple[float, ...]) -> None:
+def test_edges_too_many_are_doubted_with_the_first_reading(
+    rpm: float, edges: tuple[float, ...]
+) -> None:
     marks = running(rpm)
     marks.edge(edges[0] * 60e6 / rpm)
     assert marks.doubts() == ["ramp"]
@@ -212,12 +218,16 @@ def test_missing_edges_are_doubted_with_the_first_late_mark(rpm: float, missing:
     marks = running(rpm)
     for _ in range(20):
         marks.edge((1 + missing) * 60e6 / rpm)
-    assert not marks.meter.state.known or marks.rpm < 1000.0, "where two turns without a mark may be a slow one"
+    assert not marks.meter.state.known or marks.rpm < 1000.0, (
+        "where two turns without a mark may be a slow one"
+    )
 
 
 @SPEEDS
 @pytest.mark.parametrize("false_us", [[0.4, 0.6], [2.0], [0.2, 0.3, 0.5], [0.98, 0.02]])
-def test_a_false_edge_now_and_then_is_a_doubt_from_which_the_speed_returns(rpm: float, false_us: list[float]) -> None:
+def test_a_false_edge_now_and_then_is_a_doubt_from_which_the_speed_returns(
+    rpm: float, false_us: list[float]
+) -> None:
     marks = running(rpm)
     for share in false_us:
         marks.edge(share * 60e6 / rpm)

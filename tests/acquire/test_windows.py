@@ -31,7 +31,9 @@ def blocks(counts, marks, *, first_tick=0, samples=30, drop=(), channel_ok=0xFF)
             continue
         part = counts[start : start + samples]
         tick = first_tick + start * period
-        inside = [int(m) + first_tick for m in marks if start * period <= m < (start + len(part)) * period]
+        inside = [
+            int(m) + first_tick for m in marks if start * period <= m < (start + len(part)) * period
+        ]
         quality = Quality.GAP_BEFORE if seq - 1 in drop else 0
         out.append(
             Block(
@@ -114,9 +116,14 @@ def test_a_silent_jump_of_the_tick_is_a_gap() -> None:
 def test_bad_channel_stays_in_the_windows_that_saw_it_only() -> None:
     counts, marks = recording(RATE)
     every = blocks(counts, marks)
-    every[100] = Block(**{f: getattr(every[100], f) for f in Block.__struct_fields__} | {"channel_ok": 0xEF})
+    every[100] = Block(
+        **{f: getattr(every[100], f) for f in Block.__struct_fields__} | {"channel_ok": 0xEF}
+    )
     windows, _ = run(every)
-    saw = [w.end_tick_us - len(w.samples) * 200 < 101 * 6000 and w.end_tick_us > 100 * 6000 for w in windows]
+    saw = [
+        w.end_tick_us - len(w.samples) * 200 < 101 * 6000 and w.end_tick_us > 100 * 6000
+        for w in windows
+    ]
     assert [w.channel_ok == 0xEF for w in windows] == saw
     assert any(saw)
     assert not all(saw)
@@ -166,7 +173,12 @@ def test_probes_become_machine_axes() -> None:
 
 @pytest.mark.parametrize(
     ("tick", "near", "unwrapped"),
-    [(5, 0xFFFF_FFF0, 0x1_0000_0005), (0xFFFF_FFF0, 0x1_0000_0005, 0xFFFF_FFF0), (7, 9, 7), (3, -1, 3)],
+    [
+        (5, 0xFFFF_FFF0, 0x1_0000_0005),
+        (0xFFFF_FFF0, 0x1_0000_0005, 0xFFFF_FFF0),
+        (7, 9, 7),
+        (3, -1, 3),
+    ],
 )
 def test_nearest_tick(tick: int, near: int, unwrapped: int) -> None:
     assert nearest_tick(tick, near) == unwrapped

@@ -49,7 +49,8 @@ class Graph:
 
 
 def short_film(nodes: int = 60, **changed: str) -> bytes:
-    """``surrogate.onnx`` of the short bearing: ``p = max(0, 6 mu (dh/dt + w/2 dh/dtheta)(z^2 - L^2/4)/h^3)``."""
+    """``surrogate.onnx`` of the short bearing: ``p = max(0, 6 mu (dh/dt + w/2 dh/dtheta)(z^2 -
+    L^2/4)/h^3)``."""
     g = Graph()
     x, y, vx, vy, omega, c, mu, radius, length = (g.column("state", k) for k in range(9))
     angle = np.linspace(0, 2 * np.pi, nodes, endpoint=False)[None, :]
@@ -67,47 +68,99 @@ def short_film(nodes: int = 60, **changed: str) -> bytes:
     fx = g.op("Mul", gain, g.total(g.op("Mul", pressure, cos)))
     fy = g.op("Mul", gain, g.total(g.op("Mul", pressure, sin)))
     shear = g.op("Mul", g.total(g.op("Reciprocal", film)), 2 * np.pi / nodes)
-    size = g.op("Mul", g.op("Mul", mu, omega), g.op("Mul", g.op("Mul", radius, radius), g.op("Mul", radius, length)))
+    size = g.op(
+        "Mul",
+        g.op("Mul", mu, omega),
+        g.op("Mul", g.op("Mul", radius, radius), g.op("Mul", radius, length)),
+    )
     torque = g.op(
-        "Add", g.op("Mul", size, shear), g.op("Mul", g.op("Sub", g.op("Mul", x, fy), g.op("Mul", y, fx)), 0.5)
+        "Add",
+        g.op("Mul", size, shear),
+        g.op("Mul", g.op("Sub", g.op("Mul", x, fy), g.op("Mul", y, fx)), 0.5),
     )
     force = g.op("Concat", fx, fy, axis=1)
     g.rename(force, "force")
     g.rename(torque, "friction_torque")
     g.rename(size, "side_flow")
-    return finish(g, "state", 9, {"force": 2, "friction_torque": 1, "side_flow": 1}, TensorProto.DOUBLE,
-                  card("surrogate", **changed))
+    return finish(
+        g,
+        "state",
+        9,
+        {"force": 2, "friction_torque": 1, "side_flow": 1},
+        TensorProto.DOUBLE,
+        card("surrogate", **changed),
+    )
 
 
-def classifier(bias: tuple[float, ...] = (-4.0, -4.0, -4.0, -4.0), *, unbalance_above: float = 99.0,
-               novelty_threshold: float = 1.0, score: float = 0.0, named_above: dict[str, float] | None = None,
-               fleet: bool = False, **changed: str) -> bytes:
-    """Heads ``sigmoid(bias)``; the unbalance head rises where ``log_shaft_fwd_1x_m`` exceeds ``unbalance_above``.
+def classifier(
+    bias: tuple[float, ...] = (-4.0, -4.0, -4.0, -4.0),
+    *,
+    unbalance_above: float = 99.0,
+    novelty_threshold: float = 1.0,
+    score: float = 0.0,
+    named_above: dict[str, float] | None = None,
+    fleet: bool = False,
+    **changed: str,
+) -> bytes:
+    """Heads ``sigmoid(bias)``; the unbalance head rises where ``log_shaft_fwd_1x_m`` exceeds
+    ``unbalance_above``.
 
-    With ``fleet``: ``normal`` is the decades of the motor's and the microphone's level from a fleet's, by hundredths.
+    With ``fleet``: ``normal`` is the decades of the motor's and the microphone's level from a
+    fleet's, by hundredths.
     """
     g = Graph()
-    amplitude = g.column(g.op("Cast", "features", to=TensorProto.DOUBLE), FEATURE_NAMES.index("log_shaft_fwd_1x_m"))
+    amplitude = g.column(
+        g.op("Cast", "features", to=TensorProto.DOUBLE), FEATURE_NAMES.index("log_shaft_fwd_1x_m")
+    )
     above = g.op("Mul", g.op("Sub", amplitude, unbalance_above), 100.0)
-    heads = g.op("Concat", *(g.op("Add", g.op("Mul", above, 0.0), value) for value in bias[:3]),
-                 g.op("Max", above, bias[3]), axis=1)
+    heads = g.op(
+        "Concat",
+        *(g.op("Add", g.op("Mul", above, 0.0), value) for value in bias[:3]),
+        g.op("Max", above, bias[3]),
+        axis=1,
+    )
     g.rename(g.op("Sigmoid", heads), "heads")
     g.rename(g.op("Add", g.op("Mul", above, 0.0), score), "score")
     outputs = {"heads": 4, "score": 1}
-    settings: dict[str, object] = {"novelty_threshold": novelty_threshold, "named_above": named_above or {}}
+    settings: dict[str, object] = {
+        "novelty_threshold": novelty_threshold,
+        "named_above": named_above or {},
+    }
     if fleet:
-        levels = [g.column(g.op("Cast", "features", to=TensorProto.DOUBLE), FEATURE_NAMES.index(name))
-                  for name in ("acc_motor_log_rms", "microphone_log_rms")]
-        away = [g.op("Mul", g.op("Sub", level, usual), 100.0) for level, usual in zip(levels, (0.1, -1.2), strict=True)]
+        levels = [
+            g.column(g.op("Cast", "features", to=TensorProto.DOUBLE), FEATURE_NAMES.index(name))
+            for name in ("acc_motor_log_rms", "microphone_log_rms")
+        ]
+        away = [
+            g.op("Mul", g.op("Sub", level, usual), 100.0)
+            for level, usual in zip(levels, (0.1, -1.2), strict=True)
+        ]
         g.rename(g.op("Concat", *away, axis=1), "normal")
         outputs["normal"] = 2
-        settings["normal"] = {"parts": ["floating", "ringing"], "columns": [1, 1], "between": [400.0, 400.0],
-                              "limits": [3.0, 3.0], "typical": [0.7, 0.7]}
-    lists = {"channels": list(CHANNELS), "rate_hz": [5000, 10000], "inputs": list(FEATURE_NAMES),
-             "outputs": ["heads", "score"], "domain": {}, "window": WINDOW_LAYOUT,
-             "settings": settings}
-    return finish(g, "features", len(FEATURE_NAMES), outputs, TensorProto.FLOAT,
-                  card("classifier", **{k: json.dumps(v) for k, v in lists.items()} | changed))
+        settings["normal"] = {
+            "parts": ["floating", "ringing"],
+            "columns": [1, 1],
+            "between": [400.0, 400.0],
+            "limits": [3.0, 3.0],
+            "typical": [0.7, 0.7],
+        }
+    lists = {
+        "channels": list(CHANNELS),
+        "rate_hz": [5000, 10000],
+        "inputs": list(FEATURE_NAMES),
+        "outputs": ["heads", "score"],
+        "domain": {},
+        "window": WINDOW_LAYOUT,
+        "settings": settings,
+    }
+    return finish(
+        g,
+        "features",
+        len(FEATURE_NAMES),
+        outputs,
+        TensorProto.FLOAT,
+        card("classifier", **{k: json.dumps(v) for k, v in lists.items()} | changed),
+    )
 
 
 def actor(clearance_m: float, **changed: str) -> bytes:
@@ -115,24 +168,48 @@ def actor(clearance_m: float, **changed: str) -> bytes:
     g = Graph()
     first = g.op("Cast", g.column("observation", 0), to=TensorProto.DOUBLE)
     g.rename(g.op("Add", g.op("Mul", first, 0.0), clearance_m), "clearance")
-    lists = {"inputs": list(OBSERVATION), "outputs": ["clearance"], "domain": {"speed_rad_s": [100.0, 1300.0]}}
-    return finish(g, "observation", len(OBSERVATION), {"clearance": 1}, TensorProto.FLOAT,
-                  card("actor", **{k: json.dumps(v) for k, v in lists.items()} | changed))
+    lists = {
+        "inputs": list(OBSERVATION),
+        "outputs": ["clearance"],
+        "domain": {"speed_rad_s": [100.0, 1300.0]},
+    }
+    return finish(
+        g,
+        "observation",
+        len(OBSERVATION),
+        {"clearance": 1},
+        TensorProto.FLOAT,
+        card("actor", **{k: json.dumps(v) for k, v in lists.items()} | changed),
+    )
 
 
-def finish(g: Graph, source: str, columns: int, outputs: dict[str, int], dtype: int, metadata: dict[str, str]) -> bytes:
+def finish(
+    g: Graph,
+    source: str,
+    columns: int,
+    outputs: dict[str, int],
+    dtype: int,
+    metadata: dict[str, str],
+) -> bytes:
     """The graph as the bytes of an ONNX file; answers are double."""
     graph = helper.make_graph(
-        g.nodes, "test", [helper.make_tensor_value_info(source, dtype, ["batch", columns])],
-        [helper.make_tensor_value_info(name, TensorProto.DOUBLE, ["batch", n]) for name, n in outputs.items()],
-        g.constants)
+        g.nodes,
+        "test",
+        [helper.make_tensor_value_info(source, dtype, ["batch", columns])],
+        [
+            helper.make_tensor_value_info(name, TensorProto.DOUBLE, ["batch", n])
+            for name, n in outputs.items()
+        ],
+        g.constants,
+    )
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
     helper.set_model_props(model, metadata)
     return bytes(model.SerializeToString())
 
 
 def card(kind: str, /, **changed: str) -> dict[str, str]:
-    """Metadata as the shipped models carry it; ``changed`` replaces values, an empty one removes."""
+    """Metadata as the shipped models carry it; ``changed`` replaces values, an empty one
+    removes."""
     lists = {
         "channels": [],
         "rate_hz": [],

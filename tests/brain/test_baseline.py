@@ -1,4 +1,5 @@
-"""The first order's baseline on the rig in software: it stays where the machine was healthy, whatever a fault does."""
+"""The first order's baseline on the rig in software: it stays where the machine was healthy,
+whatever a fault does."""
 
 from __future__ import annotations
 
@@ -11,7 +12,12 @@ import pytest
 
 from firmware_py import config
 from firmware_py.acquire.windows import Window, iter_windows
-from firmware_py.brain.baseline import FIRST_WINDOWS, HINDSIGHT_NS, REFERENCES_MAX, FirstOrderBaseline
+from firmware_py.brain.baseline import (
+    FIRST_WINDOWS,
+    HINDSIGHT_NS,
+    REFERENCES_MAX,
+    FirstOrderBaseline,
+)
 from firmware_py.brain.diagnosis import Diagnoser
 from firmware_py.brain.store import load_models
 from firmware_py.records import Diagnosis
@@ -44,10 +50,19 @@ def windows(steps: list[Step], seed: int = 3) -> list[Window]:
             machine.inject(name, severity)
         duty = Duty((0.0, seconds), (first_rpm, last_rpm), (100.0, 100.0))
         batches.append(run(machine, duty, seconds, clearance=CLEARANCE_M))
-    whole = Batch(*(np.concatenate([getattr(b, name) for b in batches]) for name in ("counts", "truth", "marks")))
+    whole = Batch(
+        *(
+            np.concatenate([getattr(b, name) for b in batches])
+            for name in ("counts", "truth", "marks")
+        )
+    )
     made = recording_of(machine, whole, np.random.default_rng(1))
-    readings = np.column_stack([made.status[:, 0] * 1e6, made.status[:, 3], made.status[:, 1], made.status[:, 2]])
-    cut = iter_windows(made.counts, 0, np.round(made.mark_s * 1e6).astype(np.int64), 5000, readings=readings)
+    readings = np.column_stack(
+        [made.status[:, 0] * 1e6, made.status[:, 3], made.status[:, 1], made.status[:, 2]]
+    )
+    cut = iter_windows(
+        made.counts, 0, np.round(made.mark_s * 1e6).astype(np.int64), 5000, readings=readings
+    )
     return [replace(w, end_ns=w.end_tick_us * 1000) for w in cut]
 
 
@@ -58,7 +73,9 @@ def diagnoses(steps: list[Step], seed: int = 3) -> list[Diagnosis]:
 
 def first_order_um(diagnosis: Diagnosis) -> complex:
     why = diagnosis.evidence
-    return complex(why["shaft_1x_compensated_um"] * np.exp(1j * np.radians(why["shaft_1x_phase_deg"])))
+    return complex(
+        why["shaft_1x_compensated_um"] * np.exp(1j * np.radians(why["shaft_1x_phase_deg"]))
+    )
 
 
 def between(told: list[Diagnosis], start_s: float, end_s: float) -> list[Diagnosis]:
@@ -93,9 +110,16 @@ def test_a_growing_unbalance_stands_out_from_where_it_began() -> None:
 
 
 def test_a_fault_that_comes_and_goes_does_not_become_normal() -> None:
-    told = diagnoses([steady(16.0), *[step for _ in range(4) for step in (steady(1.5, 40.0), steady(1.5))],
-                      steady(8.0, 40.0)])
-    assert_moves_are_true([d for d in between(told, 28.0, 40.0) if d.verdict == "unbalance"], healthy_um(told, 15.0))
+    told = diagnoses(
+        [
+            steady(16.0),
+            *[step for _ in range(4) for step in (steady(1.5, 40.0), steady(1.5))],
+            steady(8.0, 40.0),
+        ]
+    )
+    assert_moves_are_true(
+        [d for d in between(told, 28.0, 40.0) if d.verdict == "unbalance"], healthy_um(told, 15.0)
+    )
 
 
 def test_a_fault_that_was_there_at_the_start_has_no_baseline() -> None:
@@ -106,7 +130,9 @@ def test_a_fault_that_was_there_at_the_start_has_no_baseline() -> None:
 
 def test_a_change_of_speed_is_no_displacement() -> None:
     ramp: Step = (3.0, {}, 6000.0, 9000.0)
-    told = diagnoses([steady(12.0), ramp, (10.0, {}, 9000.0, 9000.0), (3.0, {}, 9000.0, 6000.0), steady(6.0)])
+    told = diagnoses(
+        [steady(12.0), ramp, (10.0, {}, 9000.0, 9000.0), (3.0, {}, 9000.0, 6000.0), steady(6.0)]
+    )
     moves = [d.evidence["shaft_1x_move_um"] for d in told if "shaft_1x_move_um" in d.evidence]
     assert max(moves) < 0.5, "a healthy machine at another speed"
     assert_moves_are_true(told[-2:], healthy_um(told, 11.0))

@@ -1,4 +1,5 @@
-"""The brain as a whole on a simulated clock: it names, forecasts, advises at a fixed rate, and says why not."""
+"""The brain as a whole on a simulated clock: it names, forecasts, advises at a fixed rate, and says
+why not."""
 
 from __future__ import annotations
 
@@ -34,10 +35,26 @@ STEP_NS = 24_000_000
 
 def guard_state(target_um: float = 60.0, **changed: object) -> GuardState:
     state = GuardState(
-        seq=0, t_ns=0, mode=Mode.AUTO, arm_state=ArmState.ARMED, authority=True, authority_reasons=[],
-        speed_rad_s=628.0, load_estimate_N=100.0, clearance_low_um=40.0, clearance_high_um=160.0,
-        target_clearance_um=target_um, target_pressure_bar=1.0, clearance_actual_um=60.0,
-        peak_to_peak_um=(5.0, 5.0), run_permit=True, trip_request=False, node_following=True, alarms=[], counters={})
+        seq=0,
+        t_ns=0,
+        mode=Mode.AUTO,
+        arm_state=ArmState.ARMED,
+        authority=True,
+        authority_reasons=[],
+        speed_rad_s=628.0,
+        load_estimate_N=100.0,
+        clearance_low_um=40.0,
+        clearance_high_um=160.0,
+        target_clearance_um=target_um,
+        target_pressure_bar=1.0,
+        clearance_actual_um=60.0,
+        peak_to_peak_um=(5.0, 5.0),
+        run_permit=True,
+        trip_request=False,
+        node_following=True,
+        alarms=[],
+        counters={},
+    )
     return msgspec.structs.replace(state, **changed)
 
 
@@ -88,7 +105,10 @@ def test_before_enough_windows_it_doubts(healthy: list[RoomRecord]) -> None:
     assert verdicts[:9] == ["doubt"] * 9
     assert set(verdicts[9:]) == {"normal"}
     assert of(Advice, healthy)[0].clearance_um is None
-    assert of(Advice, healthy)[0].reasons == ["no gap-free samples of a turning shaft yet", "no diagnosis yet"]
+    assert of(Advice, healthy)[0].reasons == [
+        "no gap-free samples of a turning shaft yet",
+        "no diagnosis yet",
+    ]
 
 
 def test_every_window_is_recorded_for_replay(healthy: list[RoomRecord]) -> None:
@@ -113,9 +133,13 @@ def test_forecast_brackets_what_then_happens() -> None:
     assert forecast.clearance_um == pytest.approx(80.0)
     film_um = (machine.clearance_m - np.hypot(*film().steady(machine.points()).position_m[0])) * 1e6
     assert forecast.now_min_film_um is not None
-    assert forecast.now_min_film_um[0] < film_um < forecast.now_min_film_um[2] + 1.5  # the orbit takes its part
+    assert (
+        forecast.now_min_film_um[0] < film_um < forecast.now_min_film_um[2] + 1.5
+    )  # the orbit takes its part
     assert forecast.now_friction_W is not None
-    assert forecast.now_friction_W[1] == pytest.approx(float(film().steady(machine.points()).power_W[0]), rel=0.05)
+    assert forecast.now_friction_W[1] == pytest.approx(
+        float(film().steady(machine.points()).power_W[0]), rel=0.05
+    )
     assert forecast.time_to_limit_s is None  # nothing grows
     machine.clearance_m = 80e-6
     then: Forecast = of(Forecast, feed(core, machine.run(1.0)))[-1]
@@ -129,14 +153,23 @@ def test_forecast_brackets_what_then_happens() -> None:
     assert forecast.unbalance_kg_m[0] < machine.unbalance_kg_m < forecast.unbalance_kg_m[2]
 
 
-@pytest.mark.parametrize(("state", "clearance_um", "why"), [
-    (guard_state(), 80.0, "clearance follows the advice"),
-    (guard_state(mode=Mode.MONITOR), 60.0, "clearance goes to the guard's target"),
-    (guard_state(90.0, authority=False), 90.0, "clearance goes to the guard's target"),
-    (guard_state(node_following=False, authority=False), 60.0, "clearance held"),
-    (guard_state(300.0, authority=False), 60.0 + 50 * 1.95, "clearance goes to the guard's target"),
-])
-def test_forecast_says_which_future_it_assumes(state: GuardState, clearance_um: float, why: str) -> None:
+@pytest.mark.parametrize(
+    ("state", "clearance_um", "why"),
+    [
+        (guard_state(), 80.0, "clearance follows the advice"),
+        (guard_state(mode=Mode.MONITOR), 60.0, "clearance goes to the guard's target"),
+        (guard_state(90.0, authority=False), 90.0, "clearance goes to the guard's target"),
+        (guard_state(node_following=False, authority=False), 60.0, "clearance held"),
+        (
+            guard_state(300.0, authority=False),
+            60.0 + 50 * 1.95,
+            "clearance goes to the guard's target",
+        ),
+    ],
+)
+def test_forecast_says_which_future_it_assumes(
+    state: GuardState, clearance_um: float, why: str
+) -> None:
     forecast = of(Forecast, feed(BrainCore(CONFIG, models(), ""), [state, *Machine().run(2.0)]))[-1]
     assert forecast.clearance_um == pytest.approx(clearance_um)
     assert forecast.conditional_on.endswith(why)
@@ -187,7 +220,10 @@ def test_whirl_is_its_own_verdict_and_withholds_the_advice() -> None:
 def test_a_bad_channel_is_a_sensor_fault_and_never_a_machine_fault() -> None:
     machine = Machine()
     core = BrainCore(CONFIG, models(unbalance_above=-9.0), "")
-    records = [msgspec.structs.replace(r, channel_ok=0xFE) if isinstance(r, Block) else r for r in machine.run(4.0)]
+    records = [
+        msgspec.structs.replace(r, channel_ok=0xFE) if isinstance(r, Block) else r
+        for r in machine.run(4.0)
+    ]
     out = feed(core, [guard_state(), *records])
     assert {d.verdict for d in of(Diagnosis, out)} == {"sensor_fault:disp_x"}
     assert of(Advice, out)[-1].reasons == ["channel not OK: disp_x"]
@@ -228,10 +264,15 @@ def test_absent_models_are_reasons() -> None:
 
 def test_without_classifier_there_is_a_forecast_but_no_diagnosis_and_no_advice() -> None:
     whole = models()
-    core = BrainCore(CONFIG, dataclasses.replace(whole, classifier=None, refusals={"classifier": "gone"}), "")
+    core = BrainCore(
+        CONFIG, dataclasses.replace(whole, classifier=None, refusals={"classifier": "gone"}), ""
+    )
     out = feed(core, Machine().run(3.0))
     assert of(Diagnosis, out)[-1].verdict == "none"
-    assert of(Advice, out)[-1].reasons == ["no classifier: gone", "no diagnosis from the newest window"]
+    assert of(Advice, out)[-1].reasons == [
+        "no classifier: gone",
+        "no diagnosis from the newest window",
+    ]
     assert of(Forecast, out)
 
 
@@ -246,7 +287,9 @@ def test_an_actor_that_answers_nan_is_a_counted_reason() -> None:
 def test_outside_the_actors_domain_there_is_no_advice() -> None:
     narrow = model(actor(80e-6, domain='{"speed_rad_s": [100.0, 300.0]}'))
     core = BrainCore(CONFIG, dataclasses.replace(models(), actor=narrow), "")
-    assert "speed_rad_s 628.3 outside the actor's domain 100 .. 300" in last_reasons(core, Machine().run(3.0))
+    assert "speed_rad_s 628.3 outside the actor's domain 100 .. 300" in last_reasons(
+        core, Machine().run(3.0)
+    )
 
 
 def test_a_pile_of_windows_drops_the_oldest_counted() -> None:

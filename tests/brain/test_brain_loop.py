@@ -1,4 +1,5 @@
-"""The brain's process on real sockets: it finds guard and gate, beats, comes back, and stops cleanly."""
+"""The brain's process on real sockets: it finds guard and gate, beats, comes back, and stops
+cleanly."""
 
 from __future__ import annotations
 
@@ -36,13 +37,17 @@ class Stage(SimClock):
 
 @pytest.fixture
 def rooms(tmp_path: Path) -> Iterator[tuple[RoomServer, RoomServer]]:
-    guard, gate = (RoomServer(tmp_path / f"{name}.sock", {"brain": None}) for name in ("guard", "gate"))
+    guard, gate = (
+        RoomServer(tmp_path / f"{name}.sock", {"brain": None}) for name in ("guard", "gate")
+    )
     yield guard, gate
     guard.close()
     gate.close()
 
 
-def test_records_cross_and_advice_beats(tmp_path: Path, rooms: tuple[RoomServer, RoomServer]) -> None:
+def test_records_cross_and_advice_beats(
+    tmp_path: Path, rooms: tuple[RoomServer, RoomServer]
+) -> None:
     guard, gate = rooms
     machine = Machine()
     heard: dict[str, list[RoomRecord]] = {"guard": [], "gate": []}
@@ -56,7 +61,9 @@ def test_records_cross_and_advice_beats(tmp_path: Path, rooms: tuple[RoomServer,
             assert guard.send("brain", waiting.pop(0))
 
     clock = Stage(start_ns, act)
-    run(BrainCore(CONFIG, models(), ""), tmp_path, clock, notify.Notifier(None), lambda: not waiting)
+    run(
+        BrainCore(CONFIG, models(), ""), tmp_path, clock, notify.Notifier(None), lambda: not waiting
+    )
     act(clock.now_ns())
     advices = [record for record in heard["guard"] if isinstance(record, Advice)]
     assert len(advices) == pytest.approx(40, abs=3)
@@ -79,7 +86,13 @@ def test_it_comes_back_to_a_guard_that_restarts(tmp_path: Path) -> None:
             servers["guard"].poll(now_ns)
         connected.append("guard" in servers and servers["guard"].connected("brain"))
 
-    run(BrainCore(CONFIG, models(), ""), tmp_path, Stage(0, act), notify.Notifier(None), lambda: len(connected) > 60)
+    run(
+        BrainCore(CONFIG, models(), ""),
+        tmp_path,
+        Stage(0, act),
+        notify.Notifier(None),
+        lambda: len(connected) > 60,
+    )
     servers["guard"].close()
     assert connected[19]
     assert not any(connected[20:30])
@@ -88,9 +101,16 @@ def test_it_comes_back_to_a_guard_that_restarts(tmp_path: Path) -> None:
 
 def test_the_process_starts_without_anybody_and_stops_on_sigterm(tmp_path: Path) -> None:
     with RoomServerContext(tmp_path) as guard:
-        process = subprocess.Popen([sys.executable, "-c", "import sys; from firmware_py.brain.loop import main; "
-                                    f"sys.exit(main(['--runtime-dir', {str(tmp_path)!r}]))"],
-                                   cwd=Path(__file__).parents[2], env=os.environ | {"OMP_NUM_THREADS": "1"})
+        process = subprocess.Popen(
+            [
+                sys.executable,
+                "-c",
+                "import sys; from firmware_py.brain.loop import main; "
+                f"sys.exit(main(['--runtime-dir', {str(tmp_path)!r}]))",
+            ],
+            cwd=Path(__file__).parents[2],
+            env=os.environ | {"OMP_NUM_THREADS": "1"},
+        )
         try:
             advice = guard.first_advice()
             assert advice.clearance_um is None

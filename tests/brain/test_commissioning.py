@@ -1,4 +1,5 @@
-"""Commissioning in the brain: what is learned from, what is not, and what the learned state changes."""
+"""Commissioning in the brain: what is learned from, what is not, and what the learned state
+changes."""
 
 from __future__ import annotations
 
@@ -34,7 +35,9 @@ def ask(core: BrainCore, action: str, seq: int = 1) -> list[RoomRecord]:
     return core.step([CommandRequest(seq=seq, verb="commission", action=action)], 0)
 
 
-def run_over_the_range(core: BrainCore, guard: GuardState, speeds: tuple[float, ...] = SPEEDS_RPM) -> list[RoomRecord]:
+def run_over_the_range(
+    core: BrainCore, guard: GuardState, speeds: tuple[float, ...] = SPEEDS_RPM
+) -> list[RoomRecord]:
     machine, out = Machine(), []
     for speed in speeds:
         machine.speed_rpm = speed
@@ -48,7 +51,8 @@ def brain(**of_classifier: object) -> BrainCore:
 
 @pytest.fixture(scope="module")
 def learned() -> tuple[Normal, CommissionState]:
-    """The state of a machine that ran over its range in mode monitor, and the last word before it was learned."""
+    """The state of a machine that ran over its range in mode monitor, and the last word before it
+    was learned."""
     core = brain()
     assert of(CommandReply, ask(core, "start")) == [CommandReply(1, True, [])]
     said = run_over_the_range(core, guard_state(mode=Mode.MONITOR))
@@ -60,18 +64,24 @@ def learned() -> tuple[Normal, CommissionState]:
     return normal, of(CommissionState, said)[-1]
 
 
-def test_a_run_over_the_range_is_learned_and_its_progress_shown(learned: tuple[Normal, CommissionState]) -> None:
+def test_a_run_over_the_range_is_learned_and_its_progress_shown(
+    learned: tuple[Normal, CommissionState],
+) -> None:
     normal, state = learned
     assert state.phase == "gathering"
     assert state.points >= len(SPEEDS_RPM) - 1
     assert 4 <= state.speed_steps <= state.speed_steps_declared
-    assert state.ranges["speed_rad_s"] == pytest.approx((5000 * math.pi / 30, 9200 * math.pi / 30), rel=0.01)
+    assert state.ranges["speed_rad_s"] == pytest.approx(
+        (5000 * math.pi / 30, 9200 * math.pi / 30), rel=0.01
+    )
     assert (normal.decisions, normal.points) == (state.decisions, state.points)
     assert max(normal.variance) < 2.0
     assert normal.quiet == [0.0] * 4
 
 
-def test_decisions_are_against_the_own_state_and_say_so(learned: tuple[Normal, CommissionState]) -> None:
+def test_decisions_are_against_the_own_state_and_say_so(
+    learned: tuple[Normal, CommissionState],
+) -> None:
     core = brain()
     core.step([learned[0]], 0)
     out = feed(core, [guard_state(), *Machine(speed_rpm=6000.0).run(4.0)])
@@ -79,16 +89,27 @@ def test_decisions_are_against_the_own_state_and_say_so(learned: tuple[Normal, C
     assert of(Diagnosis, out)[-1].verdict == "normal"
     assert -1.0 < why["normal_floating"] < 1.0
     assert why["shaft_1x_baseline_um"] == pytest.approx(why["shaft_1x_compensated_um"], rel=0.3)
-    assert why["shaft_1x_move_um"] < 0.3 * why["shaft_1x_compensated_um"] + why["shaft_1x_baseline_scatter_um"]
+    assert (
+        why["shaft_1x_move_um"]
+        < 0.3 * why["shaft_1x_compensated_um"] + why["shaft_1x_baseline_scatter_um"]
+    )
     assert len({record.normal for record in of(WindowRecord, out)}) == 1
     assert of(WindowRecord, out)[-1].normal == of(CommissionState, out)[-1].normal != ""
 
 
-@pytest.mark.parametrize(("guard", "reason"), [
-    (guard_state(mode=Mode.AUTO), "mode auto"),
-    (guard_state(mode=Mode.MONITOR, alarms=[Alarm("disp_x_alert", 1, 0, 1.0, 1.0, False)]), "alarm disp_x_alert"),
-])
-def test_what_must_not_be_learned_from_is_left_out_and_counted(guard: GuardState, reason: str) -> None:
+@pytest.mark.parametrize(
+    ("guard", "reason"),
+    [
+        (guard_state(mode=Mode.AUTO), "mode auto"),
+        (
+            guard_state(mode=Mode.MONITOR, alarms=[Alarm("disp_x_alert", 1, 0, 1.0, 1.0, False)]),
+            "alarm disp_x_alert",
+        ),
+    ],
+)
+def test_what_must_not_be_learned_from_is_left_out_and_counted(
+    guard: GuardState, reason: str
+) -> None:
     core = brain()
     ask(core, "start")
     state = of(CommissionState, run_over_the_range(core, guard, SPEEDS_RPM[:1]))[-1]
@@ -151,20 +172,26 @@ def test_another_configuration_of_the_sensors_is_another_machine() -> None:
     turned = msgspec.structs.replace(CONFIG.channel[0], angle_deg=44.0)
     changed = msgspec.structs.replace(CONFIG, channel=[turned, *CONFIG.channel[1:]])
     assert belonging(classifier, CONFIG) == belonging(classifier, CONFIG)
-    assert belonging(classifier, changed).configuration != belonging(classifier, CONFIG).configuration
+    assert (
+        belonging(classifier, changed).configuration != belonging(classifier, CONFIG).configuration
+    )
 
 
-@pytest.mark.parametrize(("bias", "motor", "score", "verdict"), [
-    (-4.0, 2.0, 0.0, "normal"),
-    (-4.0, 2.6, 0.0, "unknown"),
-    (3.0, 2.6, 0.0, "unbalance"),
-    (3.0, 2.6, 2.0, "unknown"),
-    (-4.0, 2.0, 2.0, "normal"),
-])
+@pytest.mark.parametrize(
+    ("bias", "motor", "score", "verdict"),
+    [
+        (-4.0, 2.0, 0.0, "normal"),
+        (-4.0, 2.6, 0.0, "unknown"),
+        (3.0, 2.6, 0.0, "unbalance"),
+        (3.0, 2.6, 2.0, "unknown"),
+        (-4.0, 2.0, 2.0, "normal"),
+    ],
+)
 def test_own_state_decides_what_is_unknown(
     learned: tuple[Normal, CommissionState], bias: float, motor: float, score: float, verdict: str
 ) -> None:
-    """A motor that has become louder; a taught fault keeps its name; the fleet's novelty alone says nothing."""
+    """A motor that has become louder; a taught fault keeps its name; the fleet's novelty alone says
+    nothing."""
     from .machine import model
     from .onnx_models import classifier
     from .test_diagnosis import GOOD, at

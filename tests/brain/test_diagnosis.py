@@ -1,4 +1,5 @@
-"""From heads to words: the six classes, pooling over windows, what has no vote, how long a verdict stands."""
+"""From heads to words: the six classes, pooling over windows, what has no vote, how long a verdict
+stands."""
 
 from __future__ import annotations
 
@@ -11,7 +12,14 @@ import pytest
 
 from firmware_py.acquire.features import GROUPS
 from firmware_py.acquire.windows import ChannelMap, Window, Windower
-from firmware_py.brain.diagnosis import CLASSES, WINDOWS, Diagnoser, class_probabilities, drivers, is_whirl
+from firmware_py.brain.diagnosis import (
+    CLASSES,
+    WINDOWS,
+    Diagnoser,
+    class_probabilities,
+    drivers,
+    is_whirl,
+)
 from firmware_py.brain.store import HEADS
 from firmware_py.records import Block, Quality
 
@@ -55,9 +63,17 @@ def test_clear_heads_name_their_class(name: str) -> None:
     assert words(diagnoser, [at(0.25 * i) for i in range(12)])[-1] == name
 
 
-@pytest.mark.parametrize(("named_above", "word"), [
-    ({"unbalance": 50.0}, "unbalance"), ({"unbalance": 60.0}, "doubt"), ({"motor_bolt_loose": 60.0}, "unbalance")])
-def test_a_fault_is_named_only_from_its_own_odds_against_normal(named_above: dict[str, float], word: str) -> None:
+@pytest.mark.parametrize(
+    ("named_above", "word"),
+    [
+        ({"unbalance": 50.0}, "unbalance"),
+        ({"unbalance": 60.0}, "doubt"),
+        ({"motor_bolt_loose": 60.0}, "unbalance"),
+    ],
+)
+def test_a_fault_is_named_only_from_its_own_odds_against_normal(
+    named_above: dict[str, float], word: str
+) -> None:
     likely = classifier((-9.0, -9.0, -9.0, 4.0), named_above=named_above)  # odds of unbalance: 54.6
     assert words(Diagnoser(model(likely)), [at(0.25 * i) for i in range(12)])[-1] == word
 
@@ -85,8 +101,14 @@ def test_old_windows_lose_their_vote() -> None:
     assert words(diagnoser, [at(60.0)]) == ["doubt"]
 
 
-@pytest.mark.parametrize("changed", [{"quality": int(Quality.NO_MARK)}, {"clearance_m": float("nan")},
-                                     {"shaft_power_W": float("nan")}])
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"quality": int(Quality.NO_MARK)},
+        {"clearance_m": float("nan")},
+        {"shaft_power_W": float("nan")},
+    ],
+)
 def test_windows_without_marks_or_readings_have_no_vote(changed: dict[str, object]) -> None:
     diagnoser = Diagnoser(model(classifier()))
     words(diagnoser, [at(0.25 * i) for i in range(WINDOWS)])
@@ -110,12 +132,18 @@ def test_a_verdict_is_confirmed_when_it_has_stood() -> None:
     diagnoser = Diagnoser(model(classifier()))
     told = [diagnoser.step(at(0.25 * i))[0] for i in range(30)]
     normal = [d for d in told if d.verdict == "normal"]
-    assert [d.evidence["held_s"] for d in normal] == pytest.approx([0.25 * i for i in range(len(normal))])
-    assert [bool(d.evidence["confirmed"]) for d in normal] == [0.25 * i >= 3.0 for i in range(len(normal))]
+    assert [d.evidence["held_s"] for d in normal] == pytest.approx(
+        [0.25 * i for i in range(len(normal))]
+    )
+    assert [bool(d.evidence["confirmed"]) for d in normal] == [
+        0.25 * i >= 3.0 for i in range(len(normal))
+    ]
     assert all(b.seq == a.seq + 1 for a, b in pairwise(told))
 
 
-@pytest.mark.parametrize(("half_m", "whirls"), [(0.0, False), (2.5e-6, False), (4e-6, True), (20e-6, True)])
+@pytest.mark.parametrize(
+    ("half_m", "whirls"), [(0.0, False), (2.5e-6, False), (4e-6, True), (20e-6, True)]
+)
 def test_whirl_needs_share_and_size(half_m: float, whirls: bool) -> None:
     diagnosis, orders = Diagnoser(None).step(window(Machine(half_m=half_m)))
     assert orders is not None
@@ -137,7 +165,9 @@ def test_first_order_is_told_without_the_runout_and_against_the_last_normal() ->
     forward_m = complex(0.5 * (orders.harmonics[0, 0] + 1j * orders.harmonics[1, 0]))
     diagnoser = Diagnoser(model(classifier((-5.0,) * 4)), slow_roll_m=0.25 * forward_m)
     told = [diagnoser.step(at(0.25 * i))[0] for i in range(30)]
-    assert told[-1].evidence["shaft_1x_compensated_um"] == pytest.approx(0.75e6 * abs(forward_m), rel=1e-6)
+    assert told[-1].evidence["shaft_1x_compensated_um"] == pytest.approx(
+        0.75e6 * abs(forward_m), rel=1e-6
+    )
     assert told[-1].evidence["shaft_1x_move_um"] == pytest.approx(0.0, abs=1e-9)
     assert "shaft_1x_move_um" not in told[0].evidence
     loud = window(Machine(unbalance_kg_m=1e-4))
@@ -149,15 +179,22 @@ def test_drivers_name_the_groups_that_speak_for_the_verdict() -> None:
     log_odds[GROUPS.index("contact_orders"), 3] = 4.0
     log_odds[GROUPS.index("acc_motor_ringing")] = [-1.0, 0.0, -0.5, 0.0]
     log_odds[GROUPS.index("operation"), 0] = 2.0
-    assert drivers(log_odds, "unbalance") == {"driver_contact_orders": 4.0, "driver_acc_motor_ringing": 1.5}
+    assert drivers(log_odds, "unbalance") == {
+        "driver_contact_orders": 4.0,
+        "driver_acc_motor_ringing": 1.5,
+    }
     assert drivers(log_odds, "doubt") == {}
 
 
 def test_a_faster_recording_gives_the_same_words() -> None:
     diagnoser = Diagnoser(model(classifier()))
     slow = [diagnoser.step(at(0.25 * i))[0] for i in range(WINDOWS)][-1]
-    doubled = replace(GOOD, samples=np.repeat(GOOD.samples, 2, axis=0), marks=2 * GOOD.marks + 0.5,
-                      rate_hz=2 * GOOD.rate_hz)
+    doubled = replace(
+        GOOD,
+        samples=np.repeat(GOOD.samples, 2, axis=0),
+        marks=2 * GOOD.marks + 0.5,
+        rate_hz=2 * GOOD.rate_hz,
+    )
     diagnoser = Diagnoser(model(classifier()))
     fast = [diagnoser.step(at(0.25 * i, doubled))[0] for i in range(WINDOWS)][-1]
     assert fast.verdict == slow.verdict

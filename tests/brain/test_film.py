@@ -1,4 +1,5 @@
-"""The film functions against the short bearing's closed forms (Ocvirk), and their own symmetries."""
+"""The film functions against the short bearing's closed forms (Ocvirk), and their own
+symmetries."""
 
 from __future__ import annotations
 
@@ -14,12 +15,34 @@ SPEED = 600.0
 CLEARANCE = 60e-6
 VISCOSITY = 0.01
 
-# eps, S (L/D)^2, attitude (deg), K c / W and C c omega / W along (load, 90 degrees in rotation), whirl
-# threshold omega sqrt(c m / W): closed forms of the short bearing with half-Sommerfeld rupture.
+# eps, S (L/D)^2, attitude (deg), K c / W and C c omega / W along (load, 90 degrees in rotation),
+# whirl threshold omega sqrt(c m / W): closed forms of the short bearing with half-Sommerfeld
+# rupture.
 ROWS = [
-    (0.2, 0.461194, 75.431, (1.4978, 5.7631, -4.5203, 2.4849), (10.9798, 2.4916, 2.4916, 9.5869), 2.6814),
-    (0.5, 0.106049, 53.680, (2.9233, 3.9766, -0.8577, 2.2099), (6.6148, 2.2450, 2.2450, 3.0539), 2.5417),
-    (0.8, 0.013885, 30.500, (9.0423, 5.3264, 0.6739, 1.8477), (8.1768, 1.9151, 1.9151, 1.1281), None),
+    (
+        0.2,
+        0.461194,
+        75.431,
+        (1.4978, 5.7631, -4.5203, 2.4849),
+        (10.9798, 2.4916, 2.4916, 9.5869),
+        2.6814,
+    ),
+    (
+        0.5,
+        0.106049,
+        53.680,
+        (2.9233, 3.9766, -0.8577, 2.2099),
+        (6.6148, 2.2450, 2.2450, 3.0539),
+        2.5417,
+    ),
+    (
+        0.8,
+        0.013885,
+        30.500,
+        (9.0423, 5.3264, 0.6739, 1.8477),
+        (8.1768, 1.9151, 1.9151, 1.1281),
+        None,
+    ),
 ]
 
 
@@ -27,7 +50,15 @@ def load_of(sommerfeld_ld2: float) -> float:
     b = CONFIG.bearing
     s = sommerfeld_ld2 * (2 * b.journal_radius_m / b.length_m) ** 2
     turns_s = SPEED / (2 * np.pi)
-    return VISCOSITY * turns_s * b.length_m * 2 * b.journal_radius_m / s * (b.journal_radius_m / CLEARANCE) ** 2
+    return (
+        VISCOSITY
+        * turns_s
+        * b.length_m
+        * 2
+        * b.journal_radius_m
+        / s
+        * (b.journal_radius_m / CLEARANCE) ** 2
+    )
 
 
 def points(load_N: float, speed: float = SPEED, viscosity: float = VISCOSITY) -> Points:
@@ -42,7 +73,9 @@ def test_equilibrium_stiffness_and_damping(row: tuple) -> None:
     position, found, _ = FINE.equilibrium(p)
     assert found.all()
     assert np.hypot(*position[0]) / CLEARANCE == pytest.approx(eps, abs=2e-3)
-    assert np.degrees(np.arctan2(position[0, 0], -position[0, 1])) == pytest.approx(attitude, abs=0.3)
+    assert np.degrees(np.arctan2(position[0, 0], -position[0, 1])) == pytest.approx(
+        attitude, abs=0.3
+    )
     k, c = FINE.slopes(p, position)
     turn = np.array([[0.0, -1.0], [1.0, 0.0]])  # rows: load (-y), 90 degrees in rotation (x)
     k, c = turn @ k[0] @ turn.T, turn @ c[0] @ turn.T
@@ -52,11 +85,14 @@ def test_equilibrium_stiffness_and_damping(row: tuple) -> None:
 
 @pytest.mark.parametrize("row", ROWS[:2], ids=lambda row: f"eps {row[0]}")
 def test_whirl_threshold(row: tuple) -> None:
-    """At the threshold speed, with mu omega held (same eccentricity), the damping ratio crosses zero."""
+    """At the threshold speed, with mu omega held (same eccentricity), the damping ratio crosses
+    zero."""
     load, threshold = load_of(row[1]), row[5]
     speed = threshold * np.sqrt(load / (CLEARANCE * CONFIG.rotor.effective_mass_at_bearing_kg))
-    below, above = (FINE.steady(points(load, speed * k, VISCOSITY * SPEED / (speed * k))).damping_ratio[0]
-                    for k in (0.99, 1.01))
+    below, above = (
+        FINE.steady(points(load, speed * k, VISCOSITY * SPEED / (speed * k))).damping_ratio[0]
+        for k in (0.99, 1.01)
+    )
     assert below > 0 > above
 
 

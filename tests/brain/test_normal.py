@@ -1,4 +1,5 @@
-"""What is normal for one machine: its offset is learned, its limit keeps the stated rate, others' are refused."""
+"""What is normal for one machine: its offset is learned, its limit keeps the stated rate, others'
+are refused."""
 
 from __future__ import annotations
 
@@ -25,8 +26,13 @@ def machines(n: int, decisions: int, seed: int) -> np.ndarray:
 def prior() -> Prior:
     fleet = machines(4000, 1, 0)[:, 0] ** 2 / (1 + BETWEEN)
     away = [np.sqrt(part.mean(axis=1)) for part in np.split(fleet, [COLUMNS[0]], axis=1)]
-    return Prior(["floating", "ringing"], COLUMNS, BETWEEN.tolist(), [float(np.quantile(a, 0.99)) for a in away],
-                 [float(np.median(a)) for a in away])
+    return Prior(
+        ["floating", "ringing"],
+        COLUMNS,
+        BETWEEN.tolist(),
+        [float(np.quantile(a, 0.99)) for a in away],
+        [float(np.median(a)) for a in away],
+    )
 
 
 PRIOR = prior()
@@ -35,13 +41,24 @@ PRIOR = prior()
 def points(n: int) -> np.ndarray:
     """So many operating points, none twice."""
     k = np.arange(n)
-    return np.column_stack([150.0 * 1.25**k, 40e-6 + 10e-6 * (k % 5), np.full(n, 0.35), np.full(n, 50.0)])
+    return np.column_stack(
+        [150.0 * 1.25**k, 40e-6 + 10e-6 * (k % 5), np.full(n, 0.35), np.full(n, 50.0)]
+    )
 
 
-def fit(rows: np.ndarray, log_odds: np.ndarray | None = None, at: np.ndarray | None = None) -> Normal:
+def fit(
+    rows: np.ndarray, log_odds: np.ndarray | None = None, at: np.ndarray | None = None
+) -> Normal:
     n = len(rows)
-    return own.fit(rows, np.full((n, 4), -5.0) if log_odds is None else log_odds, points(n) if at is None else at,
-                   np.full(n, 1e-6 + 2e-6j), PRIOR, BELONGS, 3.0)
+    return own.fit(
+        rows,
+        np.full((n, 4), -5.0) if log_odds is None else log_odds,
+        points(n) if at is None else at,
+        np.full(n, 1e-6 + 2e-6j),
+        PRIOR,
+        BELONGS,
+        3.0,
+    )
 
 
 def test_limit_keeps_the_stated_rate_with_and_without_commissioning() -> None:
@@ -57,7 +74,12 @@ def test_a_fault_within_the_fleet_is_found_only_by_who_knows_the_machine() -> No
     rows = machines(200, 11, 3)
     faulty = rows[:, 10:] + np.r_[np.full(3, 4.0), np.zeros(23)]
     fleet = np.mean([Detector(PRIOR).novelty(m) > 1.0 for m in faulty])
-    known = np.mean([Detector(PRIOR, fit(m)).novelty(f) > 1.0 for m, f in zip(rows[:, :10], faulty, strict=True)])
+    known = np.mean(
+        [
+            Detector(PRIOR, fit(m)).novelty(f) > 1.0
+            for m, f in zip(rows[:, :10], faulty, strict=True)
+        ]
+    )
     assert fleet < 0.3
     assert known > 0.9
 
@@ -75,8 +97,10 @@ def test_a_machine_that_scatters_more_gets_a_wider_limit_but_not_at_once() -> No
     rows = machines(1, 200, 5)[0]
     offset = rows.mean(axis=0)
     wide = offset + 2.0 * (rows - offset)
-    few, many = (np.array(fit(wide[:n], at=points(n) if n < 20 else np.repeat(points(40), 5, axis=0)).scale)
-                 for n in (6, 200))
+    few, many = (
+        np.array(fit(wide[:n], at=points(n) if n < 20 else np.repeat(points(40), 5, axis=0)).scale)
+        for n in (6, 200)
+    )
     assert (many > few).all()
     assert (many < 2.0).all()
     assert many == pytest.approx(1.8, abs=0.15)
@@ -90,14 +114,33 @@ def test_a_head_must_say_more_than_it_said_of_the_healthy_machine() -> None:
 
 def test_first_order_is_followed_over_the_operating_range_and_not_beyond() -> None:
     rng = np.random.default_rng(7)
-    at = np.column_stack([np.exp(rng.uniform(5.0, 7.0, 60)), rng.uniform(40e-6, 120e-6, 60),
-                          rng.uniform(0.1, 0.6, 60), np.full(60, 50.0)])
+    at = np.column_stack(
+        [
+            np.exp(rng.uniform(5.0, 7.0, 60)),
+            rng.uniform(40e-6, 120e-6, 60),
+            rng.uniform(0.1, 0.6, 60),
+            np.full(60, 50.0),
+        ]
+    )
 
     def truth_um(p: np.ndarray) -> np.ndarray:
-        return (2.0 - 1.0j) + (1.0 + 2.0j) * (np.log(p[:, 0]) - 6) ** 2 + 3.0 * (p[:, 1] - 80e-6) / 40e-6 + 1j * p[:, 2]
+        return (
+            (2.0 - 1.0j)
+            + (1.0 + 2.0j) * (np.log(p[:, 0]) - 6) ** 2
+            + 3.0 * (p[:, 1] - 80e-6) / 40e-6
+            + 1j * p[:, 2]
+        )
 
     noise = 0.15 * (rng.normal(size=60) + 1j * rng.normal(size=60))
-    normal = own.fit(machines(1, 60, 8)[0], np.zeros((60, 4)), at, (truth_um(at) + noise) * 1e-6, PRIOR, BELONGS, 9.0)
+    normal = own.fit(
+        machines(1, 60, 8)[0],
+        np.zeros((60, 4)),
+        at,
+        (truth_um(at) + noise) * 1e-6,
+        PRIOR,
+        BELONGS,
+        9.0,
+    )
     where = np.array([[np.exp(6.3), 70e-6, 0.3, 50.0]])
     found = own.baseline_at(normal.baseline, where[0])
     assert found is not None
@@ -115,7 +158,9 @@ def test_first_order_is_followed_over_the_operating_range_and_not_beyond() -> No
 
 def test_too_few_points_and_broken_numbers_are_refused_by_name() -> None:
     rows = machines(1, 6, 9)[0]
-    with pytest.raises(NormalError, match="2 operating points in 6 decisions, at least 4 are needed"):
+    with pytest.raises(
+        NormalError, match="2 operating points in 6 decisions, at least 4 are needed"
+    ):
         fit(rows, at=np.repeat(points(2), 3, axis=0))
     with pytest.raises(NormalError, match="0 operating points in 0 decisions"):
         fit(rows[:0])
@@ -128,7 +173,9 @@ def test_too_few_points_and_broken_numbers_are_refused_by_name() -> None:
 def test_a_state_of_something_else_is_refused_by_name(what: str) -> None:
     normal = fit(machines(1, 6, 10)[0])
     own.check_belongs(normal, BELONGS)
-    with pytest.raises(NormalError, match=f"{what} '.*', this device has 'other'.*commission again"):
+    with pytest.raises(
+        NormalError, match=f"{what} '.*', this device has 'other'.*commission again"
+    ):
         own.check_belongs(normal, msgspec.structs.replace(BELONGS, **{what: "other"}))
 
 

@@ -1,4 +1,5 @@
-"""Harmonic balance against the linear answer where it holds and against the time simulation where it does not."""
+"""Harmonic balance against the linear answer where it holds and against the time simulation where
+it does not."""
 
 from __future__ import annotations
 
@@ -27,19 +28,29 @@ def test_a_small_orbit_is_the_linear_one() -> None:
     assert np.abs(orbit.first_m - linear).max() < 1e-3 * np.abs(linear).max()
     assert np.abs(orbit.shift_m).max() < 1e-9
     assert orbit.power_W == pytest.approx(steady.orbit_power_W_per_kg2_m2 * unbalance**2, abs=1e-3)
-    assert orbit.min_film_m(p, steady) == pytest.approx(steady.min_film_m(p.clearance_m, unbalance), abs=1e-9)
+    assert orbit.min_film_m(p, steady) == pytest.approx(
+        steady.min_film_m(p.clearance_m, unbalance), abs=1e-9
+    )
 
 
-@pytest.mark.parametrize(("case", "unbalance"), [((9000.0, 60.0, 90e-6), 6e-5), ((6000.0, 100.0, 60e-6), 2e-4)])
-def test_a_large_orbit_is_that_of_the_time_simulation(case: tuple[float, float, float], unbalance: float) -> None:
+@pytest.mark.parametrize(
+    ("case", "unbalance"), [((9000.0, 60.0, 90e-6), 6e-5), ((6000.0, 100.0, 60e-6), 2e-4)]
+)
+def test_a_large_orbit_is_that_of_the_time_simulation(
+    case: tuple[float, float, float], unbalance: float
+) -> None:
     p, size = points(*case), np.array([unbalance])
     steady = FILM.steady(p)
     orbit = balanced(FILM, p, steady, size)
     motion = simulate(FILM, p, size, turns=14)
     turn = motion.position_m[-STEPS_A_TURN:, 0]
-    first = 2.0 * (turn * np.exp(-2j * np.pi * np.arange(1, STEPS_A_TURN + 1) / STEPS_A_TURN)[:, None]).mean(axis=0)
+    first = 2.0 * (
+        turn * np.exp(-2j * np.pi * np.arange(1, STEPS_A_TURN + 1) / STEPS_A_TURN)[:, None]
+    ).mean(axis=0)
     linear = steady.response_m_per_kg_m[0] * unbalance
-    assert np.abs(linear - first).max() > 0.05 * np.abs(first).max()  # the linear film's answer is off
+    assert (
+        np.abs(linear - first).max() > 0.05 * np.abs(first).max()
+    )  # the linear film's answer is off
     assert np.abs(orbit.first_m[0] - first).max() < 0.05 * np.abs(first).max()
     shift = turn.mean(axis=0) - steady.position_m[0]
     assert np.hypot(*shift) > 0.4e-6

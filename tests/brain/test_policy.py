@@ -21,30 +21,50 @@ FILM_M = CONFIG.limits.min_film_um * 1e-6
 PRESENT_M = 60e-6
 
 
-def outlook(*, film_m: float = 30e-6, whirl: float = 0.4, swing_m: float = 5e-6, residual_m: float = 0.0,
-            possible: bool = True, power_W: tuple[float, ...] = (100.0,)) -> Outlook:
+def outlook(
+    *,
+    film_m: float = 30e-6,
+    whirl: float = 0.4,
+    swing_m: float = 5e-6,
+    residual_m: float = 0.0,
+    possible: bool = True,
+    power_W: tuple[float, ...] = (100.0,),
+) -> Outlook:
     """The same forecast for clearances 60, 70, 80 ... um, but for the power."""
     n = len(power_W)
 
     def triple(value: float) -> np.ndarray:
         return np.tile([value - 1e-9, value, value + 1e-9], (n, 1))
 
-    return Outlook(PRESENT_M + 10e-6 * np.arange(n), triple(swing_m), np.column_stack([power_W] * 3), triple(film_m),
-                   triple(whirl), np.full(n, possible), residual_m, triple(100.0), np.zeros((n, 4)), ("steady",) * n)
+    return Outlook(
+        PRESENT_M + 10e-6 * np.arange(n),
+        triple(swing_m),
+        np.column_stack([power_W] * 3),
+        triple(film_m),
+        triple(whirl),
+        np.full(n, possible),
+        residual_m,
+        triple(100.0),
+        np.zeros((n, 4)),
+        ("steady",) * n,
+    )
 
 
-@pytest.mark.parametrize(("changed", "good"), [
-    ({}, True),
-    ({"film_m": FILM_M + FILM_RESERVE_M + 1e-8}, True),
-    ({"film_m": FILM_M + FILM_RESERVE_M - 1e-8}, False),
-    ({"whirl": WHIRL_RESERVE + 1e-3}, True),
-    ({"whirl": WHIRL_RESERVE - 1e-3}, False),
-    ({"swing_m": 0.5 * PRESENT_M - 1e-8}, True),
-    ({"swing_m": 0.5 * PRESENT_M + 1e-8}, False),
-    ({"swing_m": 20e-6, "residual_m": 9.9e-6}, True),
-    ({"swing_m": 20e-6, "residual_m": 10.1e-6}, False),
-    ({"possible": False}, False),
-])
+@pytest.mark.parametrize(
+    ("changed", "good"),
+    [
+        ({}, True),
+        ({"film_m": FILM_M + FILM_RESERVE_M + 1e-8}, True),
+        ({"film_m": FILM_M + FILM_RESERVE_M - 1e-8}, False),
+        ({"whirl": WHIRL_RESERVE + 1e-3}, True),
+        ({"whirl": WHIRL_RESERVE - 1e-3}, False),
+        ({"swing_m": 0.5 * PRESENT_M - 1e-8}, True),
+        ({"swing_m": 0.5 * PRESENT_M + 1e-8}, False),
+        ({"swing_m": 20e-6, "residual_m": 9.9e-6}, True),
+        ({"swing_m": 20e-6, "residual_m": 10.1e-6}, False),
+        ({"possible": False}, False),
+    ],
+)
 def test_each_limit_decides(changed: dict[str, float], good: bool) -> None:
     assert POLICY.good(outlook(**changed), PRESENT_M).tolist() == [good]  # type: ignore[arg-type]
     assert (POLICY._fault(outlook(**changed), 0, PRESENT_M) == "") is good  # type: ignore[arg-type]
@@ -71,7 +91,9 @@ def test_the_cheapest_good_candidate_inside_the_guards_interval() -> None:
 def test_the_wish_is_narrowed_to_what_the_guard_admits() -> None:
     core = BrainCore(CONFIG, models(80e-6), "")
     narrow = guard_state(clearance_low_um=45.0, clearance_high_um=72.0)
-    assert of(Advice, feed(core, [narrow, *Machine().run(2.0)]))[-1].clearance_um == pytest.approx(72.0)
+    assert of(Advice, feed(core, [narrow, *Machine().run(2.0)]))[-1].clearance_um == pytest.approx(
+        72.0
+    )
 
 
 def observer(records: list) -> Observer:
@@ -104,5 +126,7 @@ def test_a_jump_of_the_tick_begins_the_present_anew() -> None:
 def test_no_present_without_a_turning_shaft_or_a_reading() -> None:
     records = Machine().run(0.5)
     assert observer([r for r in records if isinstance(r, Block)]).present() is None
-    stopped = [msgspec.structs.replace(r, speed_rad_s=0.0) if isinstance(r, Block) else r for r in records]
+    stopped = [
+        msgspec.structs.replace(r, speed_rad_s=0.0) if isinstance(r, Block) else r for r in records
+    ]
     assert observer(stopped).present() is None

@@ -1,4 +1,5 @@
-"""The store uses a model only when its bytes are vouched for and it fits; every refusal has its name."""
+"""The store uses a model only when its bytes are vouched for and it fits; every refusal has its
+name."""
 
 from __future__ import annotations
 
@@ -46,15 +47,24 @@ def public(key: Ed25519PrivateKey | ec.EllipticCurvePrivateKey) -> str:
 def shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A package's folder with three models and their manifest."""
     monkeypatch.setattr(store, "SHIPPED", tmp_path)
-    for kind, data in (("classifier", classifier()), ("actor", actor(8e-5)), ("surrogate", short_film())):
+    for kind, data in (
+        ("classifier", classifier()),
+        ("actor", actor(8e-5)),
+        ("surrogate", short_film()),
+    ):
         put(tmp_path, kind, data)
     return tmp_path
 
 
 def put(folder: Path, kind: str, data: bytes) -> None:
     (folder / f"{kind}.onnx").write_bytes(data)
-    files = {path.name: {"sha256": hashlib.sha256(path.read_bytes()).hexdigest(), "bytes": path.stat().st_size}
-             for path in folder.glob("*.onnx")}
+    files = {
+        path.name: {
+            "sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
+            "bytes": path.stat().st_size,
+        }
+        for path in folder.glob("*.onnx")
+    }
     (folder / "manifest.json").write_text(json.dumps({"schema": 1, "files": files}))
 
 
@@ -128,21 +138,27 @@ def test_too_large(shipped: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert refusal("surrogate")[0] is ModelUnfitError
 
 
-@pytest.mark.parametrize(("changed", "words"), [
-    ({"kind": "actor"}, "kind 'actor', expected 'classifier'"),
-    ({"rigs": '["seed"]'}, "rigs ['seed'], this is 'bench'"),
-    ({"rate_hz": "[10000]"}, "rate_hz [10000], the configuration samples at 5000"),
-    ({"window": '{"turns": 16.0}'}, "window {'turns': 16.0}"),
-    ({"channels": '["disp_y", "disp_x"]'}, "channels [0] = 'disp_y', expected 'disp_x'"),
-    ({"inputs": '["a"]'}, "inputs [0] = 'a'"),
-    ({"inputs": "[]"}, "inputs has 0 names"),
-    ({"physics_version": "7"}, "physics_version '7'"),
-    ({"settings": "{}"}, "settings lack novelty_threshold"),
-    ({"status": "wonderful"}, "metadata: Invalid enum value 'wonderful'"),
-    ({"data_hash": ""}, "metadata: Object missing required field `data_hash`"),
-    ({"rigs": "bench"}, "metadata: "),
-    ({"rigs": '["seed"]', "rate_hz": "[1]"}, "rate_hz [1], the configuration samples at 5000; rigs"),
-])
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"kind": "actor"}, "kind 'actor', expected 'classifier'"),
+        ({"rigs": '["seed"]'}, "rigs ['seed'], this is 'bench'"),
+        ({"rate_hz": "[10000]"}, "rate_hz [10000], the configuration samples at 5000"),
+        ({"window": '{"turns": 16.0}'}, "window {'turns': 16.0}"),
+        ({"channels": '["disp_y", "disp_x"]'}, "channels [0] = 'disp_y', expected 'disp_x'"),
+        ({"inputs": '["a"]'}, "inputs [0] = 'a'"),
+        ({"inputs": "[]"}, "inputs has 0 names"),
+        ({"physics_version": "7"}, "physics_version '7'"),
+        ({"settings": "{}"}, "settings lack novelty_threshold"),
+        ({"status": "wonderful"}, "metadata: Invalid enum value 'wonderful'"),
+        ({"data_hash": ""}, "metadata: Object missing required field `data_hash`"),
+        ({"rigs": "bench"}, "metadata: "),
+        (
+            {"rigs": '["seed"]', "rate_hz": "[1]"},
+            "rate_hz [1], the configuration samples at 5000; rigs",
+        ),
+    ],
+)
 def test_ill_fitting(shipped: Path, changed: dict[str, str], words: str) -> None:
     put(shipped, "classifier", classifier(**changed))
     kind, text = refusal("classifier")
@@ -182,8 +198,10 @@ def test_a_manifest_does_not_vouch_for_the_users_folder(shipped: Path) -> None:
     assert refusal("actor", with_models(directory=str(shipped)))[0] is ModelMissingError
 
 
-@pytest.mark.parametrize("key", ["???", base64.b64encode(b"abc").decode(),
-                                 public(ec.generate_private_key(ec.SECP256R1()))])
+@pytest.mark.parametrize(
+    "key",
+    ["???", base64.b64encode(b"abc").decode(), public(ec.generate_private_key(ec.SECP256R1()))],
+)
 def test_bad_public_keys_are_named(tmp_path: Path, key: str) -> None:
     (tmp_path / "actor.onnx").write_bytes(actor(8e-5))
     (tmp_path / "actor.onnx.sig").write_bytes(b"0" * 64)
@@ -192,8 +210,12 @@ def test_bad_public_keys_are_named(tmp_path: Path, key: str) -> None:
     assert text.startswith("models.public_keys[0]: not ")
 
 
-def test_weights_outside_the_file_are_refused(shipped: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    weights = helper.make_tensor("w", TensorProto.FLOAT, [11, 1], np.zeros(11, np.float32).tobytes(), raw=True)
+def test_weights_outside_the_file_are_refused(
+    shipped: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    weights = helper.make_tensor(
+        "w", TensorProto.FLOAT, [11, 1], np.zeros(11, np.float32).tobytes(), raw=True
+    )
     weights.ClearField("raw_data")
     weights.data_location = TensorProto.EXTERNAL
     entry = weights.external_data.add()
@@ -201,9 +223,12 @@ def test_weights_outside_the_file_are_refused(shipped: Path, tmp_path: Path, mon
     (tmp_path / "w.bin").write_bytes(bytes(44))
     monkeypatch.chdir(tmp_path)
     graph = helper.make_graph(
-        [helper.make_node("MatMul", ["x", "w"], ["clearance"])], "g",
+        [helper.make_node("MatMul", ["x", "w"], ["clearance"])],
+        "g",
         [helper.make_tensor_value_info("x", TensorProto.FLOAT, ["b", 11])],
-        [helper.make_tensor_value_info("clearance", TensorProto.FLOAT, ["b", 1])], [weights])
+        [helper.make_tensor_value_info("clearance", TensorProto.FLOAT, ["b", 1])],
+        [weights],
+    )
     made = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
     put(shipped, "actor", made.SerializeToString())
     assert refusal("actor")[0] is ModelUnfitError
@@ -218,19 +243,33 @@ def test_answers_that_are_not_finite_are_errors() -> None:
 def test_outside_the_domain(shipped: Path) -> None:
     model = store.load_model("actor", CONFIG)
     assert model.outside({"speed_rad_s": 500.0, "nothing": 1e9}) == []
-    assert model.outside({"speed_rad_s": 50.0}) == ["speed_rad_s 50 outside the actor's domain 100 .. 1300"]
+    assert model.outside({"speed_rad_s": 50.0}) == [
+        "speed_rad_s 50 outside the actor's domain 100 .. 1300"
+    ]
 
 
 @pytest.mark.skipif(shutil.which("strace") is None, reason="strace is not installed")
 def test_onnxruntime_reports_to_nobody() -> None:
-    """A session's whole life under a trace of the kernel's network calls; the witness must see its own call."""
-    code = ("import socket, sys; from tests.brain.onnx_models import actor; "
-            "from firmware_py.brain.session import Session; import numpy as np; "
-            "Session('a', actor(8e-5)).run(np.zeros((1, 11))); "
-            "socket.socket(socket.AF_INET).close()")
+    """A session's whole life under a trace of the kernel's network calls; the witness must see its
+    own call."""
+    code = (
+        "import socket, sys; from tests.brain.onnx_models import actor; "
+        "from firmware_py.brain.session import Session; import numpy as np; "
+        "Session('a', actor(8e-5)).run(np.zeros((1, 11))); "
+        "socket.socket(socket.AF_INET).close()"
+    )
     trace = subprocess.run(
         ["strace", "-f", "-e", "trace=network", sys.executable, "-c", code],
-        cwd=Path(__file__).parents[2], capture_output=True, text=True, timeout=60, check=True).stderr
-    calls = [line for line in trace.splitlines() if "AF_INET" in line or "connect(" in line or "sendto(" in line]
+        cwd=Path(__file__).parents[2],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=True,
+    ).stderr
+    calls = [
+        line
+        for line in trace.splitlines()
+        if "AF_INET" in line or "connect(" in line or "sendto(" in line
+    ]
     assert len(calls) == 1, calls
     assert socket.AF_INET.name in calls[0]

@@ -1,4 +1,5 @@
-"""The time simulation against the linear answer where that holds, its own step, and whirl where it must grow."""
+"""The time simulation against the linear answer where that holds, its own step, and whirl where it
+must grow."""
 
 from __future__ import annotations
 
@@ -14,7 +15,12 @@ FILM = film()
 
 
 def points(rpm: float, load_N: float, clearance_m: float, oil_C: float = 45.0) -> Points:
-    return Points(*(np.array([v]) for v in (rpm * np.pi / 30, clearance_m, CONFIG.oil.viscosity_Pa_s(oil_C), load_N)))
+    return Points(
+        *(
+            np.array([v])
+            for v in (rpm * np.pi / 30, clearance_m, CONFIG.oil.viscosity_Pa_s(oil_C), load_N)
+        )
+    )
 
 
 @pytest.mark.parametrize("case", [(6000.0, 100.0, 60e-6), (9000.0, 200.0, 80e-6)])
@@ -30,7 +36,9 @@ def test_half_the_step_gives_the_same_in_the_stiff_corner() -> None:
     p, unbalance = points(1500.0, 300.0, 40e-6), np.array([1e-4])
     coarse, fine = (simulate(FILM, p, unbalance, 4, steps_a_turn=n) for n in (200, 400))
     assert coarse.min_film_m(1)[0] == pytest.approx(fine.min_film_m(1, 400)[0], abs=0.02e-6)
-    assert coarse.peak_to_peak_m(1)[0] == pytest.approx(fine.peak_to_peak_m(1, 400)[0], rel=0.01, abs=2e-9)
+    assert coarse.peak_to_peak_m(1)[0] == pytest.approx(
+        fine.peak_to_peak_m(1, 400)[0], rel=0.01, abs=2e-9
+    )
 
 
 def test_whirl_grows_where_the_damping_is_negative_and_stops_inside_the_clearance() -> None:

@@ -30,8 +30,13 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def report(before: str = "") -> list[list[list[object]]]:
-    done = subprocess.run([sys.executable, "-c", REPORT.replace("{before}", before)], capture_output=True, text=True,
-                          check=True, cwd=ROOT)
+    done = subprocess.run(
+        [sys.executable, "-c", REPORT.replace("{before}", before)],
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=ROOT,
+    )
     found: list[list[list[object]]] = json.loads(done.stdout)
     return found
 
@@ -54,7 +59,11 @@ def test_one_processor_is_not_left() -> None:
 
 def test_where_nice_has_no_way_back_it_is_not_gone() -> None:
     _, low, back = report("background.may_return = lambda: False")
-    assert {entry[2] for entry in low} == {entry[2] for entry in back} == {os.getpriority(os.PRIO_PROCESS, 0)}
+    assert (
+        {entry[2] for entry in low}
+        == {entry[2] for entry in back}
+        == {os.getpriority(os.PRIO_PROCESS, 0)}
+    )
 
 
 def test_where_the_system_denies_it_all_nothing_happens() -> None:
@@ -80,7 +89,12 @@ def test_the_way_back_is_tried_in_a_child(monkeypatch: pytest.MonkeyPatch, denie
 @pytest.mark.parametrize("process", ["guard", "brain", "gate"])
 def test_a_command_that_ends_leaves_its_caller_as_it_was(process: str) -> None:
     def mine() -> list[object]:
-        return [os.sched_getscheduler(0), os.sched_getaffinity(0), os.getpriority(os.PRIO_PROCESS, 0), gc.isenabled()]
+        return [
+            os.sched_getscheduler(0),
+            os.sched_getaffinity(0),
+            os.getpriority(os.PRIO_PROCESS, 0),
+            gc.isenabled(),
+        ]
 
     before = mine()
     assert cli.main([process, "--no-such-option"]) == 2

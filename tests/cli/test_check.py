@@ -1,4 +1,5 @@
-"""``orbitd check``: what the machine lacks is a fault as well, and what it calls good has been built."""
+"""``orbitd check``: what the machine lacks is a fault as well, and what it calls good has been
+built."""
 
 from __future__ import annotations
 
@@ -39,7 +40,9 @@ def said(place: Path, extra: str) -> dict[str, str]:
     return {}
 
 
-def test_good_is_told_with_what_holds_and_what_is_default(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_good_is_told_with_what_holds_and_what_is_default(
+    place: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert said(place, "[metrics]\nport = 0") == {}
     out = capsys.readouterr().out
     assert "rotor.toml: good\n" in out
@@ -53,11 +56,18 @@ def test_programs_read_the_same(place: Path, capsys: pytest.CaptureFixture[str])
     path.write_text(BENCH)
     assert check.main([str(path), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
-    assert (found["good"], found["config"]["device"]["rig"], len(found["models"])) == (True, "bench", 3)
+    assert (found["good"], found["config"]["device"]["rig"], len(found["models"])) == (
+        True,
+        "bench",
+        3,
+    )
     path.write_text(BENCH.replace("film_max_C = 60.0", "film_max_C = inf"))
     assert check.main([str(path), "--json"]) == 2
     found = json.loads(capsys.readouterr().out)
-    assert (found["good"], [fault["key"] for fault in found["faults"]]) == (False, ["oil.film_max_C"])
+    assert (found["good"], [fault["key"] for fault in found["faults"]]) == (
+        False,
+        ["oil.film_max_C"],
+    )
 
 
 def test_any_file_name_can_be_told(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -73,22 +83,34 @@ def test_any_file_name_can_be_told(place: Path, capsys: pytest.CaptureFixture[st
         assert all(line.isprintable() for line in str(refusal.value).encode().decode().splitlines())
 
 
-def test_a_model_that_is_not_used_is_exit_code_1(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_model_that_is_not_used_is_exit_code_1(
+    place: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert check.main([str(SHIPPED / "seed.toml")]) == 1
     assert "REFUSED classifier: " in capsys.readouterr().out
 
 
 def test_folders_that_cannot_be_written_are_named(place: Path) -> None:
     (place / "file").write_text("")
-    assert "no folder" in said(place, f'[recorder]\ndirectory = "{place}/file/x"')["recorder.directory"]
+    assert (
+        "no folder"
+        in said(place, f'[recorder]\ndirectory = "{place}/file/x"')["recorder.directory"]
+    )
     assert "recorder.directory" in said(place, '[recorder]\ndirectory = "/proc/orbitd"')
     assert said(place, '[recorder]\ndirectory = "/proc/orbitd"\nenabled = false') == {}
     (place / "kept").mkdir(mode=0o500)
     if os.geteuid():
-        assert "by this user" in said(place, f'[recorder]\ndirectory = "{place}/kept/x"')["recorder.directory"]
+        assert (
+            "by this user"
+            in said(place, f'[recorder]\ndirectory = "{place}/kept/x"')["recorder.directory"]
+        )
     key = "MCowBQYDK2VwAyEA" + "A" * 43 + "="
-    assert list(said(place, f'[models]\ndirectory = "{place}/no"\npublic_keys = ["{key}"]')) == ["models.directory"]
-    assert list(said(place, f'[zenoh]\nlisten = ["unixsock-stream/{place}/file/s"]')) == ["zenoh.listen[0]"]
+    assert list(said(place, f'[models]\ndirectory = "{place}/no"\npublic_keys = ["{key}"]')) == [
+        "models.directory"
+    ]
+    assert list(said(place, f'[zenoh]\nlisten = ["unixsock-stream/{place}/file/s"]')) == [
+        "zenoh.listen[0]"
+    ]
     assert said(place, f'[zenoh]\nlisten = ["unixsock-stream/{place}/s"]') == {}
 
 
@@ -98,7 +120,10 @@ def test_an_address_that_is_taken_or_not_ours_is_named(place: Path) -> None:
         other.listen()
         port = other.getsockname()[1]
         assert "in use" in said(place, f"[metrics]\nport = {port}")["metrics.port"]
-        assert "in use" in said(place, f'[zenoh]\nlisten = ["tcp/127.0.0.1:{port}"]')["zenoh.listen[0]"]
+        assert (
+            "in use"
+            in said(place, f'[zenoh]\nlisten = ["tcp/127.0.0.1:{port}"]')["zenoh.listen[0]"]
+        )
         assert said(place, f'[zenoh]\nlisten = ["udp/127.0.0.1:{port}"]') == {}
     far = '[zenoh]\ninsecure_network = true\nlisten = ["tcp/192.0.2.1:7447", "tcp/[2001:db8::1]:7447"]'
     assert list(said(place, far)) == ["zenoh.listen[0]", "zenoh.listen[1]"]
@@ -118,39 +143,74 @@ def test_what_this_device_itself_serves_is_not_taken(
         page.bind(("127.0.0.1", 0))
         page.listen()
         port = page.getsockname()[1]
-        assert said(place, f'[metrics]\nport = {port}\n[zenoh]\nlisten = ["tcp/127.0.0.2:{port}"]') == {}
+        assert (
+            said(place, f'[metrics]\nport = {port}\n[zenoh]\nlisten = ["tcp/127.0.0.2:{port}"]')
+            == {}
+        )
 
 
 def test_zenoh_itself_opens_what_is_called_good(place: Path) -> None:
-    assert said(place, '[zenoh]\nlisten = ["tcp/127.0.0.1:47447", "udp/127.0.0.1:47447", "ws/127.0.0.1:47448"]') == {}
+    assert (
+        said(
+            place,
+            '[zenoh]\nlisten = ["tcp/127.0.0.1:47447", "udp/127.0.0.1:47447", '
+            '"ws/127.0.0.1:47448"]',
+        )
+        == {}
+    )
     (place / "taken").write_text("")
-    assert "no socket" in said(place, f'[zenoh]\nlisten = ["unixsock-stream/{place}/taken"]')["zenoh.listen[0]"]
+    assert (
+        "no socket"
+        in said(place, f'[zenoh]\nlisten = ["unixsock-stream/{place}/taken"]')["zenoh.listen[0]"]
+    )
 
 
 def test_good_certificates_are_good_and_locked_or_exchanged_ones_are_named(place: Path) -> None:
     key = ec.generate_private_key(ec.SECP256R1())
     name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, "orbitd")])
     begin = datetime.datetime(2020, 1, 1, tzinfo=datetime.UTC)
-    made = (x509.CertificateBuilder().subject_name(name).issuer_name(name).public_key(key.public_key())
-            .serial_number(1).not_valid_before(begin).not_valid_after(begin.replace(year=2100))
-            .add_extension(x509.BasicConstraints(ca=True, path_length=None), critical=True).sign(key, hashes.SHA256()))
+    made = (
+        x509.CertificateBuilder()
+        .subject_name(name)
+        .issuer_name(name)
+        .public_key(key.public_key())
+        .serial_number(1)
+        .not_valid_before(begin)
+        .not_valid_after(begin.replace(year=2100))
+        .add_extension(x509.BasicConstraints(ca=True, path_length=None), critical=True)
+        .sign(key, hashes.SHA256())
+    )
     (place / "root_ca.pem").write_bytes(made.public_bytes(serialization.Encoding.PEM))
     (place / "certificate.pem").write_bytes(made.public_bytes(serialization.Encoding.PEM))
-    files = "".join(f'tls_{file} = "{place}/{file}.pem"\n' for file in ("root_ca", "certificate", "private_key"))
+    files = "".join(
+        f'tls_{file} = "{place}/{file}.pem"\n' for file in ("root_ca", "certificate", "private_key")
+    )
     text = f'[zenoh]\nlisten = ["tls/127.0.0.1:47449"]\n{files}'
     for secret, owner, wrong in (
         (serialization.NoEncryption(), key, []),
         (serialization.BestAvailableEncryption(b"secret"), key, ["zenoh.tls_certificate"]),
-        (serialization.NoEncryption(), ec.generate_private_key(ec.SECP256R1()), ["zenoh.tls_certificate"]),
+        (
+            serialization.NoEncryption(),
+            ec.generate_private_key(ec.SECP256R1()),
+            ["zenoh.tls_certificate"],
+        ),
     ):
-        pem = owner.private_bytes(serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, secret)
+        pem = owner.private_bytes(
+            serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, secret
+        )
         (place / "private_key.pem").write_bytes(pem)
         assert list(said(place, text)) == wrong
 
 
 def test_certificates_are_opened(place: Path) -> None:
     (place / "junk.pem").write_text("no certificate")
-    names = "".join(f'tls_{name} = "{place}/{file}"\n' for name, file in (
-        ("root_ca", "absent.pem"), ("certificate", "junk.pem"), ("private_key", "junk.pem")))
+    names = "".join(
+        f'tls_{name} = "{place}/{file}"\n'
+        for name, file in (
+            ("root_ca", "absent.pem"),
+            ("certificate", "junk.pem"),
+            ("private_key", "junk.pem"),
+        )
+    )
     found = said(place, f'[zenoh]\nlisten = ["tls/127.0.0.1:7447"]\n{names}')
     assert list(found) == ["zenoh.tls_certificate", "zenoh.tls_root_ca"]

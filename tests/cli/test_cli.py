@@ -15,8 +15,13 @@ from firmware_py.launch import as_instance
 
 
 def orbitd(*arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, "-m", "firmware_py", *arguments], capture_output=True, text=True, timeout=60,
-                          check=False)
+    return subprocess.run(
+        [sys.executable, "-m", "firmware_py", *arguments],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
 
 
 def test_help_lists_every_registered_command() -> None:
@@ -52,7 +57,10 @@ def test_version() -> None:
 
 def test_unknown_command_is_one_line_with_a_next_step() -> None:
     done = orbitd("fly")
-    assert (done.returncode, done.stderr) == (2, "orbitd: no command 'fly'; `orbitd --help` lists them\n")
+    assert (done.returncode, done.stderr) == (
+        2,
+        "orbitd: no command 'fly'; `orbitd --help` lists them\n",
+    )
 
 
 @pytest.mark.parametrize("command", ["guard", "brain", "gate", "check", "hil", "bus", "run"])
@@ -60,7 +68,11 @@ def test_a_wrong_configuration_is_one_line_and_exit_code_2(command: str, tmp_pat
     text = (SHIPPED / "bench.toml").read_text().replace("min_film_um", "min_flim_um")
     wrong = tmp_path / "rotor.toml"
     wrong.write_text(text)
-    arguments = [str(wrong)] if command == "check" else ["--config", str(wrong), "--runtime-dir", str(tmp_path)]
+    arguments = (
+        [str(wrong)]
+        if command == "check"
+        else ["--config", str(wrong), "--runtime-dir", str(tmp_path)]
+    )
     done = orbitd(command, *arguments)
     assert done.returncode == 2
     assert done.stderr.startswith("orbitd: config error: rotor.toml:")
@@ -82,7 +94,9 @@ def test_who_speaks_to_a_running_device_needs_its_name_alone(command: str, tmp_p
 
 def test_every_fault_is_told_by_every_process_alike(tmp_path: Path) -> None:
     text = (SHIPPED / "bench.toml").read_text().replace("film_max_C = 60.0", "film_max_C = nan")
-    text = text.replace("length_m = 0.02", "length_m = 0.05").replace("angle_deg = 135.0", "angle_deg = 45.0")
+    text = text.replace("length_m = 0.02", "length_m = 0.05").replace(
+        "angle_deg = 135.0", "angle_deg = 45.0"
+    )
     wrong = tmp_path / "rotor.toml"
     wrong.write_text(text)
     options = ["--config", str(wrong), "--runtime-dir", str(tmp_path)]
@@ -94,9 +108,16 @@ def test_every_fault_is_told_by_every_process_alike(tmp_path: Path) -> None:
     done = orbitd("check", str(wrong), "--json")
     faults = json.loads(done.stdout)["faults"]
     assert (done.returncode, [fault["key"] for fault in faults]) == (2, keys)
-    assert faults[0] == {"file": "rotor.toml", "line": 38, "key": "oil.film_max_C", "value": "nan",
-                         "cause": "not finite, allowed are -40 .. 200", "next_step": "give a number",
-                         "least": -40.0, "greatest": 200.0}
+    assert faults[0] == {
+        "file": "rotor.toml",
+        "line": 38,
+        "key": "oil.film_max_C",
+        "value": "nan",
+        "cause": "not finite, allowed are -40 .. 200",
+        "next_step": "give a number",
+        "least": -40.0,
+        "greatest": 200.0,
+    }
 
 
 @pytest.mark.parametrize("name", ["../evil", "", "a/b", "A", "-x", "a" * 33, "a\n"])
@@ -106,8 +127,12 @@ def test_an_instance_name_is_a_name(name: str) -> None:
     assert "is not a name" in done.stderr
 
 
-@pytest.mark.parametrize(("command", "extra"), [("status", ()), ("arm", ()), ("set", ("clearance", "60"))])
-def test_a_device_that_is_not_there_is_exit_code_3(command: str, extra: tuple[str, ...], tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("command", "extra"), [("status", ()), ("arm", ()), ("set", ("clearance", "60"))]
+)
+def test_a_device_that_is_not_there_is_exit_code_3(
+    command: str, extra: tuple[str, ...], tmp_path: Path
+) -> None:
     done = orbitd(command, *extra, "--runtime-dir", str(tmp_path))
     assert done.returncode == 3
     assert done.stderr.count("\n") == 1

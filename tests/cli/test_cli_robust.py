@@ -1,4 +1,5 @@
-"""Commands without their extra, wrong options, absent files, closed streams: one line, never a traceback."""
+"""Commands without their extra, wrong options, absent files, closed streams: one line, never a
+traceback."""
 
 from __future__ import annotations
 
@@ -52,28 +53,45 @@ class Ended(NamedTuple):
 def without(absent: tuple[str, ...], *commands: tuple[str, ...]) -> list[Ended]:
     """The commands, one after the other, in a Python that lacks the packages ``absent``."""
     program = WITHOUT.format(absent=absent, commands=[list(each) for each in commands], heavy=HEAVY)
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=110, cwd=ROOT,
-                          check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        capture_output=True,
+        text=True,
+        timeout=110,
+        cwd=ROOT,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
     return [Ended(*each) for each in json.loads(done.stdout)]
 
 
 NEEDING = {
-    ("demo", "--clock", "sim"): "sim", ("hil",): "sim", ("bench", "sim"): "sim", ("verify", "--quick"): "sim",
-    ("bound",): "sim", ("plot", "map", "-o", "x.png"): "", ("train", "surrogate", "--smoke"): "train",
-    ("evaluate", "classifier"): "train", ("reproduce", "--quick"): "train"}
+    ("demo", "--clock", "sim"): "sim",
+    ("hil",): "sim",
+    ("bench", "sim"): "sim",
+    ("verify", "--quick"): "sim",
+    ("bound",): "sim",
+    ("plot", "map", "-o", "x.png"): "",
+    ("train", "surrogate", "--smoke"): "train",
+    ("evaluate", "classifier"): "train",
+    ("reproduce", "--quick"): "train",
+}
 """Commands that need an extra."""
 
 
 def test_a_command_without_its_extra_names_it_in_one_line() -> None:
-    for (arguments, extra), ended in zip(NEEDING.items(), without((*SIM, *TRAIN), *NEEDING), strict=True):
+    for (arguments, extra), ended in zip(
+        NEEDING.items(), without((*SIM, *TRAIN), *NEEDING), strict=True
+    ):
         assert ended.code == 2, (arguments, ended)
         assert ended.err.count("\n") == 1, (arguments, ended)
         assert f"orbitd[{extra}" in ended.err, (arguments, ended)
 
 
 def test_help_needs_no_extra() -> None:
-    for name, ended in zip(POINTS, without((*SIM, *TRAIN), *((name, "--help") for name in POINTS)), strict=True):
+    for name, ended in zip(
+        POINTS, without((*SIM, *TRAIN), *((name, "--help") for name in POINTS)), strict=True
+    ):
         assert ended.code == 0, (name, ended)
         assert f"usage: orbitd {name}" in ended.out
 
@@ -85,24 +103,52 @@ def test_help_of_what_simulates_imports_nothing_heavy() -> None:
 
 
 def test_inject_needs_no_compiler() -> None:
-    ended = without((*SIM, *TRAIN), ("inject", "unbalance", "40", "--runtime-dir", "/tmp/no-rig-here"))[0]
+    ended = without(
+        (*SIM, *TRAIN), ("inject", "unbalance", "40", "--runtime-dir", "/tmp/no-rig-here")
+    )[0]
     assert ended.code == 3
     assert ended.err.count("\n") == 1
 
 
-@pytest.mark.parametrize("arguments", [
-    ("demo", "--seconds", "nan"), ("demo", "--seconds", "inf"), ("demo", "--seconds", "1e12"),
-    ("demo", "--seed", "-1"), ("demo", "--record", "/proc/x/y.mcap"), ("demo", "--record", "/"),
-    ("hil", "--seed", "-1"), ("hil", "--seed", "1.5"),
-    ("inject", "unbalance"), ("inject", "unbalance", "nan"), ("inject", "clear", "4"), ("inject", "operating"),
-    ("inject", "unbalance", "4", "--severity", "5"), ("set", "clearance", "nan"), ("set", "clearance", "inf"),
-    ("announce", "--in", "nan", "--for", "1", "--speed", "1", "--load", "1"), ("bus", "--seconds", "soon"),
-    ("gate", "--ground-station", "99999"), ("evaluate", "classifier", "--size", "0"),
-    ("train", "actor", "--seed", "-3"),
-    ("plot", "map", "-o", "/proc/x/y.png"), ("plot", "map", "-o", "x.txt"), ("check", "/none.toml"), ("check", "/"),
-    ("replay", "/none.mcap"), ("replay", "/"), ("replay", "/dev/null"), ("bound", "--duty", "/none.json"),
-    ("train", "surrogate", "--config", "/none.toml"), ("status", "--config", "/none.toml"),
-    ("reproduce", "--seed", "x"), ("inject", "status", "--config", "/"), ("mode", "sideways"), ("bench", "sin")])
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("demo", "--seconds", "nan"),
+        ("demo", "--seconds", "inf"),
+        ("demo", "--seconds", "1e12"),
+        ("demo", "--seed", "-1"),
+        ("demo", "--record", "/proc/x/y.mcap"),
+        ("demo", "--record", "/"),
+        ("hil", "--seed", "-1"),
+        ("hil", "--seed", "1.5"),
+        ("inject", "unbalance"),
+        ("inject", "unbalance", "nan"),
+        ("inject", "clear", "4"),
+        ("inject", "operating"),
+        ("inject", "unbalance", "4", "--severity", "5"),
+        ("set", "clearance", "nan"),
+        ("set", "clearance", "inf"),
+        ("announce", "--in", "nan", "--for", "1", "--speed", "1", "--load", "1"),
+        ("bus", "--seconds", "soon"),
+        ("gate", "--ground-station", "99999"),
+        ("evaluate", "classifier", "--size", "0"),
+        ("train", "actor", "--seed", "-3"),
+        ("plot", "map", "-o", "/proc/x/y.png"),
+        ("plot", "map", "-o", "x.txt"),
+        ("check", "/none.toml"),
+        ("check", "/"),
+        ("replay", "/none.mcap"),
+        ("replay", "/"),
+        ("replay", "/dev/null"),
+        ("bound", "--duty", "/none.json"),
+        ("train", "surrogate", "--config", "/none.toml"),
+        ("status", "--config", "/none.toml"),
+        ("reproduce", "--seed", "x"),
+        ("inject", "status", "--config", "/"),
+        ("mode", "sideways"),
+        ("bench", "sin"),
+    ],
+)
 def test_wrong_input_is_exit_code_2_and_no_traceback(
     arguments: tuple[str, ...], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -111,7 +157,9 @@ def test_wrong_input_is_exit_code_2_and_no_traceback(
 
 
 @pytest.mark.parametrize("name", ["status", "inject", "guard", "bus", "gate"])
-def test_a_runtime_folder_that_cannot_be_made_is_one_line(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_runtime_folder_that_cannot_be_made_is_one_line(
+    name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     what = ["status"] if name == "inject" else []
     assert cli.main([name, *what, "--runtime-dir", "/proc/x/y"]) in (1, 2, 3)
     said = capsys.readouterr().err
@@ -119,9 +167,13 @@ def test_a_runtime_folder_that_cannot_be_made_is_one_line(name: str, capsys: pyt
     assert "/proc/x" in said
 
 
-@pytest.mark.parametrize("redirect", [">&-", "2>&-", ">&- 2>&-", "<&- >&-", "| true", "> /dev/full"])
+@pytest.mark.parametrize(
+    "redirect", [">&-", "2>&-", ">&- 2>&-", "<&- >&-", "| true", "> /dev/full"]
+)
 @pytest.mark.parametrize("arguments", ["--help", "demo --help"])
-def test_output_that_goes_nowhere_is_no_traceback(arguments: str, redirect: str, tmp_path: Path) -> None:
+def test_output_that_goes_nowhere_is_no_traceback(
+    arguments: str, redirect: str, tmp_path: Path
+) -> None:
     errors = tmp_path / "errors"
     command = f"{{ {sys.executable} -m firmware_py {arguments} {redirect}; }} 2>{errors}"
     subprocess.run(command, shell=True, cwd=ROOT, timeout=100, check=False)
@@ -134,16 +186,32 @@ def test_output_that_goes_nowhere_is_no_traceback(arguments: str, redirect: str,
 
 def test_a_terminal_that_knows_only_ascii_is_no_traceback() -> None:
     environment = {**os.environ, "PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0", "LC_ALL": "C"}
-    done = subprocess.run([sys.executable, "-m", "firmware_py", "check", "firmware_py/configs/bench.toml"], cwd=ROOT,
-                          capture_output=True, text=True, timeout=100, env=environment, check=False)
+    done = subprocess.run(
+        [sys.executable, "-m", "firmware_py", "check", "firmware_py/configs/bench.toml"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=100,
+        env=environment,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
     assert "Traceback" not in done.stderr
 
 
-@pytest.mark.parametrize("arguments", [("demo", "--clock", "sim", "--json"), ("bus", "--instance", "a")])
-def test_ctrl_c_is_exit_code_130_and_no_traceback(arguments: tuple[str, ...], tmp_path: Path) -> None:
-    process = subprocess.Popen([sys.executable, "-m", "firmware_py", *arguments], cwd=ROOT, stderr=subprocess.PIPE,
-                               stdout=subprocess.DEVNULL, text=True)
+@pytest.mark.parametrize(
+    "arguments", [("demo", "--clock", "sim", "--json"), ("bus", "--instance", "a")]
+)
+def test_ctrl_c_is_exit_code_130_and_no_traceback(
+    arguments: tuple[str, ...], tmp_path: Path
+) -> None:
+    process = subprocess.Popen(
+        [sys.executable, "-m", "firmware_py", *arguments],
+        cwd=ROOT,
+        stderr=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        text=True,
+    )
     time.sleep(6.0)
     process.send_signal(signal.SIGINT)
     errors = process.communicate(timeout=60)[1]

@@ -1,4 +1,5 @@
-"""Every command line that the documents show: the quick ones run, the options of the others are parsed."""
+"""Every command line that the documents show: the quick ones run, the options of the others are
+parsed."""
 
 from __future__ import annotations
 
@@ -15,14 +16,25 @@ import pytest
 from firmware_py import cli
 
 ROOT = Path(__file__).resolve().parents[2]
-DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "deploy").glob("*.md")), *sorted((ROOT / "docs").glob("*.md")),
-             ROOT / "models/diagnosis/DATASET.md", ROOT / "Makefile"]
+DOCUMENTS = [
+    ROOT / "README.md",
+    *sorted((ROOT / "deploy").glob("*.md")),
+    *sorted((ROOT / "docs").glob("*.md")),
+    ROOT / "models/diagnosis/DATASET.md",
+    ROOT / "Makefile",
+]
 COMMAND = re.compile(r"(?:^|/|\s)(?<!-aG )(?<!--gid )orbitd ((?:[a-z]|--)\S*(?: .*)?)$")
 ALONE = ("--help", "--version")
 NEVER = ("install",)
 """Changes this machine; the boot test runs it."""
-STAND_INS = {"my_rig.toml": str(ROOT / "firmware_py/configs/bench.toml"), "MODEL": "actor", "KIND": "orbit",
-             "VERB": "status", "NAME": "two", "FAULT": "unbalance"}
+STAND_INS = {
+    "my_rig.toml": str(ROOT / "firmware_py/configs/bench.toml"),
+    "MODEL": "actor",
+    "KIND": "orbit",
+    "VERB": "status",
+    "NAME": "two",
+    "FAULT": "unbalance",
+}
 
 
 class Parsed(Exception):
@@ -34,8 +46,14 @@ def commands() -> list[tuple[str, str]]:
     found: dict[str, str] = {}
     for document in DOCUMENTS:
         for line in document.read_text().splitlines():
-            texts = [line] if line.startswith("    ") else re.findall(r"`(?:[^` ]*/bin/)?(orbitd [^`]+)`", line)
-            for part in (part for text in texts for part in re.split(r"&&|;|,\s|\s#\s|\s\|\s", text)):
+            texts = (
+                [line]
+                if line.startswith("    ")
+                else re.findall(r"`(?:[^` ]*/bin/)?(orbitd [^`]+)`", line)
+            )
+            for part in (
+                part for text in texts for part in re.split(r"&&|;|,\s|\s#\s|\s\|\s", text)
+            ):
                 if match := COMMAND.search(part.rstrip(" &")):
                     found.setdefault(match[1].strip(), document.name)
             for match in re.finditer(r'DEMO="([^"]*)"', line):
@@ -58,7 +76,9 @@ def parses(arguments: list[str], monkeypatch: pytest.MonkeyPatch) -> str:
 
     parse: Callable[..., argparse.Namespace] = argparse.ArgumentParser.parse_args
 
-    def only_parse(self: argparse.ArgumentParser, *given: object, **named: object) -> argparse.Namespace:
+    def only_parse(
+        self: argparse.ArgumentParser, *given: object, **named: object
+    ) -> argparse.Namespace:
         parse(self, *given, **named)  # type: ignore[arg-type]
         raise Parsed
 
@@ -89,7 +109,9 @@ def test_the_documents_were_read() -> None:
 
 
 @pytest.mark.parametrize(("document", "text"), FOUND)
-def test_a_documented_command_is_understood(document: str, text: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_documented_command_is_understood(
+    document: str, text: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     for arguments in alternatives(text):
         if arguments[0].isupper() or arguments[0] in NEVER:
             continue
@@ -110,8 +132,8 @@ def test_a_wrong_document_would_be_found(monkeypatch: pytest.MonkeyPatch) -> Non
     assert parses(["fly"], monkeypatch) == "no command fly"
 
 
-@pytest.mark.parametrize("target", sorted(set(re.findall(r"`?make ([a-z][a-z-]+)", (ROOT / "README.md").read_text()))))
+@pytest.mark.parametrize(
+    "target", sorted(set(re.findall(r"`?make ([a-z][a-z-]+)", (ROOT / "README.md").read_text())))
+)
 def test_a_documented_target_is_there(target: str) -> None:
     assert re.search(rf"^{target}:", (ROOT / "Makefile").read_text(), re.MULTILINE)
-
-

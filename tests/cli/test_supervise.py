@@ -1,4 +1,5 @@
-"""A process that dies is named with its last words, restarted with a growing pause, and not when its input is wrong."""
+"""A process that dies is named with its last words, restarted with a growing pause, and not when
+its input is wrong."""
 
 from __future__ import annotations
 
@@ -10,7 +11,14 @@ from pathlib import Path
 
 import pytest
 
-from firmware_py.supervise import GOOD_LIFE_S, GOOD_START_S, PAUSE_MAX_S, Program, Supervisor, last_words
+from firmware_py.supervise import (
+    GOOD_LIFE_S,
+    GOOD_START_S,
+    PAUSE_MAX_S,
+    Program,
+    Supervisor,
+    last_words,
+)
 
 
 def crashing(tmp_path: Path, code: str) -> Program:
@@ -38,9 +46,15 @@ def test_a_crashing_process_pauses_twice_as_long_each_time_up_to_a_limit(tmp_pat
     supervisor.stop()
 
 
-@pytest.mark.parametrize(("lived_s", "sig", "pause_s"), [
-    (GOOD_LIFE_S, signal.SIGSEGV, 0.1), (GOOD_START_S, signal.SIGSEGV, 0.2), (GOOD_START_S, signal.SIGKILL, 0.1),
-    (1.0, signal.SIGKILL, 0.2)])
+@pytest.mark.parametrize(
+    ("lived_s", "sig", "pause_s"),
+    [
+        (GOOD_LIFE_S, signal.SIGSEGV, 0.1),
+        (GOOD_START_S, signal.SIGSEGV, 0.2),
+        (GOOD_START_S, signal.SIGKILL, 0.1),
+        (1.0, signal.SIGKILL, 0.2),
+    ],
+)
 def test_a_good_life_or_a_hand_from_outside_starts_the_pauses_anew(tmp_path, lived_s, sig, pause_s):
     supervisor, start_s = Supervisor(), time.monotonic()
     supervisor.start(crashing(tmp_path, "import time; time.sleep(60)"))
@@ -77,11 +91,29 @@ def test_run_stops_at_wrong_input_with_the_process_own_message(tmp_path):
     # A configuration that `run` reads and the guard refuses: its safe value is none.
     text = (Path(__file__).parents[2] / "firmware_py" / "configs" / "bench.toml").read_text()
     broken = tmp_path / "rig.toml"
-    broken.write_text("\n".join("safe_radial_clearance_um = 149.0" if line.startswith("safe_radial_clear") else line
-                                for line in text.splitlines()))
+    broken.write_text(
+        "\n".join(
+            "safe_radial_clearance_um = 149.0" if line.startswith("safe_radial_clear") else line
+            for line in text.splitlines()
+        )
+    )
     runtime = tmp_path / "rt"
-    result = subprocess.run([sys.executable, "-m", "firmware_py", "run", "--config", str(broken), "--runtime-dir",
-                             str(runtime)], capture_output=True, text=True, timeout=60, cwd=Path(__file__).parents[2])
+    result = subprocess.run(
+        [
+            sys.executable,
+            "-m",
+            "firmware_py",
+            "run",
+            "--config",
+            str(broken),
+            "--runtime-dir",
+            str(runtime),
+        ],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        cwd=Path(__file__).parents[2],
+    )
     assert result.returncode == 2, result.stderr
     assert "safe" in result.stderr
     assert "Traceback" not in result.stderr

@@ -11,7 +11,9 @@ from firmware_py.config.checks_network import ED25519_PREFIX, Address, parse_end
 
 BENCH = (config.SHIPPED / "bench.toml").read_text(encoding="utf-8")
 KEY = base64.b64encode(ED25519_PREFIX + bytes(32)).decode()
-TLS = "".join(f'tls_{name} = "/etc/orbitd/{name}.pem"\n' for name in ("root_ca", "certificate", "private_key"))
+TLS = "".join(
+    f'tls_{name} = "/etc/orbitd/{name}.pem"\n' for name in ("root_ca", "certificate", "private_key")
+)
 
 
 def said(extra: str) -> dict[str, str]:
@@ -53,7 +55,9 @@ def test_what_is_no_endpoint_is_refused_with_what_to_write(text: str) -> None:
 
 
 @pytest.mark.parametrize("protocol", ["tcp", "udp", "ws"])
-@pytest.mark.parametrize("host", ["0.0.0.0", "[::]", "192.168.1.7", "[fe80::1]", "rig.lab", "[::ffff:10.0.0.1]"])
+@pytest.mark.parametrize(
+    "host", ["0.0.0.0", "[::]", "192.168.1.7", "[fe80::1]", "rig.lab", "[::ffff:10.0.0.1]"]
+)
 @pytest.mark.parametrize("way", ["listen", "connect"])
 def test_without_tls_only_this_machine_is_reached(protocol: str, host: str, way: str) -> None:
     line = f'[zenoh]\n{way} = ["{protocol}/127.0.0.1:7446", "{protocol}/{host}:7447"]'
@@ -65,12 +69,24 @@ def test_without_tls_only_this_machine_is_reached(protocol: str, host: str, way:
 
 
 def test_the_loopback_and_tls_need_no_leave() -> None:
-    assert said('[zenoh]\nlisten = ["tcp/127.0.0.1:7447", "udp/[::1]:7447", "unixsock-stream//tmp/x.sock"]') == {}
-    assert said(f'[zenoh]\nlisten = ["tls/0.0.0.0:7447"]\nconnect = ["quic/rig.lab:7448"]\n{TLS}') == {}
+    assert (
+        said(
+            '[zenoh]\nlisten = ["tcp/127.0.0.1:7447", "udp/[::1]:7447", '
+            '"unixsock-stream//tmp/x.sock"]'
+        )
+        == {}
+    )
+    assert (
+        said(f'[zenoh]\nlisten = ["tls/0.0.0.0:7447"]\nconnect = ["quic/rig.lab:7448"]\n{TLS}')
+        == {}
+    )
 
 
 def test_a_name_is_nothing_to_listen_at() -> None:
-    assert "the address of this machine" in said(f'[zenoh]\nlisten = ["tls/rig.lab:7447"]\n{TLS}')["zenoh.listen[0]"]
+    assert (
+        "the address of this machine"
+        in said(f'[zenoh]\nlisten = ["tls/rig.lab:7447"]\n{TLS}')["zenoh.listen[0]"]
+    )
 
 
 @pytest.mark.parametrize(
@@ -86,10 +102,14 @@ def test_a_port_is_wanted_once(first: str, second: str) -> None:
 
 def test_page_and_zenoh_want_different_ports() -> None:
     text = '[zenoh]\nlisten = ["{}/127.0.0.1:9100"]\n[metrics]\nport = 9100'
-    assert said(text.format("tcp")) == {"zenoh.listen[0]": "at the port of metrics.port; choose another port"}
+    assert said(text.format("tcp")) == {
+        "zenoh.listen[0]": "at the port of metrics.port; choose another port"
+    }
     assert said(text.format("udp")) == {}
     assert said('[zenoh]\nlisten = ["tcp/127.0.0.2:9100"]\n[metrics]\nport = 9100') == {}
-    assert list(said('[zenoh]\nlisten = ["tcp/127.0.0.1"]\n[metrics]\nport = 9100')) == ["zenoh.listen[0]"]
+    assert list(said('[zenoh]\nlisten = ["tcp/127.0.0.1"]\n[metrics]\nport = 9100')) == [
+        "zenoh.listen[0]"
+    ]
 
 
 def test_tls_needs_all_three_files() -> None:
@@ -100,14 +120,17 @@ def test_tls_needs_all_three_files() -> None:
     assert len(said('[zenoh]\ntls_root_ca = "/etc/ca.pem"')) == 2
 
 
-@pytest.mark.parametrize("path", ["certs/ca.pem", "~/ca.pem", "", "/" + "x" * 300, "/a\\u0000b", "/a\\nb"])
+@pytest.mark.parametrize(
+    "path", ["certs/ca.pem", "~/ca.pem", "", "/" + "x" * 300, "/a\\u0000b", "/a\\nb"]
+)
 def test_a_file_is_named_from_the_root(path: str) -> None:
     found = said(f'[recorder]\ndirectory = "{path}"')
     assert list(found) == (["recorder.directory"] if path else [])
 
 
 @pytest.mark.parametrize(
-    "key", ["", "0" * 64, "AAAA", KEY[:-4], KEY + "AAAA", "A" * 59 + "=", "A", KEY.replace("MC", "MD", 1)]
+    "key",
+    ["", "0" * 64, "AAAA", KEY[:-4], KEY + "AAAA", "A" * 59 + "=", "A", KEY.replace("MC", "MD", 1)],
 )
 def test_a_key_is_an_ed25519_key(key: str) -> None:
     found = said(f'[models]\ndirectory = "/srv/models"\npublic_keys = ["{KEY}", "{key}"]')

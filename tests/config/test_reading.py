@@ -1,4 +1,5 @@
-"""Files that an editor, a copy or a person made of a configuration: read, or refused with what to do."""
+"""Files that an editor, a copy or a person made of a configuration: read, or refused with what to
+do."""
 
 from __future__ import annotations
 
@@ -49,7 +50,10 @@ def test_what_editors_write_is_read(data: bytes, tmp_path: Path) -> None:
         (b"\xfe\xff" + BENCH.encode("utf-16-be"), "byte order mark of UTF-16"),
         (BENCH.encode("utf-32"), "byte order mark of UTF-32"),
         (BENCH.encode("utf-16-le"), "rotor.toml:1: a NUL byte"),
-        (BENCH.replace("[bus]", "# Größe\n[bus]").encode("latin-1"), "rotor.toml:9: byte 0xf6 is not UTF-8"),
+        (
+            BENCH.replace("[bus]", "# Größe\n[bus]").encode("latin-1"),
+            "rotor.toml:9: byte 0xf6 is not UTF-8",
+        ),
         (BENCH.encode() + b"\0\0\0", "a NUL byte"),
         (b"\0" * 4096, "rotor.toml:1: a NUL byte"),
         (b"", "device: missing; set it"),
@@ -147,6 +151,7 @@ def test_the_name_of_a_device_is_read_from_a_file_with_faults(tmp_path: Path) ->
 def test_a_fault_shows_its_value_shortly_and_has_a_next_step() -> None:
     source = config.ConfigFile(Path("rotor.toml"), "")
     assert str(source.fault("a.b", 10**5000, "too much")) == (
-        "config error: rotor.toml: a.b = (too large to show): too much; correct it")
+        "config error: rotor.toml: a.b = (too large to show): too much; correct it"
+    )
     assert source.fault("a", "x" * 500, "b; c").value == "x" * 60 + ".. (500 characters)"
     assert source.fault("a", [{"b": 1}], "b; c").value == ""

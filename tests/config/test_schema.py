@@ -1,4 +1,5 @@
-"""Every key by itself: numbers with a least and a greatest value, text with a pattern, and all faults at once."""
+"""Every key by itself: numbers with a least and a greatest value, text with a pattern, and all
+faults at once."""
 
 from __future__ import annotations
 
@@ -34,7 +35,9 @@ def leaves(kind: inspect.Type, key: str = "") -> Iterator[tuple[str, inspect.Typ
 
 ALL = leaves(inspect.type_info(config.Config))
 LEAVES = [(key, kind) for key, kind in ALL if not isinstance(kind, inspect.NoneType)]
-NUMBERS = [(key, kind) for key, kind in LEAVES if isinstance(kind, inspect.IntType | inspect.FloatType)]
+NUMBERS = [
+    (key, kind) for key, kind in LEAVES if isinstance(kind, inspect.IntType | inspect.FloatType)
+]
 
 
 @pytest.mark.parametrize(("key", "kind"), NUMBERS, ids=[key for key, _ in NUMBERS])
@@ -56,7 +59,9 @@ def test_every_text_has_a_pattern_and_words_for_it() -> None:
             assert kind.pattern in WORDS, f"{key}: add a pattern"
             assert not re.search(kind.pattern, "a\n"), f"{key}: end the pattern with \\Z"
         else:
-            assert isinstance(kind, inspect.IntType | inspect.FloatType | inspect.BoolType | inspect.LiteralType), key
+            assert isinstance(
+                kind, inspect.IntType | inspect.FloatType | inspect.BoolType | inspect.LiteralType
+            ), key
 
 
 def table() -> dict[str, Any]:
@@ -75,8 +80,27 @@ def test_no_number_is_taken_outside_its_ends_or_of_another_kind(key: str, kind: 
     low, high = ends_of(key)
     assert low is not None
     assert high is not None
-    wrong: list[object] = [math.nan, math.inf, -math.inf, -math.nan, 1e308, -1e308, 10**400, "1", ""]
-    wrong += [True, [], {}, [1.0], {"a": 1}, low - 1, high + 1, 1.5 if isinstance(kind, inspect.IntType) else None]
+    wrong: list[object] = [
+        math.nan,
+        math.inf,
+        -math.inf,
+        -math.nan,
+        1e308,
+        -1e308,
+        10**400,
+        "1",
+        "",
+    ]
+    wrong += [
+        True,
+        [],
+        {},
+        [1.0],
+        {"a": 1},
+        low - 1,
+        high + 1,
+        1.5 if isinstance(kind, inspect.IntType) else None,
+    ]
     if isinstance(kind, inspect.FloatType):
         wrong += [math.nextafter(low, -math.inf), math.nextafter(high, math.inf)]
     for value in wrong:
@@ -92,8 +116,12 @@ def test_no_number_is_taken_outside_its_ends_or_of_another_kind(key: str, kind: 
 
 
 def test_toml_dates_and_lists_are_named_as_what_they_are() -> None:
-    text = BENCH.replace("rate_um_s = 50.0", "rate_um_s = 2026-01-01").replace("rate_hz = 5000", "rate_hz = 5e3")
-    text = text.replace("film_at_outlet = true", 'film_at_outlet = "yes"').replace('rig = "bench"', "rig = 07:30:00")
+    text = BENCH.replace("rate_um_s = 50.0", "rate_um_s = 2026-01-01").replace(
+        "rate_hz = 5000", "rate_hz = 5e3"
+    )
+    text = text.replace("film_at_outlet = true", 'film_at_outlet = "yes"').replace(
+        'rig = "bench"', "rig = 07:30:00"
+    )
     text = text.replace("[feed]\npressure_min_bar = 0.5\npressure_max_bar = 3.0", "")
     text = text.replace("[device]", "feed = 3\n[device]")
     text = text.replace('mode_at_start = "monitor"', 'mode_at_start = "automatic"')
@@ -114,19 +142,34 @@ def test_toml_dates_and_lists_are_named_as_what_they_are() -> None:
 
 
 def test_all_faults_are_told_at_once_each_with_its_place() -> None:
-    text = BENCH.replace("film_max_C = 60.0", "film_max_C = nan").replace("rate_um_s = 50.0", "rate_um_s = 1e9")
-    text = text.replace("min_film_um = 10.0", "min_flim_um = 10.0").replace("angle_deg = 135.0", "angle_deg = 45.0")
-    text = text.replace("speed_min_rpm = 1500.0", "speed_min_rpm = 0").replace("fresh_age_ms = 20", "fresh_age_ms = 95")
+    text = BENCH.replace("film_max_C = 60.0", "film_max_C = nan").replace(
+        "rate_um_s = 50.0", "rate_um_s = 1e9"
+    )
+    text = text.replace("min_film_um = 10.0", "min_flim_um = 10.0").replace(
+        "angle_deg = 135.0", "angle_deg = 45.0"
+    )
+    text = text.replace("speed_min_rpm = 1500.0", "speed_min_rpm = 0").replace(
+        "fresh_age_ms = 20", "fresh_age_ms = 95"
+    )
     with pytest.raises(config.ConfigError) as caught:
         config.parse(text)
     faults = {fault.key: fault for fault in caught.value.faults}
-    assert set(faults) == {"oil.film_max_C", "actuator.rate_um_s", "limits.min_flim_um",
-                           "channel[1].angle_deg", "operating.speed_min_rpm", "sampling.fresh_age_ms"}
+    assert set(faults) == {
+        "oil.film_max_C",
+        "actuator.rate_um_s",
+        "limits.min_flim_um",
+        "channel[1].angle_deg",
+        "operating.speed_min_rpm",
+        "sampling.fresh_age_ms",
+    }
     rows = text.splitlines()
     for key, fault in faults.items():
         assert key.rpartition(".")[2] in rows[fault.line - 1]
     assert faults["limits.min_flim_um"].next_step == "write min_film_um"
-    assert (faults["operating.speed_min_rpm"].least, faults["operating.speed_min_rpm"].greatest) == (60.0, 60000.0)
+    assert (
+        faults["operating.speed_min_rpm"].least,
+        faults["operating.speed_min_rpm"].greatest,
+    ) == (60.0, 60000.0)
     assert len(str(caught.value).splitlines()) == len(faults)
 
 
@@ -144,7 +187,11 @@ def test_a_view_reads_like_the_configuration_but_where_it_has_a_fault() -> None:
     assert seen.contact is not None
     assert seen.contact.circuit_V == 2.0
     assert seen.zenoh.listen == []
-    for read in (lambda: seen.sampling.period_us, lambda: seen.limits.min_film_um, lambda: seen.channel[2].scale):
+    for read in (
+        lambda: seen.sampling.period_us,
+        lambda: seen.limits.min_film_um,
+        lambda: seen.channel[2].scale,
+    ):
         with pytest.raises(FaultedError):
             read()
 

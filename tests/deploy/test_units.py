@@ -18,9 +18,12 @@ from firmware_py.commands.install import CONFIG, FILES, UNITS, InstallError
 
 EXPOSURE_MAX = 2.0
 PYTHON = "/bin/sh"
-"""Stands for the interpreter: verify wants a file that can be executed where the services may see it."""
+"""Stands for the interpreter: verify wants a file that can be executed where the services may see
+it."""
 
-needs_systemd = pytest.mark.skipif(not shutil.which("systemd-analyze"), reason="systemd-analyze is not installed")
+needs_systemd = pytest.mark.skipif(
+    not shutil.which("systemd-analyze"), reason="systemd-analyze is not installed"
+)
 
 
 def installed(prefix: Path, *extra: str) -> Path:
@@ -29,7 +32,11 @@ def installed(prefix: Path, *extra: str) -> Path:
 
 
 def files(prefix: Path) -> dict[str, str]:
-    return {str(path.relative_to(prefix)): path.read_text() for path in prefix.rglob("*") if path.is_file()}
+    return {
+        str(path.relative_to(prefix)): path.read_text()
+        for path in prefix.rglob("*")
+        if path.is_file()
+    }
 
 
 def services(prefix: Path) -> list[Path]:
@@ -39,7 +46,9 @@ def services(prefix: Path) -> list[Path]:
 @needs_systemd
 def test_verify_prints_nothing(tmp_path: Path) -> None:
     paths = [*services(installed(tmp_path)), tmp_path / UNITS / "orbitd.target"]
-    said = subprocess.run(["systemd-analyze", "verify", *paths], capture_output=True, text=True, check=False)
+    said = subprocess.run(
+        ["systemd-analyze", "verify", *paths], capture_output=True, text=True, check=False
+    )
     assert (said.returncode, said.stdout, said.stderr) == (0, "", "")
 
 
@@ -47,8 +56,12 @@ def test_verify_prints_nothing(tmp_path: Path) -> None:
 def test_verify_sees_a_wrong_key_in_the_shared_hardening(tmp_path: Path) -> None:
     drop_in = installed(tmp_path) / FILES["systemd/orbitd-hardening.conf"]
     drop_in.write_text(drop_in.read_text() + "NoSuchKey=yes\n")
-    said = subprocess.run(["systemd-analyze", "verify", *services(tmp_path)], capture_output=True, text=True,
-                          check=False)
+    said = subprocess.run(
+        ["systemd-analyze", "verify", *services(tmp_path)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert "NoSuchKey" in said.stderr
 
 
@@ -56,8 +69,12 @@ def test_verify_sees_a_wrong_key_in_the_shared_hardening(tmp_path: Path) -> None
 @pytest.mark.parametrize("room", ["guard", "brain", "gate"])
 def test_exposure(tmp_path: Path, room: str) -> None:
     unit = installed(tmp_path) / UNITS / f"orbitd-{room}.service"
-    said = subprocess.run(["systemd-analyze", "security", "--offline=yes", "--no-pager", unit],
-                          capture_output=True, text=True, check=False)
+    said = subprocess.run(
+        ["systemd-analyze", "security", "--offline=yes", "--no-pager", unit],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     found = re.search(r"Overall exposure level for \S+: ([\d.]+)", said.stdout)
     assert found, said.stderr
     assert float(found[1]) <= EXPOSURE_MAX
@@ -80,9 +97,13 @@ def test_every_service_is_watched_and_has_its_own_user(tmp_path: Path) -> None:
 
 
 def test_no_system_call_filter_begins_as_a_deny_list(tmp_path: Path) -> None:
-    """The first filter decides what the rest means: an allow list must come first, in the unit itself."""
+    """The first filter decides what the rest means: an allow list must come first, in the unit
+    itself."""
     for path in services(installed(tmp_path)):
-        assert re.findall(r"^SystemCallFilter=(.*)$", path.read_text(), re.MULTILINE)[0] == "@system-service"
+        assert (
+            re.findall(r"^SystemCallFilter=(.*)$", path.read_text(), re.MULTILINE)[0]
+            == "@system-service"
+        )
     assert "SystemCallFilter" not in (tmp_path / FILES["systemd/orbitd-hardening.conf"]).read_text()
 
 
@@ -96,7 +117,9 @@ def test_an_edited_configuration_is_kept_and_decides_the_bit_rates(
 ) -> None:
     place = installed(tmp_path) / CONFIG
     edited = place.read_text().replace('interface = "orbitd_hub"', 'interface = "socketcan"')
-    edited = edited.replace('channel = "orbitd0"', 'channel = "can7"').replace("5_000_000", "4_000_000")
+    edited = edited.replace('channel = "orbitd0"', 'channel = "can7"').replace(
+        "5_000_000", "4_000_000"
+    )
     place.write_text(edited)
     installed(tmp_path)
     assert place.read_text() == edited
@@ -128,8 +151,12 @@ def test_remove_leaves_the_configuration_alone(tmp_path: Path) -> None:
     assert not (tmp_path / install.DROP_INS).exists()
 
 
-@pytest.mark.parametrize("python", ["/home/me/.venv/bin/python", "/root/venv/bin/python", "/tmp/venv/bin/python"])
-def test_an_interpreter_that_the_services_cannot_see_is_refused(tmp_path: Path, python: str) -> None:
+@pytest.mark.parametrize(
+    "python", ["/home/me/.venv/bin/python", "/root/venv/bin/python", "/tmp/venv/bin/python"]
+)
+def test_an_interpreter_that_the_services_cannot_see_is_refused(
+    tmp_path: Path, python: str
+) -> None:
     with pytest.raises(InstallError, match="/opt/orbitd"):
         install.main(["--prefix", str(tmp_path), "--python", python])
     assert not files(tmp_path)
@@ -162,6 +189,8 @@ def test_launch_tells_the_peers(tmp_path: Path) -> None:
     parser = argparse.ArgumentParser()
     launch.add_options(parser)
     launch.add_peers(parser, "brain")
-    started = launch.from_options(parser.parse_args(["--brain-user", "root", "--runtime-dir", str(tmp_path)]))
+    started = launch.from_options(
+        parser.parse_args(["--brain-user", "root", "--runtime-dir", str(tmp_path)])
+    )
     assert started.peers == {"brain": 0}
     assert started.source.path == config.SHIPPED / "bench.toml"

@@ -1,13 +1,14 @@
-"""Who is killed or stopped, and what the machine and its protection do meanwhile: real processes, a real bus.
+"""Who is killed or stopped, and what the machine and its protection do meanwhile: real processes, a
+real bus.
 
-``python tests/faults/kill_matrix.py --repeats 30 --out kills.jsonl`` runs ``orbitd hil`` and ``orbitd run`` and, for
-every victim (guard, brain, gate, rig) and signal (SIGKILL; SIGSTOP, later SIGCONT), measures what the bus shows.  A
-trial takes some 15 s; a run that was interrupted goes on where it ended.  Results: one line of JSON per trial in the
-file, a table at the end.
+``python tests/faults/kill_matrix.py --repeats 30 --out kills.jsonl`` runs ``orbitd hil`` and
+``orbitd run`` and, for every victim (guard, brain, gate, rig) and signal (SIGKILL; SIGSTOP, later
+SIGCONT), measures what the bus shows.  A trial takes some 15 s; a run that was interrupted goes on
+where it ended.  Results: one line of JSON per trial in the file, a table at the end.
 
-What is read where: the target from NODE_STATE (every 50 ms, so a reaction is seen up to 50 ms late and the bars
-allow for that), the drive from SAMPLES, alarms from the guard's events.  An empty loop runs beside all this: where it
-stood still, the host did, and the table says for how long.
+What is read where: the target from NODE_STATE (every 50 ms, so a reaction is seen up to 50 ms late
+and the bars allow for that), the drive from SAMPLES, alarms from the guard's events.  An empty loop
+runs beside all this: where it stood still, the host did, and the table says for how long.
 """
 
 from __future__ import annotations
@@ -55,7 +56,8 @@ from sim_hil.demo.setting import Setting, prepare, write_config
 VICTIMS: Final = ("guard", "brain", "gate", "rig")
 SIGNALS: Final = ("KILL", "STOP")
 MODES: Final = {"guard": "manual", "brain": "auto", "gate": "auto", "rig": "manual"}
-"""Where the brain has no part in what is measured, a person sets the target: that is ready sooner."""
+"""Where the brain has no part in what is measured, a person sets the target: that is ready
+sooner."""
 
 AWAY_UM: Final = 65.0
 STOPPED_S: Final = 1.5
@@ -63,7 +65,8 @@ STOPPED_S: Final = 1.5
 
 TRIALS_PER_DEVICE: Final = 10
 WATCH_S: Final = 4.0
-"""Longer than the drive's heartbeat limit: a machine that coasts because of the signal does so in this time."""
+"""Longer than the drive's heartbeat limit: a machine that coasts because of the signal does so in
+this time."""
 
 READY_WITHIN_S: Final = 120.0
 REPORT_MS: Final = 50
@@ -72,7 +75,8 @@ ALARM_MS: Final = 1000
 """Samples stop being fresh after 20 ms; alarm, state and its way through the gate add the rest."""
 
 CYCLE_MS: Final = 130
-"""One command period, one node cycle, one time to live: what lies between the end of advice and the retreat value."""
+"""One command period, one node cycle, one time to live: what lies between the end of advice and the
+retreat value."""
 
 
 class TrialError(Exception):
@@ -152,8 +156,12 @@ class Stalls(threading.Thread):
 
     def __init__(self) -> None:
         super().__init__(daemon=True)
-        self._process = subprocess.Popen([sys.executable, __file__, "--probe"], stdout=subprocess.PIPE, text=True,
-                                         preexec_fn=die_with_parent)
+        self._process = subprocess.Popen(
+            [sys.executable, __file__, "--probe"],
+            stdout=subprocess.PIPE,
+            text=True,
+            preexec_fn=die_with_parent,
+        )
         self._found: list[tuple[int, float]] = []
 
     def run(self) -> None:
@@ -164,7 +172,9 @@ class Stalls(threading.Thread):
 
     def worst_ms(self, from_ns: int, to_ns: int) -> float:
         """The longest stall between two host times."""
-        return max((late for t_ns, late in list(self._found) if from_ns <= t_ns <= to_ns), default=0.0)
+        return max(
+            (late for t_ns, late in list(self._found) if from_ns <= t_ns <= to_ns), default=0.0
+        )
 
     def stop(self) -> None:
         """End the empty loop."""
@@ -189,8 +199,12 @@ class Device:
 
     def __init__(self, folder: Path, seed: int) -> None:
         shaped = prepare("bench", seed).on(channel=folder.name)
-        recorder = msgspec.structs.replace(shaped.config.recorder, directory=str(folder / "recording"))
-        self.setting = Setting(msgspec.structs.replace(shaped.config, recorder=recorder), shaped.rig, shaped.build)
+        recorder = msgspec.structs.replace(
+            shaped.config.recorder, directory=str(folder / "recording")
+        )
+        self.setting = Setting(
+            msgspec.structs.replace(shaped.config, recorder=recorder), shaped.rig, shaped.build
+        )
         self.folder = folder
         device = self.setting.config.device
         self._prefix = keys.prefix(device.site, device.rig)
@@ -205,8 +219,12 @@ class Device:
 
     def _start(self, command: str, *more: str) -> subprocess.Popen[bytes]:
         with (self.folder / f"{command}.txt").open("ab") as log:
-            return subprocess.Popen([sys.executable, "-m", "firmware_py", command, *self._options, *more],
-                                    stdout=log, stderr=log, preexec_fn=die_with_parent)
+            return subprocess.Popen(
+                [sys.executable, "-m", "firmware_py", command, *self._options, *more],
+                stdout=log,
+                stderr=log,
+                preexec_fn=die_with_parent,
+            )
 
     def pid(self, victim: str) -> int:
         """Process id of the rig, or of a child of `orbitd run`."""
@@ -239,12 +257,15 @@ class Device:
     def forget_client(self) -> None:
         """The gate went away."""
         if self.client is not None:
-            with contextlib.suppress(Exception):  # a session whose other end died may end in any way
+            with contextlib.suppress(
+                Exception
+            ):  # a session whose other end died may end in any way
                 self.client.close()
             self.client = None
 
     def ready(self, mode: str) -> None:
-        """Running, armed in ``mode`` (auto: authority held), and the node at a target that is not the retreat value.
+        """Running, armed in ``mode`` (auto: authority held), and the node at a target that is not
+        the retreat value.
 
         Raises
         ------
@@ -260,7 +281,10 @@ class Device:
                 if not missing:
                     return
             time.sleep(0.2)
-        logs = "; ".join(f"{path.name}: {path.read_text()[-200:].strip()}" for path in self.folder.glob("log/*.log"))
+        logs = "; ".join(
+            f"{path.name}: {path.read_text()[-200:].strip()}"
+            for path in self.folder.glob("log/*.log")
+        )
         raise TrialError(f"not ready within {READY_WITHIN_S:g} s: {missing} ({logs})")
 
     def _next_step(self, state: GuardState, mode: str) -> str:
@@ -272,8 +296,10 @@ class Device:
         if state.arm_state == ArmState.TRIPPED and self.client:
             self.client.ask("reset")
             return "tripped"
-        if (state.arm_state not in (ArmState.ARMED, ArmState.RECOVERY) or mode != Mode(state.mode).name.lower()) \
-                and self.client:
+        if (
+            state.arm_state not in (ArmState.ARMED, ArmState.RECOVERY)
+            or mode != Mode(state.mode).name.lower()
+        ) and self.client:
             self.client.ask("mode", mode)
             reply = self.client.ask("arm")
             if mode == "manual":
@@ -330,16 +356,32 @@ def trial(device: Device, victim: str, kind: str, stalls: Stalls) -> Trial:
     base = (coasted, back_ms, gap_ms, stall_ms)
     if victim == "rig":
         reaction = _alarm_ms(subscriber, sent_ns)
-        return Trial(victim, kind, reaction, ALARM_MS, reaction is not None and reaction <= ALARM_MS, *base)
+        return Trial(
+            victim, kind, reaction, ALARM_MS, reaction is not None and reaction <= ALARM_MS, *base
+        )
     if victim == "gate":
-        moved = [s for t_ns, s in seen.states if t_ns > sent_ns and before is not None
-                 and (s.mode != before.mode or s.session != before.session)]
+        moved = [
+            s
+            for t_ns, s in seen.states
+            if t_ns > sent_ns
+            and before is not None
+            and (s.mode != before.mode or s.session != before.session)
+        ]
         retreated = _retreat_ms(device, seen, sent_ns) is not None
         note = "the target went to the retreat value" if retreated else ""
-        return Trial(victim, kind, None, None, not moved and not retreated and not coasted, *base, note)
+        return Trial(
+            victim, kind, None, None, not moved and not retreated and not coasted, *base, note
+        )
     reaction = _retreat_ms(device, seen, sent_ns)
     bar_ms = float(_bar_ms(device, victim, kind))
-    return Trial(victim, kind, reaction, bar_ms, reaction is not None and reaction <= bar_ms and not coasted, *base)
+    return Trial(
+        victim,
+        kind,
+        reaction,
+        bar_ms,
+        reaction is not None and reaction <= bar_ms and not coasted,
+        *base,
+    )
 
 
 def _bar_ms(device: Device, victim: str, kind: str) -> int:
@@ -396,8 +438,8 @@ def _until(holds: Callable[[], bool], within_s: float) -> bool:
 def lost_events(folder: Path) -> int:
     """Events that the guard dropped because they were said to be on disk, and that are not there.
 
-    An acknowledgement covers everything up to its number, and the guard numbers without gaps: within one run of the
-    guard every number up to the last one found must be there.
+    An acknowledgement covers everything up to its number, and the guard numbers without gaps:
+    within one run of the guard every number up to the last one found must be there.
     """
     found: set[tuple[int, int]] = set()
     for path in sorted(folder.glob("*.mcap")):
@@ -419,7 +461,8 @@ def lost_events(folder: Path) -> int:
 
 
 def missing(done: list[Trial], repeats: int) -> Iterator[tuple[str, str, int]]:
-    """Cells of the table and how many trials each still needs, at most :data:`TRIALS_PER_DEVICE` at a time."""
+    """Cells of the table and how many trials each still needs, at most :data:`TRIALS_PER_DEVICE` at
+    a time."""
     count = Counter((t.victim, t.signal) for t in done)
     for victim in VICTIMS:
         for kind in SIGNALS:
@@ -431,8 +474,20 @@ def missing(done: list[Trial], repeats: int) -> Iterator[tuple[str, str, int]]:
 
 def table(done: list[Trial], lost: int) -> str:
     """Victim and signal against reaction, time and bar."""
-    head = ("victim", "signal", "n", "reaction", "median ms", "worst ms", "bar ms", "in bar", "coasted", "back ms",
-            "permit gap ms", "host stall ms")
+    head = (
+        "victim",
+        "signal",
+        "n",
+        "reaction",
+        "median ms",
+        "worst ms",
+        "bar ms",
+        "in bar",
+        "coasted",
+        "back ms",
+        "permit gap ms",
+        "host stall ms",
+    )
     rows = [head]
     for victim in VICTIMS:
         for kind in SIGNALS:
@@ -440,7 +495,10 @@ def table(done: list[Trial], lost: int) -> str:
             if cell:
                 rows.append(_row(victim, kind, cell))
     widths = [max(len(row[i]) for row in rows) for i in range(len(head))]
-    lines = ["  ".join(word.ljust(width) for word, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+    lines = [
+        "  ".join(word.ljust(width) for word, width in zip(row, widths, strict=True)).rstrip()
+        for row in rows
+    ]
     return "\n".join([*lines, f"lost acknowledged events: {lost}"])
 
 
@@ -449,10 +507,20 @@ def _row(victim: str, kind: str, cell: list[Trial]) -> tuple[str, ...]:
     times = sorted(t.reaction_ms for t in cell if t.reaction_ms is not None)
     back = [t.back_ms for t in cell if t.back_ms is not None]
     gaps = [t.permit_gap_ms for t in cell if t.permit_gap_ms is not None]
-    return (victim, kind, str(len(cell)), what, _shown(times[len(times) // 2] if times else None),
-            _shown(times[-1] if times else None), _shown(cell[0].bar_ms), f"{sum(t.ok for t in cell)}/{len(cell)}",
-            str(sum(t.coasted for t in cell)), _shown(max(back, default=None)), _shown(max(gaps, default=None)),
-            _shown(max(t.host_stall_ms for t in cell)))
+    return (
+        victim,
+        kind,
+        str(len(cell)),
+        what,
+        _shown(times[len(times) // 2] if times else None),
+        _shown(times[-1] if times else None),
+        _shown(cell[0].bar_ms),
+        f"{sum(t.ok for t in cell)}/{len(cell)}",
+        str(sum(t.coasted for t in cell)),
+        _shown(max(back, default=None)),
+        _shown(max(gaps, default=None)),
+        _shown(max(t.host_stall_ms for t in cell)),
+    )
 
 
 def _shown(value: float | None) -> str:
@@ -473,16 +541,28 @@ def read(path: Path) -> tuple[list[Trial], int]:
 
 
 def main(argv: list[str]) -> int:
-    """Run what is missing; 0 when every trial was within its bar and no acknowledged event was lost."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--repeats", type=int, default=30, help="trials of each victim and signal (default 30)")
-    parser.add_argument("--out", type=Path, default=Path("kills.jsonl"), help="results; an existing file is continued")
+    """Run what is missing; 0 when every trial was within its bar and no acknowledged event was
+    lost."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--repeats", type=int, default=30, help="trials of each victim and signal (default 30)"
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        default=Path("kills.jsonl"),
+        help="results; an existing file is continued",
+    )
     parser.add_argument("--victim", choices=VICTIMS, help="this one alone")
     parser.add_argument("--probe", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args(argv)
     if options.probe:
         probe()
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # told to stop, it ends what it started
+    signal.signal(
+        signal.SIGTERM, signal.default_int_handler
+    )  # told to stop, it ends what it started
     stalls = Stalls()
     stalls.start()
     try:
@@ -492,7 +572,9 @@ def main(argv: list[str]) -> int:
                 continue
             try:
                 _batch(victim, kind, count, stalls, options.out, seed=1 + len(read(options.out)[0]))
-            except TrialError as error:  # the next batch has a fresh device; the same command makes up for this one
+            except (
+                TrialError
+            ) as error:  # the next batch has a fresh device; the same command makes up for this one
                 given_up += 1
                 print(f"{victim} {kind}: {error}", flush=True)
     finally:
@@ -503,7 +585,8 @@ def main(argv: list[str]) -> int:
 
 
 def _batch(victim: str, kind: str, count: int, stalls: Stalls, out: Path, seed: int) -> None:
-    """Some trials on one fresh device, each written down at once, and how many acknowledged events it lost."""
+    """Some trials on one fresh device, each written down at once, and how many acknowledged events
+    it lost."""
     with tempfile.TemporaryDirectory(prefix="orbitd-kill-") as name, out.open("a") as results:
         os.environ["ORBITD_BUS_DIR"] = f"{name}/bus"
         device = Device(Path(name), seed)

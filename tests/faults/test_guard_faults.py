@@ -38,7 +38,10 @@ def commands(b: Bench, seconds: float) -> list[Command]:
     [
         (lambda f: RawFrame(f.arrival_ns, f.frame_id, f.data[:-1]), "reject_length"),
         (lambda f: RawFrame(f.arrival_ns, f.frame_id, b""), "reject_length"),
-        (lambda f: RawFrame(f.arrival_ns, f.frame_id, f.data[:-1] + bytes([f.data[-1] ^ 0x10])), "reject_crc"),
+        (
+            lambda f: RawFrame(f.arrival_ns, f.frame_id, f.data[:-1] + bytes([f.data[-1] ^ 0x10])),
+            "reject_crc",
+        ),
         (lambda f: RawFrame(f.arrival_ns, 0x0B0, f.data), "reject_length"),
         (lambda f: RawFrame(f.arrival_ns, 0x7FF, f.data), "reject_unknown_id"),
         (lambda f: f, "reject_repeated"),
@@ -48,7 +51,9 @@ def test_a_bad_frame_beside_the_good_ones_is_counted_and_changes_nothing(
     damage: Callable[[RawFrame], RawFrame], counter: str
 ) -> None:
     b = working()
-    b.tamper = lambda frames: [each for f in frames for each in ([f, damage(f)] if f.frame_id == SAMPLES else [f])]
+    b.tamper = lambda frames: [
+        each for f in frames for each in ([f, damage(f)] if f.frame_id == SAMPLES else [f])
+    ]
     b.run(0.2)
     found = state(b)
     assert found.counters[counter] > 300
@@ -68,7 +73,9 @@ def test_a_late_frame_is_dropped_and_counted() -> None:
 
 def test_a_forged_far_counter_does_not_blind_the_guard() -> None:
     b = working()
-    sample = next(f for f in reversed(b.cycles[-1].frames + b.cycles[-2].frames) if f.frame_id == SAMPLES)
+    sample = next(
+        f for f in reversed(b.cycles[-1].frames + b.cycles[-2].frames) if f.frame_id == SAMPLES
+    )
     message = CODEC.decode(sample)
     assert isinstance(message, SampleFrame)
     forged = SampleFrame(

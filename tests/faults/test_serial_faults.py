@@ -1,4 +1,5 @@
-"""What a bad serial line does to the records: counted losses, never a wrong record, never an exception."""
+"""What a bad serial line does to the records: counted losses, never a wrong record, never an
+exception."""
 
 from __future__ import annotations
 
@@ -42,7 +43,7 @@ class Line:
         heard: list[WireMessage | Rejected] = []
         for part in parts:
             for start in range(0, len(part), 2048):
-                os.write(self.master, part[start:start + 2048])
+                os.write(self.master, part[start : start + 2048])
                 heard += [CODEC.decode(frame) for frame in self.link.receive(now_ns)]
         return heard
 
@@ -99,7 +100,7 @@ def test_flipped_bits_cost_the_packets_they_hit_only(line: Line) -> None:
 def test_lost_bytes_cost_the_packets_they_hit_only(line: Line) -> None:
     parts = packets(0, 100)
     for number in range(5, 90, 7):
-        parts[number] = parts[number][:20] + parts[number][21 + number % 30:]
+        parts[number] = parts[number][:20] + parts[number][21 + number % 30 :]
     survivors = [sample(n) for n in range(100) if n not in range(5, 90, 7)]
     assert line.say(b"".join(parts)) == survivors
 

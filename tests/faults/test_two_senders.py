@@ -1,15 +1,30 @@
-"""Two nodes, or a node and a recording, on one bus: named, distrusted, and over soon after the second one ends."""
+"""Two nodes, or a node and a recording, on one bus: named, distrusted, and over soon after the
+second one ends."""
 
 import msgspec
 import pytest
 
-from firmware_py.records import ArmState, GuardState, NodeInfo, NodeState, Quality, RawFrame, RigStatus, SampleFrame
+from firmware_py.records import (
+    ArmState,
+    GuardState,
+    NodeInfo,
+    NodeState,
+    Quality,
+    RawFrame,
+    RigStatus,
+    SampleFrame,
+)
 from firmware_py.wire.codec import CanCodec
 
 from ..guard.scripted_node import Bench, working
 
 CODEC = CanCodec()
-NAMES = {SampleFrame: "SAMPLES", RigStatus: "RIG_STATUS", NodeState: "NODE_STATE", NodeInfo: "NODE_INFO"}
+NAMES = {
+    SampleFrame: "SAMPLES",
+    RigStatus: "RIG_STATUS",
+    NodeState: "NODE_STATE",
+    NodeInfo: "NODE_INFO",
+}
 
 
 def state(b: Bench) -> GuardState:
@@ -24,7 +39,9 @@ def forging(b: Bench, kind: type, ahead: int, **changed: object) -> None:
         for frame in frames:
             message = CODEC.decode(frame)
             if type(message) is kind:
-                forged = msgspec.structs.replace(message, counter=(message.counter + ahead) & 0xFFFF, **changed)
+                forged = msgspec.structs.replace(
+                    message, counter=(message.counter + ahead) & 0xFFFF, **changed
+                )
                 out.append(CODEC.encode(forged, frame.arrival_ns))
             out.append(frame)
         return out
@@ -32,12 +49,15 @@ def forging(b: Bench, kind: type, ahead: int, **changed: object) -> None:
     b.tamper = both
 
 
-@pytest.mark.parametrize(("kind", "changed", "within_s"), [
-    (SampleFrame, {"samples": bytes(48)}, 0.1),
-    (RigStatus, {"oil_outlet_C": 38.0}, 0.5),
-    (NodeState, {"refused_range": 1}, 0.5),
-    (NodeInfo, {"rate_um_s": 80.0}, 6.0),
-])
+@pytest.mark.parametrize(
+    ("kind", "changed", "within_s"),
+    [
+        (SampleFrame, {"samples": bytes(48)}, 0.1),
+        (RigStatus, {"oil_outlet_C": 38.0}, 0.5),
+        (NodeState, {"refused_range": 1}, 0.5),
+        (NodeInfo, {"rate_um_s": 80.0}, 6.0),
+    ],
+)
 @pytest.mark.parametrize("ahead", [0, 1, 30, 1000, 40_000])
 def test_two_senders_are_an_alarm_and_cost_authority_until_one_ends(
     kind: type, changed: dict[str, object], within_s: float, ahead: int
@@ -56,7 +76,9 @@ def test_two_senders_are_an_alarm_and_cost_authority_until_one_ends(
     found = state(b)
     assert "two_senders" not in [a.name for a in found.alarms]
     assert "two_senders_ended" in b.names()
-    b.run(32.0 if kind is SampleFrame and ahead == 0 else 6.0)  # the zeros among the samples are a bad contact
+    b.run(
+        32.0 if kind is SampleFrame and ahead == 0 else 6.0
+    )  # the zeros among the samples are a bad contact
     assert state(b).arm_state == ArmState.ARMED
     assert state(b).authority
 

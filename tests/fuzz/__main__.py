@@ -1,4 +1,5 @@
-"""``python -m tests.fuzz [TARGET ...]``: the long form of each fuzz target; told where it stands, it goes on there.
+"""``python -m tests.fuzz [TARGET ...]``: the long form of each fuzz target; told where it stands,
+it goes on there.
 
 Exit code 1 when anything fails.  A target is a row of :data:`TARGETS`.
 """
@@ -19,7 +20,8 @@ from .targets import INPUTS
 
 
 class Target(NamedTuple):
-    """``module:function`` of ``run(seed, n, folder, first) -> Outcome``; cases in all, in one step, and words.
+    """``module:function`` of ``run(seed, n, folder, first) -> Outcome``; cases in all, in one step,
+    and words.
 
     Further parts after ``function`` are handed to it first.
     """
@@ -31,17 +33,29 @@ class Target(NamedTuple):
 
 
 TARGETS: Final = {
-    "configurations": Target("configurations:run", 3000, 50, "configurations built in process (3 minutes)"),
-    "starts": Target("configurations:run_started", 100, 5, "configurations started as processes (8 minutes)"),
-    "recordings": Target("damaged_recordings:run", 20_000, 500, "damaged recordings read (8 minutes)"),
-} | {each.name: Target(f"inputs:run:{each.name}", each.cases, each.cases // 100, each.words) for each in INPUTS}
+    "configurations": Target(
+        "configurations:run", 3000, 50, "configurations built in process (3 minutes)"
+    ),
+    "starts": Target(
+        "configurations:run_started", 100, 5, "configurations started as processes (8 minutes)"
+    ),
+    "recordings": Target(
+        "damaged_recordings:run", 20_000, 500, "damaged recordings read (8 minutes)"
+    ),
+} | {
+    each.name: Target(f"inputs:run:{each.name}", each.cases, each.cases // 100, each.words)
+    for each in INPUTS
+}
 
 
 def main() -> int:
     """Run the named targets, all without a name."""
     parser = argparse.ArgumentParser(prog="python -m tests.fuzz", description=__doc__)
     parser.add_argument(
-        "targets", nargs="*", metavar="TARGET", help="; ".join(f"{k}: {t.words}" for k, t in TARGETS.items())
+        "targets",
+        nargs="*",
+        metavar="TARGET",
+        help="; ".join(f"{k}: {t.words}" for k, t in TARGETS.items()),
     )
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--cases", type=int, help="instead of the target's own number")
@@ -57,13 +71,17 @@ def main() -> int:
     for name in options.targets or TARGETS:
         target = TARGETS[name]
         cases = options.cases or target.cases
-        done = state.setdefault(f"{name} {options.seed}", {"next": 0, "good": 0, "failures": [], "seconds": 0.0})
+        done = state.setdefault(
+            f"{name} {options.seed}", {"next": 0, "good": 0, "failures": [], "seconds": 0.0}
+        )
         while done["next"] < cases:
             began = time.monotonic()
             with tempfile.TemporaryDirectory(prefix="orbitd-fuzz-") as folder:
                 n = min(target.step, cases - done["next"])
                 module, function, *first = target.function.split(":")
-                run = partial(getattr(importlib.import_module(f".{module}", __package__), function), *first)
+                run = partial(
+                    getattr(importlib.import_module(f".{module}", __package__), function), *first
+                )
                 outcome = run(options.seed, n, Path(folder), done["next"])
             done["next"] += n
             done["good"] += outcome.good

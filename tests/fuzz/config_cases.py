@@ -1,4 +1,5 @@
-"""Files that might be configurations: other machines, values nobody writes on purpose, torn bytes."""
+"""Files that might be configurations: other machines, values nobody writes on purpose, torn
+bytes."""
 
 from __future__ import annotations
 
@@ -157,7 +158,11 @@ def _scale(rng: random.Random, table: dict[str, Any]) -> None:
             "speed_min_rpm": (0, 1),
             "speed_max_rpm": (0, 1),
         },
-        "rotor": {"effective_mass_at_bearing_kg": (4, -1), "unbalance_normal_kg_m": (4, -1), "windage_W_s3": (4, -1)},
+        "rotor": {
+            "effective_mass_at_bearing_kg": (4, -1),
+            "unbalance_normal_kg_m": (4, -1),
+            "windage_W_s3": (4, -1),
+        },
     }
     for section, keys in powers.items():
         for key, (with_size, with_speed) in keys.items():
@@ -166,7 +171,9 @@ def _scale(rng: random.Random, table: dict[str, Any]) -> None:
     if rng.random() < 0.3:
         angle = rng.uniform(-360.0, 360.0)
         for channel, apart in zip(table["channel"], (0.0, rng.uniform(30.0, 150.0)), strict=False):
-            channel["angle_deg"] = angle + apart if -360.0 <= angle + apart <= 360.0 else angle - apart
+            channel["angle_deg"] = (
+                angle + apart if -360.0 <= angle + apart <= 360.0 else angle - apart
+            )
 
 
 def _spoil(rng: random.Random, table: dict[str, Any]) -> None:
@@ -186,9 +193,19 @@ def _spoil(rng: random.Random, table: dict[str, Any]) -> None:
             place[name] = rng.choice(OTHERS)
         elif low is not None and high is not None:
             inside = low + (high - low) * rng.random() ** rng.choice((1, 4, 20))
-            ends = (low, high, math.nextafter(low, -1e9), math.nextafter(high, 1e99), inside, inside, inside)
+            ends = (
+                low,
+                high,
+                math.nextafter(low, -1e9),
+                math.nextafter(high, 1e99),
+                inside,
+                inside,
+                inside,
+            )
             value = rng.choice((*NUMBERS, *ends))
-            integer = isinstance(kind, inspect.IntType) and math.isfinite(value) and rng.random() < 0.8
+            integer = (
+                isinstance(kind, inspect.IntType) and math.isfinite(value) and rng.random() < 0.8
+            )
             place[name] = int(value) if integer else value
         elif isinstance(kind, inspect.ListType):
             place[name] = [rng.choice((*TEXTS, *OTHERS)) for _ in range(rng.choice((0, 1, 2, 40)))]
@@ -215,7 +232,9 @@ def _spoil_tables(rng: random.Random, table: dict[str, Any]) -> None:
             table["unknown"] = {"deep": {"deeper": [1, {"x": 2}]}}
 
 
-def _places(rng: random.Random, table: dict[str, Any], key: str) -> list[tuple[dict[str, Any], str]]:
+def _places(
+    rng: random.Random, table: dict[str, Any], key: str
+) -> list[tuple[dict[str, Any], str]]:
     """Where ``key`` stands: of a list in one entry; nowhere when the table is no table any more."""
     *path, name = key.split(".")
     here: Any = table
@@ -230,7 +249,19 @@ def _tear(rng: random.Random, data: bytes) -> bytes:
     """The file after a bad editor, copy or disk."""
     at, to = sorted(rng.randrange(len(data) + 1) for _ in range(2))
     junk = rng.choice(
-        (b"\0" * 64, rng.randbytes(8), b"\xef\xbb\xbf", b"[", b"]]", b'"""', b"'", b"=", b"#", b"\r", b"\n")
+        (
+            b"\0" * 64,
+            rng.randbytes(8),
+            b"\xef\xbb\xbf",
+            b"[",
+            b"]]",
+            b'"""',
+            b"'",
+            b"=",
+            b"#",
+            b"\r",
+            b"\n",
+        )
     )
     made: tuple[Callable[[], bytes], ...] = (
         lambda: data[:at], lambda: data[:at] + data[to:], lambda: data[:at] + junk + data[at:], lambda: data + data,
@@ -248,7 +279,11 @@ def to_toml(table: dict[str, Any]) -> str:
         if _headed(value):
             for entry in value if isinstance(value, list) else [value]:
                 head = f"[[{_key(name)}]]" if isinstance(value, list) else f"[{_key(name)}]"
-                rows += ["", head, *(f"{_key(inner)} = {_toml(each)}" for inner, each in entry.items())]
+                rows += [
+                    "",
+                    head,
+                    *(f"{_key(inner)} = {_toml(each)}" for inner, each in entry.items()),
+                ]
     return "\n".join(rows) + "\n"
 
 
@@ -259,11 +294,19 @@ def _headed(value: object) -> bool:
 
 
 def _key(name: str) -> str:
-    return name if name.isascii() and name.replace("_", "a").replace("-", "a").isalnum() else _quoted(name)
+    return (
+        name
+        if name.isascii() and name.replace("_", "a").replace("-", "a").isalnum()
+        else _quoted(name)
+    )
 
 
 def _quoted(text: str) -> str:
-    return json.dumps(text, ensure_ascii=True) if text.isprintable() or text.isascii() else json.dumps(text)
+    return (
+        json.dumps(text, ensure_ascii=True)
+        if text.isprintable() or text.isascii()
+        else json.dumps(text)
+    )
 
 
 def _toml(value: Any) -> str:
@@ -272,7 +315,9 @@ def _toml(value: Any) -> str:
     if isinstance(value, str):
         return _quoted(value)
     if isinstance(value, dict):
-        return "{" + ", ".join(f"{_key(name)} = {_toml(each)}" for name, each in value.items()) + "}"
+        return (
+            "{" + ", ".join(f"{_key(name)} = {_toml(each)}" for name, each in value.items()) + "}"
+        )
     if isinstance(value, list):
         return "[" + ", ".join(map(_toml, value)) + "]"
     return value.isoformat() if isinstance(value, datetime.date | datetime.time) else repr(value)

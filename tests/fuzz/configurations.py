@@ -1,9 +1,10 @@
-"""Random configurations: what is called good is built and runs, what is refused is refused with every fault named.
+"""Random configurations: what is called good is built and runs, what is refused is refused with
+every fault named.
 
-Case ``i`` of a seed is always the same.  :func:`run` judges in process: within :data:`SECONDS_MAX`, no exception
-but :class:`~firmware_py.config.ConfigError`, each fault with a file, a cause and a next step; a good one is built as
-``orbitd check`` does, and guard and brain of every tenth run :data:`RUN_S` of scripted frames.  :func:`run_started`
-starts the real processes.
+Case ``i`` of a seed is always the same.  :func:`run` judges in process: within :data:`SECONDS_MAX`,
+no exception but :class:`~firmware_py.config.ConfigError`, each fault with a file, a cause and a
+next step; a good one is built as ``orbitd check`` does, and guard and brain of every tenth run
+:data:`RUN_S` of scripted frames.  :func:`run_started` starts the real processes.
 """
 
 from __future__ import annotations
@@ -42,7 +43,8 @@ ROLES: Final = ("guard", "brain", "gate")
 
 
 def judge(data: bytes, folder: Path, *, drive: bool) -> tuple[bool, str]:
-    """Whether the configuration is called good, and what is wrong with that; empty when nothing is."""
+    """Whether the configuration is called good, and what is wrong with that; empty when nothing
+    is."""
     path = folder / "fuzz.toml"
     path.write_bytes(data)
     began = time.process_time()
@@ -100,10 +102,13 @@ _LOADED: dict[tuple[Any, ...], Models] = {}
 
 
 def run_device(config: Config) -> None:
-    """The guard on scripted frames at a declared speed, armed, and the brain on what the guard says."""
+    """The guard on scripted frames at a declared speed, armed, and the brain on what the guard
+    says."""
     with np.errstate(all="ignore"):
         bench = Bench(config)
-        bench.node.speed_rpm = 0.5 * (config.operating.speed_min_rpm + config.operating.speed_max_rpm)
+        bench.node.speed_rpm = 0.5 * (
+            config.operating.speed_min_rpm + config.operating.speed_max_rpm
+        )
         bench.node.oil_C = config.oil.inlet_max_C
         brain = BrainCore(config, _models(config))
         for step in range(round(RUN_S * 1000)):
@@ -197,6 +202,19 @@ def _called_good(path: Path, folder: Path) -> bool | None:
     return None if building.surroundings(config, folder, {"STATE_DIRECTORY": str(folder)}) else True
 
 
-def _process(role: str, path: Path, folder: Path, environment: dict[str, str]) -> subprocess.Popen[bytes]:
-    command = [sys.executable, "-m", "firmware_py", role, "--config", str(path), "--runtime-dir", str(folder)]
-    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, env=environment)
+def _process(
+    role: str, path: Path, folder: Path, environment: dict[str, str]
+) -> subprocess.Popen[bytes]:
+    command = [
+        sys.executable,
+        "-m",
+        "firmware_py",
+        role,
+        "--config",
+        str(path),
+        "--runtime-dir",
+        str(folder),
+    ]
+    return subprocess.Popen(
+        command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, env=environment
+    )

@@ -1,4 +1,5 @@
-"""Fuzz target: recordings with random damage. Reading and replay end, believe nothing that is not whole, and go on."""
+"""Fuzz target: recordings with random damage. Reading and replay end, believe nothing that is not
+whole, and go on."""
 
 from __future__ import annotations
 
@@ -82,7 +83,18 @@ def _append(rng: random.Random, data: bytes) -> bytes:
     return data + rng.choice((bytes(5000), rng.randbytes(5000), data, data[: len(data) // 2]))
 
 
-DAMAGES: tuple[Damage, ...] = (_flip, _zeros, _junk, _cut, _cut_zeros, _hole, _insert, _repeat, _length, _append)
+DAMAGES: tuple[Damage, ...] = (
+    _flip,
+    _zeros,
+    _junk,
+    _cut,
+    _cut_zeros,
+    _hole,
+    _insert,
+    _repeat,
+    _length,
+    _append,
+)
 
 
 @functools.cache
@@ -100,13 +112,22 @@ def _whole() -> tuple[bytes, dict[int, CycleRecord]]:
 
 def _cycle(seq: int, rng: random.Random) -> CycleRecord:
     frame = RawFrame(arrival_ns=seq * 1_000_000, frame_id=0xC0, data=rng.randbytes(64))
-    cycle = Cycle(seq=seq, now_ns=seq * 1_000_000, frames=[frame], advice=None, commands=[], brain_connected=True,
-                  gate_connected=True, link_up=True)
+    cycle = Cycle(
+        seq=seq,
+        now_ns=seq * 1_000_000,
+        frames=[frame],
+        advice=None,
+        commands=[],
+        brain_connected=True,
+        gate_connected=True,
+        link_up=True,
+    )
     return CycleRecord(cycle=cycle, frames_out=[], events=[])
 
 
 def run(seed: int, n: int, folder: Path, first: int = 0) -> Outcome:
-    """Damage a recording in ``n`` ways, from number ``first`` on; good is what could still be read."""
+    """Damage a recording in ``n`` ways, from number ``first`` on; good is what could still be
+    read."""
     outcome = Outcome()
     whole, every = _whole()
     path = folder / "x.mcap"
@@ -118,7 +139,9 @@ def run(seed: int, n: int, folder: Path, first: int = 0) -> Outcome:
             names.append(damage.__name__.strip("_"))
         path.write_bytes(data)
         good, wrong = _read(path, every)
-        outcome.add(f"seed {seed}, number {number}, {'+'.join(names)}", good, [wrong] if wrong else [])
+        outcome.add(
+            f"seed {seed}, number {number}, {'+'.join(names)}", good, [wrong] if wrong else []
+        )
     return outcome
 
 

@@ -1,6 +1,7 @@
 """Any bytes on any input: no exception leaves the code that reads them, and nothing takes long.
 
-Each payload has a seed of its own, so that a failure is one command: ``python -m tests.fuzz NAME`` with ``--seed``.
+Each payload has a seed of its own, so that a failure is one command: ``python -m tests.fuzz NAME``
+with ``--seed``.
 """
 
 from __future__ import annotations

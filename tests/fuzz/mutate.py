@@ -1,13 +1,32 @@
-"""Bytes from a seed: valid examples, damaged in the ways that wires, disks and people damage them."""
+"""Bytes from a seed: valid examples, damaged in the ways that wires, disks and people damage
+them."""
 
 from __future__ import annotations
 
 import random
 from collections.abc import Sequence
 
-SPECIAL = (b"\xff", b"\x00", b"\xfd", b"\xc1", b"\xdd\xff\xff\xff\xff", b"\xef\xbb\xbf", b'"', b"{", b"[" * 2000,
-           b"nan", b"1e999", b"-1", b"9" * 400, b"\\ud800", b"*", b";", b"\r\n\r\n", b"%00",
-           "\u0000\u202e\U0001f600".encode())
+SPECIAL = (
+    b"\xff",
+    b"\x00",
+    b"\xfd",
+    b"\xc1",
+    b"\xdd\xff\xff\xff\xff",
+    b"\xef\xbb\xbf",
+    b'"',
+    b"{",
+    b"[" * 2000,
+    b"nan",
+    b"1e999",
+    b"-1",
+    b"9" * 400,
+    b"\\ud800",
+    b"*",
+    b";",
+    b"\r\n\r\n",
+    b"%00",
+    "\u0000\u202e\U0001f600".encode(),
+)
 
 
 def mutated(corpus: Sequence[bytes], seed: int) -> bytes:
@@ -33,5 +52,5 @@ def mutated(corpus: Sequence[bytes], seed: int) -> bytes:
                 data[place:place] = noise.randbytes(noise.randrange(1, 9))
             case _:
                 other = noise.choice(corpus)
-                data[place:] = other[noise.randrange(len(other) + 1):]
+                data[place:] = other[noise.randrange(len(other) + 1) :]
     return bytes(data)

@@ -1,7 +1,7 @@
 """What is fuzzed: one :class:`Input` for each input of the device.  Add yours to :data:`INPUTS`.
 
-An input builds a feeder once; the feeder takes any bytes and must neither raise nor take long.  Its corpus holds valid
-examples, which :mod:`.mutate` damages.
+An input builds a feeder once; the feeder takes any bytes and must neither raise nor take long.  Its
+corpus holds valid examples, which :mod:`.mutate` damages.
 """
 
 from __future__ import annotations
@@ -68,7 +68,8 @@ Feeder = Callable[[bytes], object]
 
 @dataclass(frozen=True)
 class Input:
-    """One input: what builds its reader and valid examples, how many payloads the long form gives it, and words."""
+    """One input: what builds its reader and valid examples, how many payloads the long form gives
+    it, and words."""
 
     name: str
     build: Callable[[], tuple[Feeder, Sequence[bytes]]]
@@ -77,7 +78,8 @@ class Input:
 
 
 def can_frames() -> tuple[Feeder, Sequence[bytes]]:
-    """CAN frames into the guard's core: four bytes of identifier, then the data; a millisecond passes with each."""
+    """CAN frames into the guard's core: four bytes of identifier, then the data; a millisecond
+    passes with each."""
     from ..guard.scripted_node import ScriptedNode, bench
 
     config = bench()
@@ -92,7 +94,9 @@ def can_frames() -> tuple[Feeder, Sequence[bytes]]:
         core.step(Cycle(clock.seq, now_ns, [frame], None, [], True, True, True))
 
     of_each = {frame.frame_id: frame for frame in valid}.values()
-    return feed, [frame.frame_id.to_bytes(4, "big") + frame.data for frame in (*of_each, *valid[:20])]
+    return feed, [
+        frame.frame_id.to_bytes(4, "big") + frame.data for frame in (*of_each, *valid[:20])
+    ]
 
 
 def mavlink_packets() -> tuple[Feeder, Sequence[bytes]]:
@@ -112,12 +116,37 @@ def room_packets() -> tuple[Feeder, Sequence[bytes]]:
     config = load(SHIPPED / "bench.toml")[0]
     view, station = View(config), GroundStation(9, config, lambda *_: None)
     station.close()  # its sends fail silently, as with nobody there
-    state = GuardState(1, 1, 2, 3, True, ["x"], 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, (1.0, 1.0), True, False, True,
-                       [Alarm("a", 1, 0, 1.0, 1.0, False)], {"n": 1})
+    state = GuardState(
+        1,
+        1,
+        2,
+        3,
+        True,
+        ["x"],
+        1.0,
+        1.0,
+        1.0,
+        1.0,
+        1.0,
+        1.0,
+        1.0,
+        (1.0, 1.0),
+        True,
+        False,
+        True,
+        [Alarm("a", 1, 0, 1.0, 1.0, False)],
+        {"n": 1},
+    )
     records = [
-        state, Event(1, 1, 2, "n", "t"), CommandReply(1, True, ["r"]), CommandRequest(1, "mode", mode=1), EventAck(1),
-        Hello("brain", 1), Block(1, 0, 200_000, 0, 200, 0, 255, 1.0, 1, [3], bytes(480)),
-        Advice(1, 1, 1, 1, 60.0, None, True, ["x"], None), CommissionState(1, 1, "gathering", "t"),
+        state,
+        Event(1, 1, 2, "n", "t"),
+        CommandReply(1, True, ["r"]),
+        CommandRequest(1, "mode", mode=1),
+        EventAck(1),
+        Hello("brain", 1),
+        Block(1, 0, 200_000, 0, 200, 0, 255, 1.0, 1, [3], bytes(480)),
+        Advice(1, 1, 1, 1, 60.0, None, True, ["x"], None),
+        CommissionState(1, 1, "gathering", "t"),
         Diagnosis(1, 1, 0, "v", 0.5, {"a": 0.1}, {"a": 0.1}, False, False, {"a": 0.1}, "m"),
         RigReading(1, 1, 0, RigStatus(1, 2, 60.0, 40.0, 60.0, 1.0), NODE),
     ]
@@ -134,10 +163,25 @@ def room_packets() -> tuple[Feeder, Sequence[bytes]]:
             keys.event(record.severity)
             station.tell(record)
         shown = DeviceState(
-            site="s", rig="r", instance="i", version=__version__, now_ns=clock.now_ns, unix_ns=0,
-            rooms=view.rooms(clock.now_ns), guard=view.guard, reading=view.reading, diagnosis=view.diagnosis,
-            forecast=view.forecast, advice=view.advice, brain=view.brain, commission=view.commission, normal="",
-            alarms=view.alarms(clock.now_ns), recording="", counters={})
+            site="s",
+            rig="r",
+            instance="i",
+            version=__version__,
+            now_ns=clock.now_ns,
+            unix_ns=0,
+            rooms=view.rooms(clock.now_ns),
+            guard=view.guard,
+            reading=view.reading,
+            diagnosis=view.diagnosis,
+            forecast=view.forecast,
+            advice=view.advice,
+            brain=view.brain,
+            commission=view.commission,
+            normal="",
+            alarms=view.alarms(clock.now_ns),
+            recording="",
+            counters={},
+        )
         msgspec.json.encode(shown)
         render(shown, view.features)
         _lines(shown)
@@ -162,8 +206,14 @@ def zenoh_payloads() -> tuple[Feeder, Sequence[bytes]]:
         assert all(len(reason) < 1000 for reply in replies for reason in reply.reasons)
         since(data.decode("utf-8", "replace"))
 
-    return feed, [b'{"id": "a"}', b'{"id": "b", "value": 60.0}', b'{"id": "c", "value": "auto"}',
-                  b'{"id": "d", "value": {"start_s": 3, "end_s": 5, "speed_rpm": 9000, "load_N": 60}}', b"-17", b"3"]
+    return feed, [
+        b'{"id": "a"}',
+        b'{"id": "b", "value": 60.0}',
+        b'{"id": "c", "value": "auto"}',
+        b'{"id": "d", "value": {"start_s": 3, "end_s": 5, "speed_rpm": 9000, "load_N": 60}}',
+        b"-17",
+        b"3",
+    ]
 
 
 def http_requests() -> tuple[Feeder, Sequence[bytes]]:
@@ -175,8 +225,11 @@ def http_requests() -> tuple[Feeder, Sequence[bytes]]:
         assert isinstance(status, HTTPStatus)
         assert bytes(answer[:9]) == b"HTTP/1.1 "
 
-    return feed, [b"GET / HTTP/1.1\r\nHost: x\r\n\r\n", b"HEAD /metrics?a=b HTTP/1.0\r\n\r\n",
-                  b"POST / HTTP/1.1\r\n\r\n"]
+    return feed, [
+        b"GET / HTTP/1.1\r\nHost: x\r\n\r\n",
+        b"HEAD /metrics?a=b HTTP/1.0\r\n\r\n",
+        b"POST / HTTP/1.1\r\n\r\n",
+    ]
 
 
 def hub_packets() -> tuple[Feeder, Sequence[bytes]]:
@@ -199,7 +252,13 @@ def hub_packets() -> tuple[Feeder, Sequence[bytes]]:
         return end
 
     node = OrbitdHubBus.__new__(OrbitdHubBus)
-    node._socket, node._buffer, node._filters, node.lost, node._own = joined(), bytearray(hub.MAX_PACKET), None, 0, 0
+    node._socket, node._buffer, node._filters, node.lost, node._own = (
+        joined(),
+        bytearray(hub.MAX_PACKET),
+        None,
+        0,
+        0,
+    )
     node._is_shutdown = True
     link = CanLink(lambda wait_s: node)
 
@@ -234,7 +293,8 @@ def ground_station() -> tuple[Feeder, Sequence[bytes]]:
         station._waiting.clear()
 
     messages: list[Any] = [
-        maker.param_request_list_encode(1, 1), maker.param_request_read_encode(1, 1, b"RATE_HZ", -1),
+        maker.param_request_list_encode(1, 1),
+        maker.param_request_read_encode(1, 1, b"RATE_HZ", -1),
         maker.param_set_encode(1, 1, b"FILM_MIN_UM", 1.0, 9),
         maker.command_long_encode(1, 1, mav.MAV_CMD_COMPONENT_ARM_DISARM, 0, 1, 0, 0, 0, 0, 0, 0),
         maker.command_long_encode(1, 1, mav.MAV_CMD_DO_SET_MODE, 0, 1, 2, 0, 0, 0, 0, 0),
@@ -242,7 +302,9 @@ def ground_station() -> tuple[Feeder, Sequence[bytes]]:
     return feed, [bytes(message.pack(maker)) for message in messages]
 
 
-def _file(name: str, read: Callable[[Path], object], corpus: Sequence[bytes]) -> tuple[Feeder, Sequence[bytes]]:
+def _file(
+    name: str, read: Callable[[Path], object], corpus: Sequence[bytes]
+) -> tuple[Feeder, Sequence[bytes]]:
     """A file that a process reads at its start."""
     folder = tempfile.TemporaryDirectory()
     path = Path(folder.name) / name
@@ -256,7 +318,11 @@ def _file(name: str, read: Callable[[Path], object], corpus: Sequence[bytes]) ->
 
 def normal_file() -> tuple[Feeder, Sequence[bytes]]:
     """The stored normal state."""
-    return _file("normal.json", lambda path: NormalFile(path.parent, lambda: 0).words(), [b'{"type": "Normal"}', b"{}"])
+    return _file(
+        "normal.json",
+        lambda path: NormalFile(path.parent, lambda: 0).words(),
+        [b'{"type": "Normal"}', b"{}"],
+    )
 
 
 def manifest() -> tuple[Feeder, Sequence[bytes]]:
@@ -264,15 +330,20 @@ def manifest() -> tuple[Feeder, Sequence[bytes]]:
     config = load(SHIPPED / "bench.toml")[0]
 
     def read(path: Path) -> object:
-        return read_models(msgspec.structs.replace(
-            config, models=msgspec.structs.replace(config.models, directory=str(path.parent))))
+        return read_models(
+            msgspec.structs.replace(
+                config, models=msgspec.structs.replace(config.models, directory=str(path.parent))
+            )
+        )
 
     return _file("manifest.json", read, [b'{"files": {"a.onnx": {"sha256": "00"}}}'])
 
 
 def guard_memory() -> tuple[Feeder, Sequence[bytes]]:
     """The latched trips that the guard reads at its start."""
-    return _file("trips.json", lambda path: Memory(path.parent).close(), [b'["disp_x_danger"]', b"[]"])
+    return _file(
+        "trips.json", lambda path: Memory(path.parent).close(), [b'["disp_x_danger"]', b"[]"]
+    )
 
 
 INPUTS: Final = (

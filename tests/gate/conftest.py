@@ -58,8 +58,13 @@ class Stage:
         self.gate_end = RoomServer(folder / "gate.sock", {"brain": None})
         self.gate = Gate(
             config,
-            Doors(RoomClient(folder / "guard.sock", "gate"), self.gate_end, self.telemetry, self.recorder,
-                  NormalFile(folder / "state", lambda: UNIX_NS)),
+            Doors(
+                RoomClient(folder / "guard.sock", "gate"),
+                self.gate_end,
+                self.telemetry,
+                self.recorder,
+                NormalFile(folder / "state", lambda: UNIX_NS),
+            ),
             MODELS,
             lambda: UNIX_NS,
         )

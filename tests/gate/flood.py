@@ -2,7 +2,8 @@
 
     python -m tests.gate.flood [--input NAME] [--commands 20]
 
-A real gate process, a guard's end of its socket that answers as the guard does, one flooding process, one that disarms.
+A real gate process, a guard's end of its socket that answers as the guard does, one flooding
+process, one that disarms.
 """
 
 from __future__ import annotations
@@ -26,21 +27,47 @@ import zenoh
 from firmware_py import config
 from firmware_py.gate import session
 from firmware_py.gate.client import Client
-from firmware_py.records import ArmState, Block, CommandReply, CommandRequest, Event, GuardState, Mode
+from firmware_py.records import (
+    ArmState,
+    Block,
+    CommandReply,
+    CommandRequest,
+    Event,
+    GuardState,
+    Mode,
+)
 from firmware_py.wire import mav_dialect as mav
 from firmware_py.wire.rooms import RoomServer
 
 ROOT = Path(__file__).resolve().parents[2]
 PREFIX = "orbitd/lab/bench"
-QUERIES = {name: f"{PREFIX}/{name}" for name in ("state", "event", "config", "models", "sd/alarms", "cmd/arm",
-                                              "cmd/disarm")}
+QUERIES = {
+    name: f"{PREFIX}/{name}"
+    for name in ("state", "event", "config", "models", "sd/alarms", "cmd/arm", "cmd/disarm")
+}
 QUERIES |= {"everything": "orbitd/**", "since": f"{PREFIX}/event?since=3;as=msgpack"}
 INPUTS = ("none", *QUERIES, "page", "metrics", "mavlink")
 STATE = GuardState(
-    seq=1, t_ns=1, mode=Mode.AUTO, arm_state=ArmState.ARMED, authority=True, authority_reasons=[], speed_rad_s=314.0,
-    load_estimate_N=100.0, clearance_low_um=45.0, clearance_high_um=90.0, target_clearance_um=60.0,
-    target_pressure_bar=1.0, clearance_actual_um=59.0, peak_to_peak_um=(12.0, 13.0), run_permit=True,
-    trip_request=False, node_following=True, alarms=[], counters={f"counter_{n}": n for n in range(60)})
+    seq=1,
+    t_ns=1,
+    mode=Mode.AUTO,
+    arm_state=ArmState.ARMED,
+    authority=True,
+    authority_reasons=[],
+    speed_rad_s=314.0,
+    load_estimate_N=100.0,
+    clearance_low_um=45.0,
+    clearance_high_um=90.0,
+    target_clearance_um=60.0,
+    target_pressure_bar=1.0,
+    clearance_actual_um=59.0,
+    peak_to_peak_um=(12.0, 13.0),
+    run_permit=True,
+    trip_request=False,
+    node_following=True,
+    alarms=[],
+    counters={f"counter_{n}": n for n in range(60)},
+)
 
 
 def flood(name: str, runtime: str, http_port: int, station_port: int) -> None:
@@ -48,7 +75,10 @@ def flood(name: str, runtime: str, http_port: int, station_port: int) -> None:
     if name in ("page", "metrics"):
         path = b"/" if name == "page" else b"/metrics"
         while True:
-            with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", http_port), 5) as sock:
+            with (
+                contextlib.suppress(OSError),
+                socket.create_connection(("127.0.0.1", http_port), 5) as sock,
+            ):
                 sock.sendall(b"GET " + path + b" HTTP/1.1\r\n\r\n")
                 while sock.recv(65536):
                     pass
@@ -61,14 +91,19 @@ def flood(name: str, runtime: str, http_port: int, station_port: int) -> None:
             while True:
                 sock.sendto(packet, device)
     conf = zenoh.Config()
-    for key, value in {"mode": "client", "connect/endpoints": [session.endpoint(Path(runtime))],
-                       "scouting/multicast/enabled": False}.items():
+    for key, value in {
+        "mode": "client",
+        "connect/endpoints": [session.endpoint(Path(runtime))],
+        "scouting/multicast/enabled": False,
+    }.items():
         conf.insert_json5(key, json.dumps(value))
     with zenoh.open(conf) as opened:
         number = 0
         while True:
             number += 1
-            opened.get(QUERIES[name], lambda reply: None, payload=b'{"id": "%d"}' % number, timeout=1.0)
+            opened.get(
+                QUERIES[name], lambda reply: None, payload=b'{"id": "%d"}' % number, timeout=1.0
+            )
 
 
 class Guard:
@@ -82,8 +117,10 @@ class Guard:
         self._thread.start()
 
     def _run(self) -> None:
-        events = [Event(seq, seq, 0, f"e{seq}", "an event of some length, as they are told to people" * 3)
-                  for seq in range(1000)]
+        events = [
+            Event(seq, seq, 0, f"e{seq}", "an event of some length, as they are told to people" * 3)
+            for seq in range(1000)
+        ]
         told, cycle = False, 0
         while not self._stop.wait(0.006):
             cycle += 1
@@ -96,7 +133,9 @@ class Guard:
                 told = True
                 for event in events:
                     self._server.send("gate", event)
-            self._server.send("gate", Block(cycle, now_ns, 200_000, 0, 200, 0, 255, 314.0, cycle, [], bytes(480)))
+            self._server.send(
+                "gate", Block(cycle, now_ns, 200_000, 0, 200, 0, 255, 314.0, cycle, [], bytes(480))
+            )
             if cycle % 16 == 0:
                 self._server.send("gate", STATE)
 
@@ -117,9 +156,23 @@ def device(folder: Path) -> Iterator[tuple[int, int]]:
     text = (config.SHIPPED / "bench.toml").read_text() + f"\n[metrics]\nport = {ports[0]}\n"
     (folder / "bench.toml").write_text(text)
     guard = Guard(folder)
-    gate = subprocess.Popen([sys.executable, "-m", "firmware_py", "gate", "--config", str(folder / "bench.toml"),
-                             "--runtime-dir", str(folder), "--record", str(folder / "recordings"),
-                             "--ground-station", str(ports[1])], cwd=ROOT)
+    gate = subprocess.Popen(
+        [
+            sys.executable,
+            "-m",
+            "firmware_py",
+            "gate",
+            "--config",
+            str(folder / "bench.toml"),
+            "--runtime-dir",
+            str(folder),
+            "--record",
+            str(folder / "recordings"),
+            "--ground-station",
+            str(ports[1]),
+        ],
+        cwd=ROOT,
+    )
     try:
         end_s = time.monotonic() + 60
         while not (folder / session.SOCKET).exists() and time.monotonic() < end_s:
@@ -137,8 +190,19 @@ def measure(name: str, folder: Path, ports: tuple[int, int], commands: int) -> l
     """Seconds that each of ``commands`` disarms took from question to answer."""
     flooding = None
     if name != "none":
-        flooding = subprocess.Popen([sys.executable, "-m", "tests.gate.flood", "--flood", name, str(folder),
-                                     str(ports[0]), str(ports[1])], cwd=ROOT)
+        flooding = subprocess.Popen(
+            [
+                sys.executable,
+                "-m",
+                "tests.gate.flood",
+                "--flood",
+                name,
+                str(folder),
+                str(ports[0]),
+                str(ports[1]),
+            ],
+            cwd=ROOT,
+        )
     try:
         took = []
         with Client(folder, PREFIX) as client:

@@ -1,4 +1,5 @@
-"""What the network may do: read with or without a certificate, command only as operator, nothing else."""
+"""What the network may do: read with or without a certificate, command only as operator, nothing
+else."""
 
 from __future__ import annotations
 
@@ -31,25 +32,43 @@ class Authority:
         self._folder = folder
         self._key = ec.generate_private_key(ec.SECP256R1())
         self._name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, "test authority")])
-        certificate = self._build(self._name, self._key.public_key()).add_extension(
-            x509.BasicConstraints(ca=True, path_length=None), critical=True).sign(self._key, hashes.SHA256())
+        certificate = (
+            self._build(self._name, self._key.public_key())
+            .add_extension(x509.BasicConstraints(ca=True, path_length=None), critical=True)
+            .sign(self._key, hashes.SHA256())
+        )
         self.root = folder / "root.pem"
         self.root.write_bytes(certificate.public_bytes(serialization.Encoding.PEM))
 
     def issue(self, common_name: str) -> tuple[str, str]:
         key = ec.generate_private_key(ec.SECP256R1())
         name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, common_name)])
-        certificate = self._build(name, key.public_key()).add_extension(
-            x509.SubjectAlternativeName([x509.DNSName("localhost")]), critical=False).sign(self._key, hashes.SHA256())
+        certificate = (
+            self._build(name, key.public_key())
+            .add_extension(x509.SubjectAlternativeName([x509.DNSName("localhost")]), critical=False)
+            .sign(self._key, hashes.SHA256())
+        )
         paths = self._folder / f"{common_name}.pem", self._folder / f"{common_name}.key"
         paths[0].write_bytes(certificate.public_bytes(serialization.Encoding.PEM))
-        paths[1].write_bytes(key.private_bytes(
-            serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()))
+        paths[1].write_bytes(
+            key.private_bytes(
+                serialization.Encoding.PEM,
+                serialization.PrivateFormat.PKCS8,
+                serialization.NoEncryption(),
+            )
+        )
         return str(paths[0]), str(paths[1])
 
     def _build(self, name: x509.Name, public: ec.EllipticCurvePublicKey) -> x509.CertificateBuilder:
-        return (x509.CertificateBuilder().subject_name(name).issuer_name(self._name).public_key(public)
-                .serial_number(x509.random_serial_number()).not_valid_before(START).not_valid_after(END))
+        return (
+            x509.CertificateBuilder()
+            .subject_name(name)
+            .issuer_name(self._name)
+            .public_key(public)
+            .serial_number(x509.random_serial_number())
+            .not_valid_before(START)
+            .not_valid_after(END)
+        )
 
 
 def free_port() -> int:
@@ -61,7 +80,12 @@ def free_port() -> int:
 
 def visit(values: dict[str, object]) -> zenoh.Session:
     conf = zenoh.Config()
-    values = {"mode": "client", "scouting/multicast/enabled": False, "connect/timeout_ms": 2000, **values}
+    values = {
+        "mode": "client",
+        "scouting/multicast/enabled": False,
+        "connect/timeout_ms": 2000,
+        **values,
+    }
     for key, value in values.items():
         conf.insert_json5(key, json.dumps(value))
     return zenoh.open(conf)
@@ -98,14 +122,23 @@ def answered(visitor: zenoh.Session, key: str) -> bool:
 @pytest.fixture
 def certificates(tmp_path):
     made = Authority(tmp_path)
-    return {"root": str(made.root), "device": made.issue("device"), "operator": made.issue(session.OPERATOR),
-            "reader": made.issue("reader")}
+    return {
+        "root": str(made.root),
+        "device": made.issue("device"),
+        "operator": made.issue(session.OPERATOR),
+        "reader": made.issue("reader"),
+    }
 
 
 def identity(certificates, name: str) -> dict[str, object]:
-    return {"transport/link/tls": {
-        "root_ca_certificate": certificates["root"], "connect_certificate": certificates[name][0],
-        "connect_private_key": certificates[name][1], "enable_mtls": True}}
+    return {
+        "transport/link/tls": {
+            "root_ca_certificate": certificates["root"],
+            "connect_certificate": certificates[name][0],
+            "connect_private_key": certificates[name][1],
+            "enable_mtls": True,
+        }
+    }
 
 
 def test_plain_tcp_may_read_but_not_command_or_speak(bench, tmp_path, prefix):
@@ -130,11 +163,17 @@ def test_plain_tcp_may_read_but_not_command_or_speak(bench, tmp_path, prefix):
         device.close()
 
 
-def test_mtls_reads_with_any_certificate_and_commands_only_as_operator(bench, tmp_path, prefix, certificates):
+def test_mtls_reads_with_any_certificate_and_commands_only_as_operator(
+    bench, tmp_path, prefix, certificates
+):
     port = free_port()
     settings = msgspec.structs.replace(
-        bench.zenoh, listen=[f"tls/localhost:{port}"], tls_root_ca=certificates["root"],
-        tls_certificate=certificates["device"][0], tls_private_key=certificates["device"][1])
+        bench.zenoh,
+        listen=[f"tls/localhost:{port}"],
+        tls_root_ca=certificates["root"],
+        tls_certificate=certificates["device"][0],
+        tls_private_key=certificates["device"][1],
+    )
     device = Device(settings, tmp_path, prefix)
     endpoint = {"connect/endpoints": [f"tls/localhost:{port}"]}
     reader = visit({**endpoint, **identity(certificates, "reader")})
@@ -158,15 +197,27 @@ def test_an_endpoint_that_cannot_be_bound_is_named(bench, tmp_path, prefix):
         session.open_device(settings, tmp_path, prefix)
 
 
-@pytest.mark.parametrize("junk", [
-    b"", b"\xff\x00" * 50, b"-----BEGIN CERTIFICATE-----\nAAAA\n-----END CERTIFICATE-----\n"])
+@pytest.mark.parametrize(
+    "junk",
+    [b"", b"\xff\x00" * 50, b"-----BEGIN CERTIFICATE-----\nAAAA\n-----END CERTIFICATE-----\n"],
+)
 @pytest.mark.parametrize("file", ["root", "certificate", "key"])
-def test_a_damaged_certificate_is_a_named_refusal(bench, tmp_path, prefix, certificates, junk, file):
-    paths = {"root": certificates["root"], "certificate": certificates["device"][0], "key": certificates["device"][1]}
+def test_a_damaged_certificate_is_a_named_refusal(
+    bench, tmp_path, prefix, certificates, junk, file
+):
+    paths = {
+        "root": certificates["root"],
+        "certificate": certificates["device"][0],
+        "key": certificates["device"][1],
+    }
     Path(paths[file]).write_bytes(junk)
     settings = msgspec.structs.replace(
-        bench.zenoh, listen=[f"tls/localhost:{free_port()}"], tls_root_ca=paths["root"],
-        tls_certificate=paths["certificate"], tls_private_key=paths["key"])
+        bench.zenoh,
+        listen=[f"tls/localhost:{free_port()}"],
+        tls_root_ca=paths["root"],
+        tls_certificate=paths["certificate"],
+        tls_private_key=paths["key"],
+    )
     with pytest.raises(session.SessionError, match="cannot listen"):
         session.open_device(settings, tmp_path, prefix).close()
 
@@ -175,9 +226,15 @@ def test_without_configured_endpoints_the_device_opens_no_network_socket(bench, 
     opened = session.open_device(bench.zenoh, tmp_path, prefix)
     try:
         for table in ("tcp", "tcp6", "udp", "udp6"):
-            inodes = {line.split()[9] for line in Path(f"/proc/self/net/{table}").read_text().splitlines()[1:]}
-            links = {link.readlink().name for link in Path("/proc/self/fd").iterdir() if link.is_symlink()
-                     and link.exists()}
+            inodes = {
+                line.split()[9]
+                for line in Path(f"/proc/self/net/{table}").read_text().splitlines()[1:]
+            }
+            links = {
+                link.readlink().name
+                for link in Path("/proc/self/fd").iterdir()
+                if link.is_symlink() and link.exists()
+            }
             assert not {f"socket:[{inode}]" for inode in inodes} & links
     finally:
         opened.close()

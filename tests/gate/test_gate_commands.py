@@ -24,11 +24,16 @@ class Answers(list):
         self.append(reply)
 
 
-@pytest.mark.parametrize(("verb", "payload", "value", "mode"), [
-    ("arm", b'{"id": "a"}', None, None), ("disarm", b'{"id": "a", "value": null}', None, None),
-    ("mode", b'{"id": "a", "value": "auto"}', None, Mode.AUTO),
-    ("set_clearance", b'{"id": "a", "value": 60}', 60.0, None),
-    ("set_pressure", b'{"value": 1.5, "id": "a"}', 1.5, None)])
+@pytest.mark.parametrize(
+    ("verb", "payload", "value", "mode"),
+    [
+        ("arm", b'{"id": "a"}', None, None),
+        ("disarm", b'{"id": "a", "value": null}', None, None),
+        ("mode", b'{"id": "a", "value": "auto"}', None, Mode.AUTO),
+        ("set_clearance", b'{"id": "a", "value": 60}', 60.0, None),
+        ("set_pressure", b'{"value": 1.5, "id": "a"}', 1.5, None),
+    ],
+)
 def test_a_wish_becomes_a_request(verb, payload, value, mode):
     wish = read(verb, payload)
     expected = CommandRequest(seq=3, verb=verb, value=value, mode=mode, origin="here", id="a")
@@ -37,32 +42,67 @@ def test_a_wish_becomes_a_request(verb, payload, value, mode):
 
 def test_an_announcement_becomes_a_request():
     value = {"start_s": 3, "end_s": 5.5, "speed_rpm": 9000, "load_N": 60}
-    expected = CommandRequest(seq=3, verb="announce", origin="here", ramp=PlannedRamp(3.0, 5.5, 9000.0, 60.0))
+    expected = CommandRequest(
+        seq=3, verb="announce", origin="here", ramp=PlannedRamp(3.0, 5.5, 9000.0, 60.0)
+    )
     assert parse(3, "announce", value, "here") == expected
 
 
-@pytest.mark.parametrize(("verb", "value", "cause"), [
-    ("announce", b"null", "announce"), ("announce", b'{"start_s": 3, "end_s": 5, "load_N": 60}', "speed_rpm"),
-    ("announce", b"[" * 3000, "too deeply"), ("announce", b'{"start_s": ' + b"9" * 400 + b"}", "announce"),
-    ("explode", b"null", "use one of mode, arm"), ("arm", b"1", "takes no value"),
-    ("mode", b"2", "monitor, manual, auto"), ("mode", b"null", "monitor, manual, auto"), ("mode", b"[[]]", "a list"),
-    ("mode", b'"' + b"x" * 3000 + b'"', "monitor, manual, auto"), ("set_clearance", b"null", "um, radial"),
-    ("set_clearance", b"true", "number"), ("set_clearance", b'"60"', "number"), ("mode", b'"\xff"', "not UTF-8"),
-    ("set_pressure", b"{", "no JSON"), ("set_pressure", b"1e999", "out of range"),
-    ("set_clearance", b"9" * 400, "beyond 64 bits"), ("commission", b"{}", "an object"),
-    ("arm", b" " * 5000, "at most 4096")])
+@pytest.mark.parametrize(
+    ("verb", "value", "cause"),
+    [
+        ("announce", b"null", "announce"),
+        ("announce", b'{"start_s": 3, "end_s": 5, "load_N": 60}', "speed_rpm"),
+        ("announce", b"[" * 3000, "too deeply"),
+        ("announce", b'{"start_s": ' + b"9" * 400 + b"}", "announce"),
+        ("explode", b"null", "use one of mode, arm"),
+        ("arm", b"1", "takes no value"),
+        ("mode", b"2", "monitor, manual, auto"),
+        ("mode", b"null", "monitor, manual, auto"),
+        ("mode", b"[[]]", "a list"),
+        ("mode", b'"' + b"x" * 3000 + b'"', "monitor, manual, auto"),
+        ("set_clearance", b"null", "um, radial"),
+        ("set_clearance", b"true", "number"),
+        ("set_clearance", b'"60"', "number"),
+        ("mode", b'"\xff"', "not UTF-8"),
+        ("set_pressure", b"{", "no JSON"),
+        ("set_pressure", b"1e999", "out of range"),
+        ("set_clearance", b"9" * 400, "beyond 64 bits"),
+        ("commission", b"{}", "an object"),
+        ("arm", b" " * 5000, "at most 4096"),
+    ],
+)
 def test_a_malformed_wish_is_named_in_few_words(verb, value, cause):
     with pytest.raises(MalformedCommandError, match=cause) as refused:
         parse(1, verb, read(verb, b'{"id": "a", "value": ' + value + b"}").value, "here")
     assert len(str(refused.value)) < 400
 
 
-@pytest.mark.parametrize("payload", [b"", b"null", b"60", b'"auto"', b"[]", b"{}", b'{"value": 60}', b'{"id": ""}',
-                                     b'{"id": 7}', b'{"id": "a b"}', b'{"id": "a", "ID": "b"}', b"\xff", b"\x00",
-                                     b'{"id": "' + b"a" * 65 + b'"}', b'{"id": "a", "' + b"[" * 3000 + b'": 1}',
-                                     b'\xef\xbb\xbf{"id": "a"}'])
+@pytest.mark.parametrize(
+    "payload",
+    [
+        b"",
+        b"null",
+        b"60",
+        b'"auto"',
+        b"[]",
+        b"{}",
+        b'{"value": 60}',
+        b'{"id": ""}',
+        b'{"id": 7}',
+        b'{"id": "a b"}',
+        b'{"id": "a", "ID": "b"}',
+        b"\xff",
+        b"\x00",
+        b'{"id": "' + b"a" * 65 + b'"}',
+        b'{"id": "a", "' + b"[" * 3000 + b'": 1}',
+        b'\xef\xbb\xbf{"id": "a"}',
+    ],
+)
 def test_a_payload_without_an_id_is_refused_with_the_right_form(payload):
-    with pytest.raises(MalformedCommandError, match=r'send a JSON object .*\{"id": "7f3a", "value": 60.0\}') as refused:
+    with pytest.raises(
+        MalformedCommandError, match=r'send a JSON object .*\{"id": "7f3a", "value": 60.0\}'
+    ) as refused:
         read("set_clearance", payload)
     assert len(str(refused.value)) < 400
 
@@ -105,7 +145,9 @@ def test_a_flood_of_one_verb_is_refused_but_disarm_and_the_others_are_not():
     assert "more than 10 in a second" in answers[-1].reasons[0]
     assert desk.ask("reset", None, "a", answers, 0)
     assert desk.ask("disarm", None, "a", answers, 0)
-    assert desk.ask("arm", None, "a", answers, 100_000_000), "a tenth of a second later there is room for one more"
+    assert desk.ask("arm", None, "a", answers, 100_000_000), (
+        "a tenth of a second later there is room for one more"
+    )
     assert desk.counters["commands_too_fast"] == 1
 
 
@@ -118,7 +160,9 @@ class Desk:
 
     def hear(self, verb, wish_id, now_ns=0, value=""):
         answers = Answers()
-        self.desk.hear(verb, b'{"id": "%s"%s}' % (wish_id.encode(), value.encode()), "test", answers, now_ns)
+        self.desk.hear(
+            verb, b'{"id": "%s"%s}' % (wish_id.encode(), value.encode()), "test", answers, now_ns
+        )
         return answers
 
     def guard_answers(self, accepted=True):
@@ -178,8 +222,13 @@ def test_a_disarm_joins_one_that_still_waits():
 def test_too_many_that_wait_are_refused_but_no_disarm():
     d = Desk()
     for number in range(MAX_PENDING):
-        verb, value = (("arm", ""), ("reset", ""), ("set_clearance", ', "value": 60'), ("set_pressure", ', "value": 1'),
-                       ("mode", ', "value": "auto"'))[number % 5]
+        verb, value = (
+            ("arm", ""),
+            ("reset", ""),
+            ("set_clearance", ', "value": 60'),
+            ("set_pressure", ', "value": 1'),
+            ("mode", ', "value": "auto"'),
+        )[number % 5]
         d.hear(verb, f"x{number}", number * 100_000_000, value)
     assert "already wait" in d.hear("commission", "y", 0, ', "value": "start"')[0].reasons[0]
     assert not d.hear("disarm", "z")
@@ -195,30 +244,65 @@ def test_remembered_ids_are_bounded_and_a_flood_of_disarms_forgets_no_other():
     assert [request.verb for request in d.sent].count("arm") == 1
 
 
-@pytest.mark.parametrize("selector", ["orbitd/**", "{p}/**", "{p}/cmd/*", "orbitd/*/*/cmd/arm", "**/arm", "{p}/cmd/a$*",
-                                      "{p}/*/arm", "**"])
+@pytest.mark.parametrize(
+    "selector",
+    [
+        "orbitd/**",
+        "{p}/**",
+        "{p}/cmd/*",
+        "orbitd/*/*/cmd/arm",
+        "**/arm",
+        "{p}/cmd/a$*",
+        "{p}/*/arm",
+        "**",
+    ],
+)
 def test_a_query_with_a_wildcard_executes_nothing_and_is_told_so(stage, client, prefix, selector):
     replies = []
     payload = b'{"id": "w"}'
-    thread = threading.Thread(target=lambda: replies.extend(
-        client._session.get(selector.format(p=prefix), payload=payload, timeout=2.0)), daemon=True)
+    thread = threading.Thread(
+        target=lambda: replies.extend(
+            client._session.get(selector.format(p=prefix), payload=payload, timeout=2.0)
+        ),
+        daemon=True,
+    )
     thread.start()
     stage.until(lambda: not thread.is_alive())
-    refused = [reply.ok.payload.to_string() for reply in replies if reply.ok and "/cmd/" in str(reply.ok.key_expr)]
+    refused = [
+        reply.ok.payload.to_string()
+        for reply in replies
+        if reply.ok and "/cmd/" in str(reply.ok.key_expr)
+    ]
     assert refused
     assert all("names its exact key" in text for text in refused)
     assert stage.gate.all_counters()["commands_wildcard_refused"] == len(refused)
     assert not [record for record in stage.heard if isinstance(record, CommandRequest)]
 
 
-@pytest.mark.parametrize(("selector", "payload", "cause"), [
-    ("arm", None, "payload is empty"), ("arm", b"", "payload is empty"), ("arm?id=x", b'{"id": "x"}', "parameter 'id'"),
-    ("arm?_time=[now(-1h)..]", b'{"id": "x"}', "parameter '_time'"), ("disarm", b"\xff", "no JSON"),
-    ("mode", b'{"id": "x", "value": "\xff"}', "not UTF-8"), ("reset", b"null", "wrong|Expected")])
-def test_a_command_query_without_its_form_is_refused(stage, client, prefix, selector, payload, cause):
+@pytest.mark.parametrize(
+    ("selector", "payload", "cause"),
+    [
+        ("arm", None, "payload is empty"),
+        ("arm", b"", "payload is empty"),
+        ("arm?id=x", b'{"id": "x"}', "parameter 'id'"),
+        ("arm?_time=[now(-1h)..]", b'{"id": "x"}', "parameter '_time'"),
+        ("disarm", b"\xff", "no JSON"),
+        ("mode", b'{"id": "x", "value": "\xff"}', "not UTF-8"),
+        ("reset", b"null", "wrong|Expected"),
+    ],
+)
+def test_a_command_query_without_its_form_is_refused(
+    stage, client, prefix, selector, payload, cause
+):
     replies = []
-    thread = threading.Thread(target=lambda: replies.extend(client._session.get(
-        f"{prefix}/cmd/{selector}", payload=payload, attachment=b'{"id": "x"}', timeout=2.0)), daemon=True)
+    thread = threading.Thread(
+        target=lambda: replies.extend(
+            client._session.get(
+                f"{prefix}/cmd/{selector}", payload=payload, attachment=b'{"id": "x"}', timeout=2.0
+            )
+        ),
+        daemon=True,
+    )
     thread.start()
     stage.until(lambda: not thread.is_alive())
     reply = msgspec.json.decode(replies[0].ok.payload.to_bytes(), type=CommandReply)
@@ -239,13 +323,17 @@ def test_what_is_put_or_deleted_on_a_command_key_does_nothing(stage, client, pre
 
 def test_disarm_is_looked_at_before_all_other_commands(stage, client, monkeypatch):
     replies = []
-    ask = [threading.Thread(target=lambda verb=verb: replies.append(client.ask(verb)), daemon=True)
-           for verb in ("arm", "reset", "disarm")]
+    ask = [
+        threading.Thread(target=lambda verb=verb: replies.append(client.ask(verb)), daemon=True)
+        for verb in ("arm", "reset", "disarm")
+    ]
     for thread in ask:
         thread.start()
     stage.until(lambda: sum(isinstance(r, CommandRequest) for r in stage.heard) == 3)
     for request in [r for r in stage.heard if isinstance(r, CommandRequest)]:
-        stage.guard.send("gate", CommandReply(seq=request.seq, accepted=request.verb == "disarm", reasons=[]))
+        stage.guard.send(
+            "gate", CommandReply(seq=request.seq, accepted=request.verb == "disarm", reasons=[])
+        )
     stage.until(lambda: not any(thread.is_alive() for thread in ask))
     assert sorted(reply.accepted for reply in replies) == [False, False, True]
     assert commands.ANSWER_WITHIN_NS > 0
@@ -253,7 +341,9 @@ def test_disarm_is_looked_at_before_all_other_commands(stage, client, monkeypatc
 
 def test_a_command_that_the_guard_ignores_times_out_at_the_gate(stage, client):
     replies = []
-    thread = threading.Thread(target=lambda: replies.append(client.ask("set_clearance", 60.0)), daemon=True)
+    thread = threading.Thread(
+        target=lambda: replies.append(client.ask("set_clearance", 60.0)), daemon=True
+    )
     thread.start()
     stage.until(lambda: not thread.is_alive())
     assert not replies[0].accepted
@@ -276,12 +366,16 @@ def test_only_owner_and_group_may_command(stage):
 
 def test_another_device_at_the_same_socket_does_not_answer(stage, monkeypatch):
     monkeypatch.setattr("firmware_py.gate.client.TIMEOUT_S", 0.1)
-    with Client(stage.folder, "orbitd/lab/other") as stranger, pytest.raises(NoAnswerError, match="lab/other"):
+    with (
+        Client(stage.folder, "orbitd/lab/other") as stranger,
+        pytest.raises(NoAnswerError, match="lab/other"),
+    ):
         stranger.ask("arm")
 
 
 def disarmed(stage, client):
     """Whether ``client`` gets a disarm through to the guard and its answer back."""
+
     def asked():
         return [record for record in stage.heard if isinstance(record, CommandRequest)]
 
@@ -295,7 +389,9 @@ def disarmed(stage, client):
 
 
 @pytest.mark.parametrize("removed", [[session.SOCKET], [session.SOCKET, f"{session.SOCKET}.lock"]])
-def test_a_removed_socket_is_bound_again_and_old_and_new_clients_are_served(stage, client, prefix, removed):
+def test_a_removed_socket_is_bound_again_and_old_and_new_clients_are_served(
+    stage, client, prefix, removed
+):
     stage.telemetry._door = session.Door(stage.folder, prefix)
     stage.step()
     for name in removed:

@@ -57,14 +57,19 @@ def test_a_bad_channel_is_bad_for_the_whole_tenth(bench, make_block):
     decimator, out = Decimator(bench), None
     for i in range(10):
         block = make_block(i, bytes(16 * N), i * N * 200_000)
-        out = decimator.step(msgspec.structs.replace(block, channel_ok=0xFB if i == 3 else 0xFF)) or out
+        out = (
+            decimator.step(msgspec.structs.replace(block, channel_ok=0xFB if i == 3 else 0xFF))
+            or out
+        )
     assert out is not None
     assert [channel.ok for channel in out.channel.values()] == [i != 2 for i in range(8)]
 
 
 def test_full_scale_does_not_overflow(bench, make_block):
     counts = np.tile(np.array([[-32768] * 8, [32767] * 8]), (250, 1))
-    assert feed(Decimator(bench), make_block, counts)[0].channel["disp_x"].peak_to_peak == pytest.approx(655.35e-6)
+    assert feed(Decimator(bench), make_block, counts)[0].channel[
+        "disp_x"
+    ].peak_to_peak == pytest.approx(655.35e-6)
 
 
 def test_a_clock_that_jumps_back_does_not_hold_blocks_for_ever(bench, make_block):

@@ -11,7 +11,8 @@ BAR_S = 0.2
 
 WORST_S = 1.0
 TRIES = 3
-"""A test machine has other work on it; `python -m tests.gate.flood` on an idle one shows the worst below the bar."""
+"""A test machine has other work on it; `python -m tests.gate.flood` on an idle one shows the worst
+below the bar."""
 
 
 @pytest.fixture(scope="module")
@@ -21,7 +22,9 @@ def running(tmp_path_factory):
         yield folder, ports
 
 
-@pytest.mark.parametrize("name", ["event", "cmd/arm", "cmd/disarm", "everything", "page", "mavlink"])
+@pytest.mark.parametrize(
+    "name", ["event", "cmd/arm", "cmd/disarm", "everything", "page", "mavlink"]
+)
 def test_a_disarm_is_answered_while_another_client_asks_at_its_greatest_rate(running, name):
     folder, ports = running
     found = []

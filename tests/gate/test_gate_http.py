@@ -55,12 +55,20 @@ def served() -> Iterator[Served]:
     made.server.close()
 
 
-@pytest.mark.parametrize(("request_", "status", "body"), [
-    (b"GET / HTTP/1.1\r\nHost: a\r\n\r\n", b"200", b"page"), (b"GET /?x=1 HTTP/1.0\n\n", b"200", b"page"),
-    (b"HEAD / HTTP/1.1\r\n\r\n", b"200", b""), (b"GET /../etc/passwd HTTP/1.1\r\n\r\n", b"404", None),
-    (b"POST / HTTP/1.1\r\n\r\n", b"501", None), (b"\xff\xfe\r\n\r\n", b"400", None),
-    (b"GET  HTTP/1.1\r\n\r\n", b"400", None),
-    (b"GET / HTTP/2.0\r\n\r\n", b"400", None), (b"x" * (HEAD_LIMIT_BYTES + 1), b"431", None)])
+@pytest.mark.parametrize(
+    ("request_", "status", "body"),
+    [
+        (b"GET / HTTP/1.1\r\nHost: a\r\n\r\n", b"200", b"page"),
+        (b"GET /?x=1 HTTP/1.0\n\n", b"200", b"page"),
+        (b"HEAD / HTTP/1.1\r\n\r\n", b"200", b""),
+        (b"GET /../etc/passwd HTTP/1.1\r\n\r\n", b"404", None),
+        (b"POST / HTTP/1.1\r\n\r\n", b"501", None),
+        (b"\xff\xfe\r\n\r\n", b"400", None),
+        (b"GET  HTTP/1.1\r\n\r\n", b"400", None),
+        (b"GET / HTTP/2.0\r\n\r\n", b"400", None),
+        (b"x" * (HEAD_LIMIT_BYTES + 1), b"431", None),
+    ],
+)
 def test_every_request_gets_one_answer(served, request_, status, body):
     with served.connect(request_) as sock:
         head, _, found = served.answer(sock).partition(b"\r\n\r\n")
@@ -72,7 +80,10 @@ def test_every_request_gets_one_answer(served, request_, status, body):
 
 
 def test_a_large_body_arrives_whole_while_others_are_served(served):
-    with served.connect(b"GET /large HTTP/1.1\r\n\r\n") as slow, served.connect(b"GET / HTTP/1.1\r\n\r\n") as quick:
+    with (
+        served.connect(b"GET /large HTTP/1.1\r\n\r\n") as slow,
+        served.connect(b"GET / HTTP/1.1\r\n\r\n") as quick,
+    ):
         served.step(3)
         assert served.answer(quick).endswith(b"page")
         assert served.answer(slow).endswith(BODY)

@@ -1,4 +1,5 @@
-"""Commissioning at the gate: wishes go to the brain, what it learned goes to the disk and to the next brain."""
+"""Commissioning at the gate: wishes go to the brain, what it learned goes to the disk and to the
+next brain."""
 
 from __future__ import annotations
 
@@ -21,9 +22,17 @@ from firmware_py.records import (
 from firmware_py.wire.rooms import RoomClient
 
 NORMAL = Normal(
-    belongs=Belonging("c" * 64, "f" * 12, "bench", "0" * 12), minutes=12.5, decisions=300, points=17,
-    ranges={"speed_rad_s": (157.0, 1257.0), "clearance_m": (40e-6, 1.2e-4)}, offset=[0.1, -0.25], variance=[1.0, 1.5],
-    scale=[1.0], quiet=[0.0] * 4, baseline=Baseline([6.5, 8e-5, 0.3], [0.5, 1e-5, 0.1], [(1.0, -2.0)] * 5, 0.2))
+    belongs=Belonging("c" * 64, "f" * 12, "bench", "0" * 12),
+    minutes=12.5,
+    decisions=300,
+    points=17,
+    ranges={"speed_rad_s": (157.0, 1257.0), "clearance_m": (40e-6, 1.2e-4)},
+    offset=[0.1, -0.25],
+    variance=[1.0, 1.5],
+    scale=[1.0],
+    quiet=[0.0] * 4,
+    baseline=Baseline([6.5, 8e-5, 0.3], [0.5, 1e-5, 0.1], [(1.0, -2.0)] * 5, 0.2),
+)
 NONE = CommissionState(seq=1, t_ns=1, phase="none", text="")
 
 
@@ -102,26 +111,50 @@ def test_a_state_that_the_brain_refuses_is_an_alarm(stage):
     refused = msgspec.structs.replace(NONE, phase="refused", text="learned with classifier 'a'")
     stage.brain.send(refused)
     stage.until(lambda: stage.gate.view.commission == refused)
-    assert "normal_refused" not in [a.name for a in stage.gate.state(stage.now_ns).alarms], "the brain has no heartbeat"
+    assert "normal_refused" not in [a.name for a in stage.gate.state(stage.now_ns).alarms], (
+        "the brain has no heartbeat"
+    )
     stage.gate.view._heard_ns["brain"] = stage.now_ns
     assert "normal_refused" in [a.name for a in stage.gate.state(stage.now_ns).alarms]
 
 
 def test_a_malformed_wish_is_named():
-    assert parse(1, "commission", "start", "x") == CommandRequest(1, "commission", origin="x", action="start")
-    with pytest.raises(MalformedCommandError, match="'begin' is none of start, stop, cancel, forget"):
+    assert parse(1, "commission", "start", "x") == CommandRequest(
+        1, "commission", origin="x", action="start"
+    )
+    with pytest.raises(
+        MalformedCommandError, match="'begin' is none of start, stop, cancel, forget"
+    ):
         parse(1, "commission", "begin", "x")
 
 
-@pytest.mark.parametrize(("changed", "stored", "words"), [
-    ({}, "", "the fleet's: not commissioned"),
-    ({"phase": "commissioned"}, "2027-01-15", "this machine's own, 2027-01-15"),
-    ({"phase": "commissioned"}, "", "NOT STORED"),
-    ({"phase": "refused", "text": "other classifier"}, "2027-01-15", "REFUSED, judged by the fleet: other classifier"),
-    ({"phase": "gathering", "decisions": 24, "minutes": 1.0, "points": 5, "speed_steps": 3, "speed_steps_declared": 11,
-      "left_out": {"mode auto": 2}, "named_faults": {"unbalance": 1}}, "",
-     "gathering: 24 decisions in 1.0 min, 5 operating points, 3 of 11 steps of speed"),
-])
+@pytest.mark.parametrize(
+    ("changed", "stored", "words"),
+    [
+        ({}, "", "the fleet's: not commissioned"),
+        ({"phase": "commissioned"}, "2027-01-15", "this machine's own, 2027-01-15"),
+        ({"phase": "commissioned"}, "", "NOT STORED"),
+        (
+            {"phase": "refused", "text": "other classifier"},
+            "2027-01-15",
+            "REFUSED, judged by the fleet: other classifier",
+        ),
+        (
+            {
+                "phase": "gathering",
+                "decisions": 24,
+                "minutes": 1.0,
+                "points": 5,
+                "speed_steps": 3,
+                "speed_steps_declared": 11,
+                "left_out": {"mode auto": 2},
+                "named_faults": {"unbalance": 1},
+            },
+            "",
+            "gathering: 24 decisions in 1.0 min, 5 operating points, 3 of 11 steps of speed",
+        ),
+    ],
+)
 def test_status_says_how_commissioning_stands(changed, stored, words):
     said = "\n".join(commission.lines(msgspec.structs.replace(NONE, **changed), stored))
     assert words in said

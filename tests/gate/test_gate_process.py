@@ -36,9 +36,23 @@ class Process:
         text = (config.SHIPPED / "bench.toml").read_text() + f"\n[metrics]\nport = {self.port}\n"
         (folder / "bench.toml").write_text(text)
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "firmware_py", "gate", "--config", str(folder / "bench.toml"), "--runtime-dir",
-             str(folder), "--record", str(folder / "recordings"), *extra],
-            cwd=ROOT, stderr=subprocess.PIPE, text=True)
+            [
+                sys.executable,
+                "-m",
+                "firmware_py",
+                "gate",
+                "--config",
+                str(folder / "bench.toml"),
+                "--runtime-dir",
+                str(folder),
+                "--record",
+                str(folder / "recordings"),
+                *extra,
+            ],
+            cwd=ROOT,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
 
     def get(self, path: str) -> bytes:
         with urllib.request.urlopen(f"http://127.0.0.1:{self.port}{path}", timeout=5) as answer:
@@ -73,7 +87,11 @@ def test_the_gate_serves_then_stops_cleanly(gate, tmp_path, make_state):
 
     live = eventually(lambda: gate.get("/live.json"))
     assert msgspec.json.decode(live)["state"]["rooms"]["gate"]
-    text = eventually(lambda: (t := gate.get("/metrics").decode()) and "orbitd_clearance_actual_um 59.0" in t and t)
+    text = eventually(
+        lambda: (
+            (t := gate.get("/metrics").decode()) and "orbitd_clearance_actual_um 59.0" in t and t
+        )
+    )
     assert 'orbitd_room_up{room="gate"} 1.0' in text
     assert 'orbitd_count{name="frames_in",room="guard"} 5.0' in text
     page = gate.get("/").decode()
@@ -81,7 +99,9 @@ def test_the_gate_serves_then_stops_cleanly(gate, tmp_path, make_state):
     with pytest.raises(urllib.error.HTTPError, match="404"):
         gate.get("/etc/passwd")
     with pytest.raises(urllib.error.HTTPError, match="501"):
-        urllib.request.urlopen(urllib.request.Request(f"http://127.0.0.1:{gate.port}/", data=b"x"), timeout=5)
+        urllib.request.urlopen(
+            urllib.request.Request(f"http://127.0.0.1:{gate.port}/", data=b"x"), timeout=5
+        )
     with Client(tmp_path, "orbitd/lab/bench") as client:
         assert client.status().recording.endswith(".mcap")
 

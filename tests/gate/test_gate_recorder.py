@@ -20,12 +20,29 @@ UNIX_NS = 1_800_000_000_000_000_000
 def cycle(seq: int) -> CycleRecord:
     frame = RawFrame(arrival_ns=seq * 1_000_000, frame_id=0xC0, data=seq.to_bytes(8, "little") * 8)
     return CycleRecord(
-        cycle=Cycle(seq=seq, now_ns=seq * 1_000_000, frames=[frame], advice=None, commands=[], brain_connected=True,
-                    gate_connected=True, link_up=True), frames_out=[frame], events=[])
+        cycle=Cycle(
+            seq=seq,
+            now_ns=seq * 1_000_000,
+            frames=[frame],
+            advice=None,
+            commands=[],
+            brain_connected=True,
+            gate_connected=True,
+            link_up=True,
+        ),
+        frames_out=[frame],
+        events=[],
+    )
 
 
 def recorder(folder: Path, max_bytes: int = 10**8) -> Recorder:
-    return Recorder(folder, "test", {"config": "{}", "orbitd": "x"}, max_bytes, lambda: UNIX_NS + time.monotonic_ns())
+    return Recorder(
+        folder,
+        "test",
+        {"config": "{}", "orbitd": "x"},
+        max_bytes,
+        lambda: UNIX_NS + time.monotonic_ns(),
+    )
 
 
 def wait_for(condition, seconds: float = 20.0) -> None:
@@ -36,14 +53,27 @@ def wait_for(condition, seconds: float = 20.0) -> None:
 
 
 def stored_cycles(path: Path) -> list[CycleRecord]:
-    return [decode_exact(m, CycleRecord) for m in Recording(path).messages() if m.topic == "guard/cycle"]
+    return [
+        decode_exact(m, CycleRecord) for m in Recording(path).messages() if m.topic == "guard/cycle"
+    ]
 
 
 def test_what_is_written_comes_back_bit_by_bit(tmp_path):
     written = [cycle(seq) for seq in range(500)]
     snapshot = Snapshot(seq=3, now_ns=3, state=bytes(range(256)))
-    diagnosis = Diagnosis(seq=1, t_acq_ns=1, quality=0, verdict="x", probability=0.1 + 0.2, heads={}, classes={},
-                          doubt=False, unknown=False, evidence={"a": float("nan")}, model="m")
+    diagnosis = Diagnosis(
+        seq=1,
+        t_acq_ns=1,
+        quality=0,
+        verdict="x",
+        probability=0.1 + 0.2,
+        heads={},
+        classes={},
+        doubt=False,
+        unknown=False,
+        evidence={"a": float("nan")},
+        model="m",
+    )
     made = recorder(tmp_path)
     for record in [*written, snapshot, diagnosis, WallClock(t_ns=1, unix_ns=2)]:
         assert made.write(record, 77)
@@ -53,7 +83,9 @@ def test_what_is_written_comes_back_bit_by_bit(tmp_path):
     messages = list(recording.messages())
     assert not recording.interrupted
     assert [decode_exact(m, CycleRecord) for m in messages if m.topic == "guard/cycle"] == written
-    assert [decode_exact(m, Snapshot) for m in messages if m.topic == "guard/snapshot"] == [snapshot]
+    assert [decode_exact(m, Snapshot) for m in messages if m.topic == "guard/snapshot"] == [
+        snapshot
+    ]
     told = msgspec.json.decode(next(m.data for m in messages if m.topic == "ha/diagnosis"))
     assert told["probability"] == 0.1 + 0.2
     assert told["evidence"] == {"a": None}
@@ -89,8 +121,12 @@ while True:
     if made.stored > 1000: print(made.stored, flush=True)
     time.sleep(0.0002)
 """
-    child = subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True,
-                             cwd=Path(__file__).resolve().parents[2])
+    child = subprocess.Popen(
+        [sys.executable, "-c", program],
+        stdout=subprocess.PIPE,
+        text=True,
+        cwd=Path(__file__).resolve().parents[2],
+    )
     assert child.stdout is not None
     stored = int(child.stdout.readline())
     child.kill()
@@ -119,8 +155,13 @@ assert made.trouble == "" and made.counters["recorder_failures"] >= 1
 made.close()
 assert made.stored == 3000, made.stored
 """
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60,
-                          cwd=Path(__file__).resolve().parents[2])
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        cwd=Path(__file__).resolve().parents[2],
+    )
     assert done.returncode == 0, done.stderr
     assert "free or change the disk" in done.stdout
     found = {c.cycle.seq for path in tmp_path.glob("*.mcap") for c in stored_cycles(path)}
@@ -145,7 +186,9 @@ def test_files_are_rotated_and_the_oldest_go_first_while_others_stay(tmp_path):
     seen: set[Path] = set()
     for seq in range(30_000):
         record = cycle(seq)
-        frame = msgspec.structs.replace(record.frames_out[0], data=(seq * 0x9E3779B97F4A7C15 % 2**512).to_bytes(64))
+        frame = msgspec.structs.replace(
+            record.frames_out[0], data=(seq * 0x9E3779B97F4A7C15 % 2**512).to_bytes(64)
+        )
         while not made.write(msgspec.structs.replace(record, frames_out=[frame]), seq):
             time.sleep(0.01)
         seen |= {made.path} - {None}
@@ -154,11 +197,15 @@ def test_files_are_rotated_and_the_oldest_go_first_while_others_stay(tmp_path):
     assert len(seen) > len(ours)
     assert sum(path.stat().st_size for path in ours) <= 400_000 * (1 + 1 / FILES_KEPT)
     assert stranger.exists()
-    last = [c.cycle.seq for c in stored_cycles(ours[-1])] or [c.cycle.seq for c in stored_cycles(ours[-2])]
+    last = [c.cycle.seq for c in stored_cycles(ours[-1])] or [
+        c.cycle.seq for c in stored_cycles(ours[-2])
+    ]
     assert last[-1] == 29_999
 
 
-@pytest.mark.parametrize("content", [b"", b"no mcap at all", bytes(100_000), bytes(range(256)) * 500])
+@pytest.mark.parametrize(
+    "content", [b"", b"no mcap at all", bytes(100_000), bytes(range(256)) * 500]
+)
 def test_what_is_no_recording_is_named(tmp_path, content):
     path = tmp_path / "x.mcap"
     path.write_bytes(content)
@@ -190,7 +237,8 @@ EPOCH_NS, IN_2023_NS, FOREVER_NS = 0, 1_700_000_000 * 10**9, 10**30
 
 
 def written(folder: Path, unix_ns: int, files: int = 3) -> list[str]:
-    """Names of ``files`` files, each started anew as after a restart, all at the same calendar time."""
+    """Names of ``files`` files, each started anew as after a restart, all at the same calendar
+    time."""
     names = []
     for _ in range(files):
         made = Recorder(folder, "test", {}, 10**6, lambda: unix_ns)
@@ -203,8 +251,16 @@ def written(folder: Path, unix_ns: int, files: int = 3) -> list[str]:
     return names
 
 
-@pytest.mark.parametrize("calendars", [(IN_2023_NS, EPOCH_NS), (EPOCH_NS, EPOCH_NS), (IN_2023_NS, IN_2023_NS),
-                                       (FOREVER_NS, -FOREVER_NS), (IN_2023_NS, IN_2023_NS - 3_600 * 10**9)])
+@pytest.mark.parametrize(
+    "calendars",
+    [
+        (IN_2023_NS, EPOCH_NS),
+        (EPOCH_NS, EPOCH_NS),
+        (IN_2023_NS, IN_2023_NS),
+        (FOREVER_NS, -FOREVER_NS),
+        (IN_2023_NS, IN_2023_NS - 3_600 * 10**9),
+    ],
+)
 def test_what_was_written_first_goes_first_whatever_the_calendar_says(tmp_path, calendars):
     first, second = (written(tmp_path, unix_ns) for unix_ns in calendars)
     assert len({*first, *second}) == 6, "a name was used twice"
@@ -215,14 +271,20 @@ def test_what_was_written_first_goes_first_whatever_the_calendar_says(tmp_path, 
 
 def test_names_of_before_are_the_oldest_and_whatever_is_not_ours_stays(tmp_path):
     old = [f"orbitd-test-2023010{day}T000000.000000Z.mcap" for day in (1, 2, 3)]
-    others = ["orbitd-test-b-00000001-20230101T000000.000000Z.mcap", "orbitd-test-notes.mcap",
-              "orbitd-test-00000001-x.mcap",
-              "orbitd-test-7-20230101T000000.000000Z.mcap", "orbitd-test-00000001-20230101T000000.000000Z.mcap.part"]
+    others = [
+        "orbitd-test-b-00000001-20230101T000000.000000Z.mcap",
+        "orbitd-test-notes.mcap",
+        "orbitd-test-00000001-x.mcap",
+        "orbitd-test-7-20230101T000000.000000Z.mcap",
+        "orbitd-test-00000001-20230101T000000.000000Z.mcap.part",
+    ]
     for name in [*old, *others]:
         (tmp_path / name).write_bytes(bytes(300_000))
     in_its_place = tmp_path / "orbitd-test-00000009-20230101T000000.000000Z.mcap"
     in_its_place.mkdir()
-    (tmp_path / "orbitd-test-00000008-20230101T000000.000000Z.mcap").symlink_to(tmp_path / others[0])
+    (tmp_path / "orbitd-test-00000008-20230101T000000.000000Z.mcap").symlink_to(
+        tmp_path / others[0]
+    )
     made = written(tmp_path, EPOCH_NS, 1)[0]
     assert "-00000010-" in made, "above every number that is there"
     left = {path.name for path in tmp_path.iterdir()}
@@ -275,7 +337,12 @@ def test_an_old_file_that_cannot_be_removed_does_not_cost_the_present_ones(tmp_p
 
 def test_a_record_that_no_file_can_hold_is_counted_and_the_next_is_stored(tmp_path):
     made = recorder(tmp_path)
-    made.write(msgspec.structs.replace(cycle(1), cycle=msgspec.structs.replace(cycle(1).cycle, now_ns=2**70)), 1)
+    made.write(
+        msgspec.structs.replace(
+            cycle(1), cycle=msgspec.structs.replace(cycle(1).cycle, now_ns=2**70)
+        ),
+        1,
+    )
     made.write(cycle(2), 2)
     made.close()
     assert made.counters["recorder_lost"] == 1
@@ -288,6 +355,8 @@ def test_blocks_are_not_stored_twice(recording_stage, make_block):
     stage.guard.send("gate", cycle(1))
     stage.until(lambda: stage.gate.view.counters["in_CycleRecord"] == 1)
     stage.recorder.close()
-    topics = [m.topic for m in Recording(next((stage.folder / "recordings").glob("*.mcap"))).messages()]
+    topics = [
+        m.topic for m in Recording(next((stage.folder / "recordings").glob("*.mcap"))).messages()
+    ]
     assert "guard/cycle" in topics
     assert "da/block" not in topics

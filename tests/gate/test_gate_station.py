@@ -75,17 +75,27 @@ def test_the_heartbeat_tells_mode_and_arming(flying, operator, make_state):
     assert beat.system_status == common.MAV_STATE_ACTIVE
     assert beat.type == common.MAV_TYPE_ONBOARD_CONTROLLER
     operator.heard.clear()
-    silent = hear(flying, operator, lambda: [h for h in operator.all("HEARTBEAT") if h.system_status == 0])[-1]
+    silent = hear(
+        flying, operator, lambda: [h for h in operator.all("HEARTBEAT") if h.system_status == 0]
+    )[-1]
     assert not silent.base_mode & common.MAV_MODE_FLAG_SAFETY_ARMED
 
 
 def test_settings_are_listed_read_and_not_changed(flying, operator, bench):
     operator.say(operator.mav.param_request_list_encode(1, 1))
-    values = hear(flying, operator, lambda: (v := operator.all("PARAM_VALUE")) and len(v) == v[0].param_count and v)
+    values = hear(
+        flying,
+        operator,
+        lambda: (v := operator.all("PARAM_VALUE")) and len(v) == v[0].param_count and v,
+    )
     assert {v.param_id: v.param_value for v in values} == pytest.approx(settings(bench), rel=1e-6)
     operator.heard.clear()
-    operator.say(operator.mav.param_set_encode(1, 1, b"DISP_DANGER_UM", 999.0, common.MAV_PARAM_TYPE_REAL32))
-    answer = hear(flying, operator, lambda: operator.all("PARAM_VALUE") and operator.all("STATUSTEXT"))
+    operator.say(
+        operator.mav.param_set_encode(1, 1, b"DISP_DANGER_UM", 999.0, common.MAV_PARAM_TYPE_REAL32)
+    )
+    answer = hear(
+        flying, operator, lambda: operator.all("PARAM_VALUE") and operator.all("STATUSTEXT")
+    )
     assert operator.all("PARAM_VALUE")[0].param_value == bench.limits.displacement_danger_um
     assert "read-only" in answer[0].text
     operator.heard.clear()
@@ -93,19 +103,32 @@ def test_settings_are_listed_read_and_not_changed(flying, operator, bench):
     assert hear(flying, operator, lambda: operator.all("PARAM_VALUE"))[0].param_index == 2
 
 
-@pytest.mark.parametrize(("command", "parameters", "verb", "mode"), [
-    (common.MAV_CMD_COMPONENT_ARM_DISARM, (1, 0), "arm", None),
-    (common.MAV_CMD_COMPONENT_ARM_DISARM, (0, 0), "disarm", None),
-    (common.MAV_CMD_DO_SET_MODE, (1, 2), "mode", Mode.AUTO)])
-def test_commands_reach_the_guard_and_its_answer_comes_back(flying, operator, command, parameters, verb, mode):
+@pytest.mark.parametrize(
+    ("command", "parameters", "verb", "mode"),
+    [
+        (common.MAV_CMD_COMPONENT_ARM_DISARM, (1, 0), "arm", None),
+        (common.MAV_CMD_COMPONENT_ARM_DISARM, (0, 0), "disarm", None),
+        (common.MAV_CMD_DO_SET_MODE, (1, 2), "mode", Mode.AUTO),
+    ],
+)
+def test_commands_reach_the_guard_and_its_answer_comes_back(
+    flying, operator, command, parameters, verb, mode
+):
     operator.say(operator.mav.command_long_encode(1, 1, command, 0, *parameters, 0, 0, 0, 0, 0))
     flying.until(lambda: any(isinstance(r, CommandRequest) for r in flying.heard))
     request = next(r for r in flying.heard if isinstance(r, CommandRequest))
     assert (request.verb, request.mode, request.origin) == (verb, mode, "mavlink")
     reason = "a reason that is longer than the fifty bytes of one status text, by far"
     flying.guard.send("gate", CommandReply(seq=request.seq, accepted=False, reasons=[reason]))
-    ack = hear(flying, operator, lambda: operator.all("COMMAND_ACK") and len(operator.all("STATUSTEXT")) == 2
-               and operator.all("COMMAND_ACK"))[0]
+    ack = hear(
+        flying,
+        operator,
+        lambda: (
+            operator.all("COMMAND_ACK")
+            and len(operator.all("STATUSTEXT")) == 2
+            and operator.all("COMMAND_ACK")
+        ),
+    )[0]
     assert (ack.command, ack.result) == (command, common.MAV_RESULT_DENIED)
     chunks = operator.all("STATUSTEXT")
     assert "".join(chunk.text for chunk in chunks) == reason
@@ -113,16 +136,27 @@ def test_commands_reach_the_guard_and_its_answer_comes_back(flying, operator, co
 
 
 def test_other_commands_and_other_systems_do_nothing(flying, operator):
-    operator.say(operator.mav.command_long_encode(1, 1, common.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 0, 0))
-    assert hear(flying, operator, lambda: operator.all("COMMAND_ACK"))[0].result == common.MAV_RESULT_UNSUPPORTED
-    operator.say(operator.mav.command_long_encode(9, 1, common.MAV_CMD_COMPONENT_ARM_DISARM, 0, 1, 0, 0, 0, 0, 0, 0))
+    operator.say(
+        operator.mav.command_long_encode(1, 1, common.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 0, 0)
+    )
+    assert (
+        hear(flying, operator, lambda: operator.all("COMMAND_ACK"))[0].result
+        == common.MAV_RESULT_UNSUPPORTED
+    )
+    operator.say(
+        operator.mav.command_long_encode(
+            9, 1, common.MAV_CMD_COMPONENT_ARM_DISARM, 0, 1, 0, 0, 0, 0, 0, 0
+        )
+    )
     for _ in range(20):
         flying.step()
     assert not [r for r in flying.heard if isinstance(r, CommandRequest)]
 
 
 def test_events_are_shown_with_their_severity(flying, operator):
-    flying.guard.send("gate", Event(seq=1, t_ns=1, severity=Severity.DANGER, name="trip", text="tripped: disp_x"))
+    flying.guard.send(
+        "gate", Event(seq=1, t_ns=1, severity=Severity.DANGER, name="trip", text="tripped: disp_x")
+    )
     text = hear(flying, operator, lambda: operator.all("STATUSTEXT"))[0]
     assert (text.severity, text.text) == (common.MAV_SEVERITY_CRITICAL, "tripped: disp_x")
 

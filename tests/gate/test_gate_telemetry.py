@@ -74,10 +74,20 @@ def test_raw_blocks_go_out_as_msgpack_and_features_follow(stage, client, make_bl
 
 
 def test_state_config_models_events_and_alarms_answer_queries(stage, client, make_state, bench):
-    alarm = Alarm(name="disp_x_danger", severity=Severity.DANGER, since_ns=5, value=80.0, limit=70.0, latched=True)
+    alarm = Alarm(
+        name="disp_x_danger",
+        severity=Severity.DANGER,
+        since_ns=5,
+        value=80.0,
+        limit=70.0,
+        latched=True,
+    )
     stage.guard.send("gate", make_state(alarms=[alarm]))
     for seq in (1, 2, 3):
-        stage.guard.send("gate", Event(seq=seq, t_ns=seq, severity=Severity.INFO, name="armed", text=f"armed {seq}"))
+        stage.guard.send(
+            "gate",
+            Event(seq=seq, t_ns=seq, severity=Severity.INFO, name="armed", text=f"armed {seq}"),
+        )
     stage.brain.send(ADVICE)
     stage.until(lambda: stage.gate.view.guard is not None and stage.gate.view.advice is not None)
 
@@ -133,7 +143,9 @@ def test_a_missing_number_is_null_and_the_rest_stays_valid_json(stage, client, m
 
 def test_the_bare_script_prints_the_live_diagnosis(stage):
     script = Path(__file__).resolve().parents[2] / "deploy" / "examples" / "zenoh_diagnosis.py"
-    child = subprocess.Popen([sys.executable, script, endpoint(stage.folder)], stdout=subprocess.PIPE, text=True)
+    child = subprocess.Popen(
+        [sys.executable, script, endpoint(stage.folder)], stdout=subprocess.PIPE, text=True
+    )
     lines: list[str] = []
     reader = threading.Thread(target=lambda: lines.append(child.stdout.readline()), daemon=True)
     reader.start()
@@ -153,8 +165,12 @@ def test_numbers_that_are_not_finite_cross_exactly_to_our_own_client(stage, clie
 
 
 def test_counters_that_reply_threads_write_are_there_from_the_start(stage):
-    assert {"zenoh_failed", "replies_dropped_disarm", "replies_dropped_commands", "replies_dropped_questions"} <= set(
-        stage.gate.all_counters())
+    assert {
+        "zenoh_failed",
+        "replies_dropped_disarm",
+        "replies_dropped_commands",
+        "replies_dropped_questions",
+    } <= set(stage.gate.all_counters())
 
 
 def ask_while_stepping(stage, ask):
@@ -165,4 +181,3 @@ def ask_while_stepping(stage, ask):
     stage.until(lambda: not thread.is_alive(), "an answer")
     assert answers, "the query failed"
     return answers[0]
-

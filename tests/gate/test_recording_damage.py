@@ -1,4 +1,5 @@
-"""Damaged recordings: everything that is whole is read, nothing that is not is believed, what is missing is told."""
+"""Damaged recordings: everything that is whole is read, nothing that is not is believed, what is
+missing is told."""
 
 from __future__ import annotations
 
@@ -44,7 +45,7 @@ def chunk_starts(data: bytes) -> list[int]:
 
 
 def put(data: bytes, at: int, new: bytes) -> bytes:
-    return data[:at] + new + data[at + len(new):]
+    return data[:at] + new + data[at + len(new) :]
 
 
 def third(data: bytes) -> int:
@@ -59,12 +60,14 @@ DAMAGES: dict[str, Callable[[bytes], bytes]] = {
     "zeros in the middle": lambda d: put(d, len(d) // 2, bytes(4096)),
     "zeros at the start": lambda d: put(d, 0, bytes(4096)),
     "junk in the middle": lambda d: put(d, len(d) // 2, random.Random(2).randbytes(4096)),
-    "bytes missing": lambda d: d[: len(d) // 2] + d[len(d) // 2 + 1234:],
-    "bytes inserted": lambda d: d[: len(d) // 2] + b"x" * 777 + d[len(d) // 2:],
+    "bytes missing": lambda d: d[: len(d) // 2] + d[len(d) // 2 + 1234 :],
+    "bytes inserted": lambda d: d[: len(d) // 2] + b"x" * 777 + d[len(d) // 2 :],
     "a bit in a chunk": lambda d: put(d, third(d) + 500, bytes([d[third(d) + 500] ^ 1])),
     "a huge length": lambda d: put(d, third(d) + 1, (2**63).to_bytes(8, "little")),
     "a length past the end": lambda d: put(d, third(d) + 1, (len(d) + 5).to_bytes(8, "little")),
-    "a length that swallows two chunks": lambda d: put(d, third(d) + 1, (50_000).to_bytes(8, "little")),
+    "a length that swallows two chunks": lambda d: put(
+        d, third(d) + 1, (50_000).to_bytes(8, "little")
+    ),
     "a length of zero": lambda d: put(d, third(d) + 1, bytes(8)),
     "a huge unpacked size": lambda d: put(d, third(d) + 25, (2**50).to_bytes(8, "little")),
     "junk appended": lambda d: d + random.Random(3).randbytes(10_000),
@@ -82,7 +85,11 @@ def test_what_is_whole_is_read_and_the_rest_is_told(whole, tmp_path, name):
     path.write_bytes(DAMAGES[name](whole))
     recording = Recording(path)
     messages = list(recording.messages())
-    found = [msgspec.msgpack.decode(m.data, type=CycleRecord) for m in messages if m.topic == "guard/cycle"]
+    found = [
+        msgspec.msgpack.decode(m.data, type=CycleRecord)
+        for m in messages
+        if m.topic == "guard/cycle"
+    ]
     assert all(c == good[c.cycle.seq] for c in found), "something that is not whole was believed"
     assert len(found) >= (0.62 if name.startswith("cut") else 0.85) * N
     if len(found) < N:
@@ -164,7 +171,13 @@ def test_a_bomb_is_not_unpacked(whole, tmp_path):
     import zstandard
 
     packed = zstandard.ZstdCompressor().compress(bytes(300 << 20))
-    body = bytes(16) + (1000).to_bytes(8, "little") + bytes(4) + b"\x04\0\0\0zstd" + len(packed).to_bytes(8, "little")
+    body = (
+        bytes(16)
+        + (1000).to_bytes(8, "little")
+        + bytes(4)
+        + b"\x04\0\0\0zstd"
+        + len(packed).to_bytes(8, "little")
+    )
     bomb = bytes([6]) + (len(body) + len(packed)).to_bytes(8, "little") + body + packed
     at = third(whole)
     path = tmp_path / "x.mcap"

@@ -1,7 +1,9 @@
-"""Makes the golden recordings again: ``python -m tests.golden.make [NAME ...]``, or ``make golden``.
+"""Makes the golden recordings again: ``python -m tests.golden.make [NAME ...]``, or ``make
+golden``.
 
-Each scenario is flown on the simulated clock, recorded by the gate's own recorder, replayed once for proof, stored as
-``NAME.mcap.xz``, and described in ``manifest.json``: what happens, how many cycles, every event of the guard.
+Each scenario is flown on the simulated clock, recorded by the gate's own recorder, replayed once
+for proof, stored as ``NAME.mcap.xz``, and described in ``manifest.json``: what happens, how many
+cycles, every event of the guard.
 """
 
 from __future__ import annotations
@@ -26,12 +28,15 @@ FOLDER: Final = Path(__file__).parent
 MANIFEST: Final = FOLDER / "manifest.json"
 BYTES_MAX: Final = 20_000_000
 """All recordings together."""
-KEPT: Final = tuple(TOPICS[kind].name for kind in (CycleRecord, Snapshot, Event, CommandRequest, CommandReply))
+KEPT: Final = tuple(
+    TOPICS[kind].name for kind in (CycleRecord, Snapshot, Event, CommandRequest, CommandReply)
+)
 UNIX_NS: Final = 1_800_000_000_000_000_000
 
 
 class Golden(msgspec.Struct):
-    """One recording as the manifest describes it; an event is (s since the start, name, severity, text)."""
+    """One recording as the manifest describes it; an event is (s since the start, name, severity,
+    text)."""
 
     name: str
     what: str
@@ -44,10 +49,14 @@ class Golden(msgspec.Struct):
 
 
 def main(names: list[str]) -> int:
-    """Make the named scenarios (all without names); 1 when they do not show what they are for, or are too large."""
+    """Make the named scenarios (all without names); 1 when they do not show what they are for, or
+    are too large."""
     unknown = set(names) - {scenario.name for scenario in SCENARIOS}
     if unknown:
-        print(f"no scenario {', '.join(sorted(unknown))}; there are {', '.join(s.name for s in SCENARIOS)}")
+        print(
+            f"no scenario {', '.join(sorted(unknown))}; there are "
+            f"{', '.join(s.name for s in SCENARIOS)}"
+        )
         return 2
     known = {golden.name: golden for golden in manifest()}
     for scenario in SCENARIOS:
@@ -56,14 +65,19 @@ def main(names: list[str]) -> int:
         golden = make(scenario, FOLDER / f"{scenario.name}.mcap.xz")
         known[scenario.name] = golden
         happened = ", ".join(dict.fromkeys(name for _, name, _, _ in golden.events))
-        print(f"{golden.name:<18}{golden.cycles:>6} cycles {golden.bytes / 1e6:5.2f} MB  {happened}", flush=True)
+        print(
+            f"{golden.name:<18}{golden.cycles:>6} cycles {golden.bytes / 1e6:5.2f} MB  {happened}",
+            flush=True,
+        )
         missing = set(scenario.must) - {name for _, name, _, _ in golden.events}
         if missing:
             print(f"{golden.name}: nothing shows {', '.join(sorted(missing))}; change the scenario")
             return 1
     order = [known[scenario.name] for scenario in SCENARIOS if scenario.name in known]
     MANIFEST.write_bytes(msgspec.json.format(msgspec.json.encode(order), indent=1) + b"\n")
-    for stray in set(FOLDER.glob("*.mcap.xz")) - {FOLDER / f"{golden.name}.mcap.xz" for golden in order}:
+    for stray in set(FOLDER.glob("*.mcap.xz")) - {
+        FOLDER / f"{golden.name}.mcap.xz" for golden in order
+    }:
         stray.unlink()
     total = sum(golden.bytes for golden in order)
     print(f"{len(order)} recordings, {total / 1e6:.1f} MB of {BYTES_MAX / 1e6:.0f}")
@@ -72,7 +86,9 @@ def main(names: list[str]) -> int:
 
 def manifest() -> list[Golden]:
     """What there is; nothing before the first making."""
-    return msgspec.json.decode(MANIFEST.read_bytes(), type=list[Golden]) if MANIFEST.exists() else []
+    return (
+        msgspec.json.decode(MANIFEST.read_bytes(), type=list[Golden]) if MANIFEST.exists() else []
+    )
 
 
 def make(scenario: Scenario, path: Path) -> Golden:
@@ -104,9 +120,26 @@ def described(name: str, what: str, link: str, plain: Path, size: int) -> Golden
     if not report.ok or report.cycles != len(cycles) or report.snapshots_compared != snapshots - 1:
         raise RuntimeError(f"{name}: the recording does not replay: {report}")
     start_ns = cycles[0].cycle.now_ns
-    events = [(round((record.cycle.now_ns - start_ns) * 1e-9, 3), event.name, int(event.severity), event.text)
-              for record in cycles for event in record.events]
-    return Golden(name, what, link, len(cycles), snapshots, sum(len(c.frames_out) for c in cycles), size, events)
+    events = [
+        (
+            round((record.cycle.now_ns - start_ns) * 1e-9, 3),
+            event.name,
+            int(event.severity),
+            event.text,
+        )
+        for record in cycles
+        for event in record.events
+    ]
+    return Golden(
+        name,
+        what,
+        link,
+        len(cycles),
+        snapshots,
+        sum(len(c.frames_out) for c in cycles),
+        size,
+        events,
+    )
 
 
 def _config(recording: Recording) -> Any:
@@ -117,7 +150,9 @@ def _config(recording: Recording) -> Any:
 
 def _flown(scenario: Scenario, folder: Path) -> Recording:
     config = scenario.setting().config
-    recorder = Recorder(folder, scenario.name, metadata(config, read_models(config)), 10**9, lambda: UNIX_NS)
+    recorder = Recorder(
+        folder, scenario.name, metadata(config, read_models(config)), 10**9, lambda: UNIX_NS
+    )
 
     def listen(record: Recordable, now_ns: int) -> None:
         if isinstance(record, Block):
@@ -134,9 +169,12 @@ def _flown(scenario: Scenario, folder: Path) -> Recording:
 
 
 def _store_plain(recording: Recording, path: Path) -> None:
-    """The recording without compression of its own, in large chunks, with what the oracle needs: xz packs it better."""
+    """The recording without compression of its own, in large chunks, with what the oracle needs: xz
+    packs it better."""
     with path.open("wb") as stream:
-        writer = Writer(stream, chunk_size=1 << 20, compression=CompressionType.NONE, index_types=IndexType.NONE)
+        writer = Writer(
+            stream, chunk_size=1 << 20, compression=CompressionType.NONE, index_types=IndexType.NONE
+        )
         writer.start(profile="orbitd", library="orbitd")
         writer.add_metadata(METADATA_NAME, recording.metadata)
         ids = {}

@@ -1,4 +1,5 @@
-"""The oracle: every golden recording decides the same again, bit for bit, and nothing of it is left out."""
+"""The oracle: every golden recording decides the same again, bit for bit, and nothing of it is left
+out."""
 
 from __future__ import annotations
 
@@ -41,9 +42,18 @@ def check(golden: Golden, packed: Path, folder: Path) -> None:
     assert not recording.interrupted
     assert recording.damage.notes == []
     assert not report.first_difference, HELP.format(difference=report.first_difference, **help_)
-    counted = (report.cycles, report.snapshots_compared + report.segments, report.segments, report.different,
-               report.snapshots_different, report.cycles_missing, report.cycles_outside_segments)
-    assert counted == (golden.cycles, golden.snapshots, 1, 0, 0, 0, 0), "a part of the recording was not compared"
+    counted = (
+        report.cycles,
+        report.snapshots_compared + report.segments,
+        report.segments,
+        report.different,
+        report.snapshots_different,
+        report.cycles_missing,
+        report.cycles_outside_segments,
+    )
+    assert counted == (golden.cycles, golden.snapshots, 1, 0, 0, 0, 0), (
+        "a part of the recording was not compared"
+    )
 
 
 GOLDEN = manifest()
@@ -55,7 +65,9 @@ if GOLDEN:  # made by `make golden`
 
     def test_the_recordings_are_those_of_the_manifest_and_small_enough() -> None:
         assert [golden.name for golden in GOLDEN] == [scenario.name for scenario in SCENARIOS]
-        sizes = {path.name.partition(".")[0]: path.stat().st_size for path in FOLDER.glob("*.mcap.xz")}
+        sizes = {
+            path.name.partition(".")[0]: path.stat().st_size for path in FOLDER.glob("*.mcap.xz")
+        }
         assert sizes == {golden.name: golden.bytes for golden in GOLDEN}
         assert sum(sizes.values()) <= BYTES_MAX
 
@@ -74,7 +86,9 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> tuple[Golden, Path]:
 
 
 @pytest.mark.parametrize("scenario", SCENARIOS, ids=lambda scenario: scenario.name)
-def test_a_scenario_is_played_with_a_configuration_that_can_be_read_back(scenario: Scenario) -> None:
+def test_a_scenario_is_played_with_a_configuration_that_can_be_read_back(
+    scenario: Scenario,
+) -> None:
     config = scenario.setting().config
     assert msgspec.json.decode(msgspec.json.encode(config), type=Config) == config
 
@@ -105,7 +119,9 @@ def test_a_guard_that_decides_otherwise_is_found_and_the_way_on_is_told(
         check(small[0], small[1], tmp_path)
 
 
-def test_a_recording_with_a_part_missing_is_not_accepted(small: tuple[Golden, Path], tmp_path: Path) -> None:
+def test_a_recording_with_a_part_missing_is_not_accepted(
+    small: tuple[Golden, Path], tmp_path: Path
+) -> None:
     golden, path = small
     plain = lzma.decompress(path.read_bytes())
     cut = tmp_path / "cut.mcap.xz"
@@ -117,5 +133,7 @@ def test_a_recording_with_a_part_missing_is_not_accepted(small: tuple[Golden, Pa
 def test_two_makings_give_the_same_bytes(small: tuple[Golden, Path], tmp_path: Path) -> None:
     again = make.make(replace(SCENARIOS[0], name="small", seconds=2.2), tmp_path / "again.mcap.xz")
     assert again == small[0]
-    first, second = (hashlib.sha256(p.read_bytes()).hexdigest() for p in (small[1], tmp_path / "again.mcap.xz"))
+    first, second = (
+        hashlib.sha256(p.read_bytes()).hexdigest() for p in (small[1], tmp_path / "again.mcap.xz")
+    )
     assert first == second

@@ -35,15 +35,21 @@ SESSION = 0x1234
 
 
 def bench() -> Config:
-    """The shipped configuration of the bench rig, with a danger delay of 1 s so that tests need not wait for 3."""
+    """The shipped configuration of the bench rig, with a danger delay of 1 s so that tests need not
+    wait for 3."""
     config = load(SHIPPED / "bench.toml")[0]
-    return msgspec.structs.replace(config, limits=msgspec.structs.replace(config.limits, danger_delay_s=1.0))
+    return msgspec.structs.replace(
+        config, limits=msgspec.structs.replace(config.limits, danger_delay_s=1.0)
+    )
 
 
 class ScriptedNode:
-    """Sends the six records on their periods; ``drift_ppm`` and ``delay_ns`` shape its clock and its wire."""
+    """Sends the six records on their periods; ``drift_ppm`` and ``delay_ns`` shape its clock and
+    its wire."""
 
-    def __init__(self, config: Config, drift_ppm: int = 0, start_tick_us: int = 4_294_000_000) -> None:
+    def __init__(
+        self, config: Config, drift_ppm: int = 0, start_tick_us: int = 4_294_000_000
+    ) -> None:
         self.config = config
         self.codec = CanCodec()
         self.speed_rpm = 6000.0
@@ -90,7 +96,12 @@ class ScriptedNode:
 
     def tick_at(self, now_ns: int) -> int:
         """Node tick at host time ``now_ns``, not wrapped."""
-        return self._start_tick + self.lead_us + now_ns // 1000 + now_ns // 1000 * self._drift_ppm // 1_000_000
+        return (
+            self._start_tick
+            + self.lead_us
+            + now_ns // 1000
+            + now_ns // 1000 * self._drift_ppm // 1_000_000
+        )
 
     def restart(self) -> None:
         """Power off and on: counters and ticks begin anew."""
@@ -160,7 +171,10 @@ class ScriptedNode:
     def _samples(self, tick_us: int, period_us: int) -> SampleFrame:
         rows = b""
         for i in range(3):
-            before, self._phase = self._phase, self._phase + self.speed_rpm * pi / 30 * period_us * 1e-6
+            before, self._phase = (
+                self._phase,
+                self._phase + self.speed_rpm * pi / 30 * period_us * 1e-6,
+            )
             for edge in self.edges:
                 for angle in (2 * pi * edge, 2 * pi * (1 + edge)):
                     if before < angle <= self._phase:
@@ -198,7 +212,10 @@ class ScriptedNode:
             acc - dither,
             acc + dither,
             10 + dither,
-            round(1000 * min(self.pressure_bar if self.supply_bar is None else self.supply_bar, 9.5)) + dither,
+            round(
+                1000 * min(self.pressure_bar if self.supply_bar is None else self.supply_bar, 9.5)
+            )
+            + dither,
             5000 + dither,
         ]
         if self.frozen_channel is not None:
@@ -219,8 +236,14 @@ class ScriptedNode:
                 abs(self.target_um - self.clearance_um) < 0.5,
                 *self.refused,
             ),
-            RigStatus(self.counter(RigStatus), tick_us, self.power_W, self.oil_C, self.clearance_um,
-                      self.pressure_bar),
+            RigStatus(
+                self.counter(RigStatus),
+                tick_us,
+                self.power_W,
+                self.oil_C,
+                self.clearance_um,
+                self.pressure_bar,
+            ),
         ]
         if self._slow_ms % 20 == 1:
             messages.append(
@@ -300,7 +323,9 @@ class Bench:
             self.node.speed_rpm += max(-step, min(step, speed_rpm - self.node.speed_rpm))
             self.cycle()
 
-    def ask(self, verb: str, value: float | None = None, mode: int | None = None) -> tuple[bool, list[str]]:
+    def ask(
+        self, verb: str, value: float | None = None, mode: int | None = None
+    ) -> tuple[bool, list[str]]:
         """One request and its answer."""
         reply = self.cycle([CommandRequest(self.seq, verb, value, mode)]).replies[0]
         return reply.accepted, reply.reasons
@@ -323,7 +348,15 @@ class Bench:
             return None
         self.advice_seq += 1
         return Advice(
-            self.advice_seq, self.now_ns, self.now_ns - 5 * MS, 300 * MS, self.advise_um, None, True, [], None
+            self.advice_seq,
+            self.now_ns,
+            self.now_ns - 5 * MS,
+            300 * MS,
+            self.advise_um,
+            None,
+            True,
+            [],
+            None,
         )
 
 

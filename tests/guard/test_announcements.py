@@ -16,7 +16,9 @@ S = 1_000_000_000
 LEAD_S = 2.4
 
 
-def asked(start_s: float = 3.0, end_s: float = 5.0, rpm: float = 9000.0, load_N: float = 60.0) -> CommandRequest:
+def asked(
+    start_s: float = 3.0, end_s: float = 5.0, rpm: float = 9000.0, load_N: float = 60.0
+) -> CommandRequest:
     return CommandRequest(1, "announce", ramp=PlannedRamp(start_s, end_s, rpm, load_N))
 
 
@@ -40,7 +42,9 @@ def test_an_accepted_ramp_comes_nearer_and_expires_after_its_end() -> None:
     (asked(rpm=1499.0), "operating.speed_min_rpm"),
     (asked(load_N=301.0), "operating.load_min_N"),
 ])  # fmt: skip
-def test_what_cannot_be_met_is_refused_and_not_remembered(request_: CommandRequest, cause: str) -> None:
+def test_what_cannot_be_met_is_refused_and_not_remembered(
+    request_: CommandRequest, cause: str
+) -> None:
     announcements = Announcements(bench(), LEAD_S)
     (reason,) = announcements.request(request_, 0)
     assert cause in reason
@@ -55,7 +59,9 @@ def test_ramps_follow_one_another_up_to_a_number() -> None:
     announcements = Announcements(bench(), LEAD_S)
     for k in range(WAITING_MAX):
         assert announcements.request(asked(3.0 + 2 * k, 5.0 + 2 * k), 0) == []
-    assert "another announced ramp ends at 19.000 s" in announcements.request(asked(18.9, 21.0), 0)[0]
+    assert (
+        "another announced ramp ends at 19.000 s" in announcements.request(asked(18.9, 21.0), 0)[0]
+    )
     assert "8 announced ramps already wait" in announcements.request(asked(30.0, 31.0), 0)[-1]
 
 
@@ -68,5 +74,7 @@ def test_the_guard_answers_and_keeps_the_ramp_over_a_snapshot() -> None:
     heir.restore(guard.snapshot(1, S))
     following = Cycle(1, S + MS, [], None, [asked(4.0, 6.0)], True, True, True)
     assert heir.step(following).replies == guard.step(following).replies
-    (reply,) = heir.step(Cycle(2, S + 2 * MS, [], None, [asked(4.0, 6.0)], True, True, True)).replies
+    (reply,) = heir.step(
+        Cycle(2, S + 2 * MS, [], None, [asked(4.0, 6.0)], True, True, True)
+    ).replies
     assert "another announced ramp" in reply.reasons[0]

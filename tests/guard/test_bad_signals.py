@@ -28,7 +28,9 @@ Signal = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 def sine(amplitude: float, order: float = 1.0, mean: float = 0.0, noise: float = 0.1) -> Signal:
     """``amplitude`` in um or m/s2."""
-    return lambda t, turn: UM * (mean + amplitude * np.cos(2 * pi * order * turn) + noise * RNG.normal(size=t.shape))
+    return lambda t, turn: (
+        UM * (mean + amplitude * np.cos(2 * pi * order * turn) + noise * RNG.normal(size=t.shape))
+    )
 
 
 def clipped(inner: Signal, high: float, low: float | None = None) -> Signal:
@@ -38,9 +40,11 @@ def clipped(inner: Signal, high: float, low: float | None = None) -> Signal:
 
 def pulses(inner: Signal, at: float, every_s: float, last_s: float, noise: float = 0.0) -> Signal:
     """A rail, or any level, now and then."""
+
     def signal(t: np.ndarray, turn: np.ndarray) -> np.ndarray:
         level = UM * (at + noise * RNG.normal(size=t.shape))
         return np.where(t % every_s < last_s, level, inner(t, turn))
+
     return signal
 
 
@@ -54,7 +58,9 @@ class Machine:
     def __init__(self, config: Config, rpm: float = 6000.0) -> None:
         self.config, self.rpm = config, rpm
         self.ok, self.protection = ChannelOk.of(config), Protection(config, [])
-        self.signals: dict[int, Signal] = {i: sine(5.0) if i < 5 else sine(1.0, mean=10.0) for i in range(8)}
+        self.signals: dict[int, Signal] = {
+            i: sine(5.0) if i < 5 else sine(1.0, mean=10.0) for i in range(8)
+        }
         self.lost: Callable[[int], bool] = lambda seq: False
         self.seq, self.notices, self.first = 0, list[str](), dict[str, float]()
         self.told = list[Notice]()
@@ -68,12 +74,26 @@ class Machine:
             self.seq += 1
             if missing:
                 continue
-            rows = np.column_stack([np.clip(np.round(self.signals[i](t, turn)), -32768, 32767) for i in range(8)])
+            rows = np.column_stack(
+                [np.clip(np.round(self.signals[i](t, turn)), -32768, 32767) for i in range(8)]
+            )
             counts, speed = rows.astype(np.int16), self.rpm * pi / 30
             ok = self.ok.step(counts, speed, gap)
-            block = Block(self.seq, round(t[0] * 1e9), PERIOD_US * 1000, 0, PERIOD_US,
-                              int(Quality.GAP_BEFORE) * gap, ok, speed, 0, [], counts.tobytes(),
-                              self.ok.state.causes, self.ok.state.unusable)
+            block = Block(
+                self.seq,
+                round(t[0] * 1e9),
+                PERIOD_US * 1000,
+                0,
+                PERIOD_US,
+                int(Quality.GAP_BEFORE) * gap,
+                ok,
+                speed,
+                0,
+                [],
+                counts.tobytes(),
+                self.ok.state.causes,
+                self.ok.state.unusable,
+            )
             for notice in self.protection.step([block], clearance_um):
                 self.notices.append(notice.name)
                 self.told.append(notice)
@@ -119,7 +139,10 @@ def test_a_vibration_that_saturates_reaches_danger_in_its_time_and_is_named(name
     assert m.protection.tripped == [f"{NAMES[channel]}_danger"]
     assert m.first[f"{NAMES[channel]}_danger"] < 0.5 + 1.0 + 0.2
     assert m.cause(NAMES[channel]) == "saturated"
-    assert next(a.value for a in m.protection.standing() if a.name == f"{NAMES[channel]}_danger") >= 195.0
+    assert (
+        next(a.value for a in m.protection.standing() if a.name == f"{NAMES[channel]}_danger")
+        >= 195.0
+    )
 
 
 def test_a_saturated_vibration_that_keeps_no_step_votes_as_measured() -> None:
@@ -135,13 +158,16 @@ def test_both_probes_saturated_cost_authority_and_trip() -> None:
 
 
 @pytest.mark.parametrize(
-    ("danger", "alert", "tripped"), [(190.0, 150.0, True), (250.0, 190.0, False), (250.0, 240.0, False)]
+    ("danger", "alert", "tripped"),
+    [(190.0, 150.0, True), (250.0, 190.0, False), (250.0, 240.0, False)],
 )
 def test_a_rail_below_the_limit_still_counts_as_the_rail_and_is_named(
     danger: float, alert: float, tripped: bool
 ) -> None:
     config = bench()
-    limits = msgspec.structs.replace(config.limits, acceleration_danger_m_s2=danger, acceleration_alert_m_s2=alert)
+    limits = msgspec.structs.replace(
+        config.limits, acceleration_danger_m_s2=danger, acceleration_alert_m_s2=alert
+    )
     m = Machine(msgspec.structs.replace(config, limits=limits)).run(0.5)
     m.signals[MOTOR] = clipped(sine(220.0), 200.0)
     m.run(4.0)
@@ -211,7 +237,9 @@ def test_an_open_cable_leaves_the_vote(channel: int, rail: float, noise: float) 
 
 @pytest.mark.parametrize("bad", [sine(0.0, mean=250.0), sine(0.0, mean=12.0, noise=0.0)])
 @pytest.mark.parametrize("away_s", [0.5, 3.0])
-def test_a_danger_timer_goes_on_where_it_was_after_the_channel_was_away(bad: Signal, away_s: float) -> None:
+def test_a_danger_timer_goes_on_where_it_was_after_the_channel_was_away(
+    bad: Signal, away_s: float
+) -> None:
     m = machine(6000.0, ch0=sine(48.0)).run(0.7)
     m.signals[X] = bad
     m.run(away_s)
@@ -251,13 +279,18 @@ def test_data_lost_on_a_calm_machine_trips_nothing(name: str) -> None:
 def test_channels_that_are_bad_in_turn_still_trip() -> None:
     def away(inner: Signal, second: int) -> Signal:
         return lambda t, turn: np.where(np.floor(t) % 4 // 2 == second, UM * 250.0, inner(t, turn))
+
     m = machine(6000.0, ch0=away(sine(48.0), 0), ch1=away(sine(48.0), 1)).run(9.0)
     assert set(m.protection.tripped) == {"disp_x_danger", "disp_y_danger"}
 
 
 def test_a_slow_drift_to_the_rail_ends_as_open_without_a_trip() -> None:
     def drifting(t: np.ndarray, turn: np.ndarray) -> np.ndarray:
-        return np.minimum(UM * (60.0 * t + 6.0 * np.cos(2 * pi * turn) + 0.1 * RNG.normal(size=t.shape)), UM * 250.0)
+        return np.minimum(
+            UM * (60.0 * t + 6.0 * np.cos(2 * pi * turn) + 0.1 * RNG.normal(size=t.shape)),
+            UM * 250.0,
+        )
+
     m = machine(6000.0, ch0=drifting).run(9.0)
     assert m.cause("disp_x") == "open"
     assert m.protection.tripped == []
@@ -290,7 +323,10 @@ def test_the_memory_of_a_channel_survives_a_snapshot() -> None:
     other = Machine(m.config)
     other.seq, other.signals = m.seq, m.signals
     other.protection.state = msgspec.msgpack.decode(
-        msgspec.msgpack.encode(m.protection.state), type=type(m.protection.state))
-    other.ok.state = msgspec.msgpack.decode(msgspec.msgpack.encode(m.ok.state), type=type(m.ok.state))
+        msgspec.msgpack.encode(m.protection.state), type=type(m.protection.state)
+    )
+    other.ok.state = msgspec.msgpack.decode(
+        msgspec.msgpack.encode(m.ok.state), type=type(m.ok.state)
+    )
     other.run(0.5)
     assert other.protection.tripped == ["disp_x_danger"]

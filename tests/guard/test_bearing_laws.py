@@ -15,7 +15,10 @@ from sim_hil.film import Equilibrium, equilibrium
 from sim_hil.rigs import load_rig
 
 RADIUS_M, CLEARANCE_M, VISCOSITY, SPEED = 0.02, 60e-6, 0.01, 600.0
-KNOTS_SEEN = [round(e / ECCENTRICITY_MAX * KNOTS) for e in (0.02, 0.12, 0.25, 0.36, 0.45, 0.55, 0.67, 0.77, 0.87, 0.93)]
+KNOTS_SEEN = [
+    round(e / ECCENTRICITY_MAX * KNOTS)
+    for e in (0.02, 0.12, 0.25, 0.36, 0.45, 0.55, 0.67, 0.77, 0.87, 0.93)
+]
 RATIOS = [0.125, 0.2, 0.5, 0.8, 1.0]
 
 
@@ -43,8 +46,11 @@ def test_load_attitude_and_friction_are_those_of_the_film(ratio: float, knot: in
 
 @pytest.mark.parametrize("ratio", RATIOS)
 @pytest.mark.parametrize("knot", KNOTS_SEEN[:7])
-def test_the_clearance_of_whirl_is_that_of_the_film_and_never_wider(ratio: float, knot: int) -> None:
-    """A rotor of just the mass that whirls at the knot finds the threshold again by its load and speed."""
+def test_the_clearance_of_whirl_is_that_of_the_film_and_never_wider(
+    ratio: float, knot: int
+) -> None:
+    """A rotor of just the mass that whirls at the knot finds the threshold again by its load and
+    speed."""
     film, state = StaticFilm(RADIUS_M, 2 * RADIUS_M * ratio), true(ratio, knot)
     if not isfinite(state.threshold):
         return
@@ -67,16 +73,21 @@ def test_a_bearing_longer_than_the_table_is_taken_as_the_longest() -> None:
 
 
 @pytest.mark.parametrize("unbalance_share", [0.1, 0.3, 0.45, 0.6, 0.8])
-@pytest.mark.parametrize(("rpm", "load_N"), [(12000.0, 22.0), (12000.0, 30.0), (12000.0, 38.0), (9500.0, 30.0)])
+@pytest.mark.parametrize(
+    ("rpm", "load_N"), [(12000.0, 22.0), (12000.0, 30.0), (12000.0, 38.0), (9500.0, 30.0)]
+)
 def test_a_rotor_out_of_balance_does_not_whirl_in_the_clearance_that_the_law_leaves(
     rpm: float, load_N: float, unbalance_share: float
 ) -> None:
-    """Four seconds of the rotor on the Reynolds film, 4 % within for its coupling (``rotor.whirl_error_share``)."""
+    """Four seconds of the rotor on the Reynolds film, 4 % within for its coupling
+    (``rotor.whirl_error_share``)."""
     rig, speed = load_rig("bench"), rpm * RAD_S_PER_RPM
     per_number = 0.96 * load_N / (rig.rotor.effective_mass_kg * speed**2)
     viscosity = rig.oil.viscosity_Pa_s * np.exp(-rig.oil.slope_per_K * 5.0)
     film = StaticFilm(rig.bearing.radius_m, rig.bearing.length_m)
-    clearance_m = per_number / film.whirl_share(per_number**2 * load_N / (viscosity * speed), unbalance_share)
+    clearance_m = per_number / film.whirl_share(
+        per_number**2 * load_N / (viscosity * speed), unbalance_share
+    )
     build = replace(Build.nominal(rig), unbalance_kg_m=unbalance_share * load_N / speed**2)
     run = simulate(
         rig, Duty.hold(rpm, load_N, 4.0), clearance=clearance_m, build=build, inlet_C=rig.oil.reference_C + 5.0,

@@ -56,7 +56,8 @@ def cost_s(work: Callable[[], object], rounds: int = 1) -> float:
 
 
 class Fed:
-    """The core of a bench, given only what a case wants beside (or instead of) the node's own frames."""
+    """The core of a bench, given only what a case wants beside (or instead of) the node's own
+    frames."""
 
     def __init__(self, bench: Bench) -> None:
         self.bench = bench
@@ -116,7 +117,8 @@ def nothing(b: Bench) -> None:
 
 
 def with_requests(b: Bench) -> None:
-    """Eight a cycle, the worst mix: modes that alternate, arming, set points, and what nobody knows."""
+    """Eight a cycle, the worst mix: modes that alternate, arming, set points, and what nobody
+    knows."""
     verbs = ("mode", "arm", "set_clearance", "announce", "nonsense", "mode", "arm", "reset")
     b.cycle([CommandRequest(i, verb, 70.0, (b.seq + i) % 3) for i, verb in enumerate(verbs)])
 
@@ -150,7 +152,10 @@ def forged(b: Bench, i: int) -> RawFrame:
 def more_samples(b: Bench, i: int) -> RawFrame:
     n = b.seq * BATCH + i
     return CODEC.encode(
-        SampleFrame(n & 0xFFFF, n * 600 & 0xFFFFFFFF, n * 600 & 0xFFFFFFFF, n & 0xFFFF, 2, bytes(range(48))), b.now_ns
+        SampleFrame(
+            n & 0xFFFF, n * 600 & 0xFFFFFFFF, n * 600 & 0xFFFFFFFF, n & 0xFFFF, 2, bytes(range(48))
+        ),
+        b.now_ns,
     )
 
 
@@ -188,10 +193,20 @@ def test_every_state_has_a_budget() -> None:
     assert set(CASES) == set(CYCLE_US)
 
 
-@pytest.mark.skipif(sys.gettrace() is not None, reason="a tracer slows the guard's code more than the reference's")
-@pytest.mark.parametrize("case", [
-    pytest.param(case, marks=pytest.mark.xfail(reason="at the edge of its bar: 1.18 to 1.22 ms"))
-    if case == "sample frames, 32 a cycle" else case for case in CYCLE_US])
+@pytest.mark.skipif(
+    sys.gettrace() is not None, reason="a tracer slows the guard's code more than the reference's"
+)
+@pytest.mark.parametrize(
+    "case",
+    [
+        pytest.param(
+            case, marks=pytest.mark.xfail(reason="at the edge of its bar: 1.18 to 1.22 ms")
+        )
+        if case == "sample frames, 32 a cycle"
+        else case
+        for case in CYCLE_US
+    ],
+)
 def test_a_cycle_keeps_its_budget(case: str) -> None:
     assert ratio(case) <= CYCLE_US[case] / REFERENCE_US
 
@@ -201,8 +216,12 @@ def test_a_fault_costs_no_more_than_being_armed() -> None:
     assert max(ratio("samples gone"), ratio("link down")) < 1.2 * armed
 
 
-@pytest.mark.parametrize("prepare", [samples_gone, link_down, node_gone, brain_gone, tripped, nothing])
-def test_the_shield_works_at_most_every_20_ms_and_for_commands_that_are_sent(prepare: Callable[[Bench], None]) -> None:
+@pytest.mark.parametrize(
+    "prepare", [samples_gone, link_down, node_gone, brain_gone, tripped, nothing]
+)
+def test_the_shield_works_at_most_every_20_ms_and_for_commands_that_are_sent(
+    prepare: Callable[[Bench], None],
+) -> None:
     b = working()
     prepare(b)
     looks = []
@@ -232,7 +251,10 @@ def test_requests_do_not_make_the_shield_work_nor_fill_the_bus() -> None:
 def test_bytes_that_are_no_packets_cost_a_bounded_time(junk: bytes) -> None:
     data = (junk * READ_BYTES)[:READ_BYTES]
     beside = min(cost_s(reference, 5) for _ in range(3))
-    assert min(cost_s(lambda: Framer().feed(data, BATCH)) for _ in range(5)) / beside <= JUNK_US / REFERENCE_US
+    assert (
+        min(cost_s(lambda: Framer().feed(data, BATCH)) for _ in range(5)) / beside
+        <= JUNK_US / REFERENCE_US
+    )
 
 
 # ------------------------------------------------------------------ what a peer may put in
@@ -277,7 +299,9 @@ def advice(reasons: list[str]) -> bytes:
     ("gate", encode(CommandRequest(1, "disarm"))),
     ("gate", b"\xc1"),
 ])  # fmt: skip
-def test_a_poll_takes_no_more_than_the_roles_records(server: RoomServer, role: str, record: bytes) -> None:
+def test_a_poll_takes_no_more_than_the_roles_records(
+    server: RoomServer, role: str, record: bytes
+) -> None:
     sock = peer(server, role)
     taken = put(sock, record, 60)
     while taken > 0:

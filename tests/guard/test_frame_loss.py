@@ -33,17 +33,20 @@ def alarms(b: Bench) -> dict[str, str]:
     return {alarm.name: alarm.text for alarm in b.core._standing()}
 
 
-@pytest.mark.parametrize(("lose", "alarm", "acts"), [
-    (lambda n: False, False, True),
-    (lambda n: n % 500 == 0, False, True),
-    (lambda n: n % 70 == 0, False, True),
-    (lambda n: 400 <= n < 425, False, True),
-    (lambda n: 400 <= n < 475, False, False),  # stale samples, for a moment
-    (lambda n: n % 33 == 0, True, True),
-    (lambda n: n % 10 == 0, True, False),
-    (lambda n: n % 2 == 0, True, False),
-    (lambda n: n % 300 < 25, True, False),
-])
+@pytest.mark.parametrize(
+    ("lose", "alarm", "acts"),
+    [
+        (lambda n: False, False, True),
+        (lambda n: n % 500 == 0, False, True),
+        (lambda n: n % 70 == 0, False, True),
+        (lambda n: 400 <= n < 425, False, True),
+        (lambda n: 400 <= n < 475, False, False),  # stale samples, for a moment
+        (lambda n: n % 33 == 0, True, True),
+        (lambda n: n % 10 == 0, True, False),
+        (lambda n: n % 2 == 0, True, False),
+        (lambda n: n % 300 < 25, True, False),
+    ],
+)
 def test_losses_that_go_on_are_an_alarm_and_cost_authority_when_they_are_many(
     lose: Callable[[int], bool], alarm: bool, acts: bool
 ) -> None:
@@ -55,7 +58,9 @@ def test_losses_that_go_on_are_an_alarm_and_cost_authority_when_they_are_many(
     assert b.core._arming.state.authority.held is acts
     assert b.names().count("frames_lost") == alarm
     if alarm:
-        assert all(word in alarms(b)["frames_lost"] for word in ("%", "above 2 %", "check bus load"))
+        assert all(
+            word in alarms(b)["frames_lost"] for word in ("%", "above 2 %", "check bus load")
+        )
         assert next(e for e in b.events if e.name == "frames_lost").severity == Severity.ALERT
 
 

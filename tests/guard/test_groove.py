@@ -1,4 +1,5 @@
-"""The guard of a bearing that is fed from a groove opposite the load: load, interval, and films of the solver."""
+"""The guard of a bearing that is fed from a groove opposite the load: load, interval, and films of
+the solver."""
 
 from math import isfinite, pi
 
@@ -25,10 +26,14 @@ def fed(**feed: float) -> Config:
     config = bench()
     bearing = msgspec.structs.replace(config.bearing, load_error_share=0.03, attitude_error_deg=2.7)
     areas = dict(zip(("groove_area_min_mm2", "groove_area_max_mm2"), AREAS_MM2, strict=True))
-    return msgspec.structs.replace(config, bearing=bearing, feed=msgspec.structs.replace(config.feed, **areas | feed))
+    return msgspec.structs.replace(
+        config, bearing=bearing, feed=msgspec.structs.replace(config.feed, **areas | feed)
+    )
 
 
-def film(load_N: float, rpm: float, clearance_m: float, bar: float | None, viscosity: float = 0.01) -> Equilibrium:
+def film(
+    load_N: float, rpm: float, clearance_m: float, bar: float | None, viscosity: float = 0.01
+) -> Equilibrium:
     b = bench().bearing
     feed = () if bar is None else (Feed("groove", 0.5 * pi, pi / 9, 0.8 * b.length_m, 1e5 * bar),)
     return equilibrium(
@@ -52,7 +57,9 @@ def test_without_a_groove_pressure_adds_nothing() -> None:
     assert groove.swing_N(2.0) == (0.0, 0.0)
 
 
-@pytest.mark.parametrize(("load_N", "rpm", "clearance_um"), [(40.0, 10000.0, 90.0), (120.0, 6000.0, 110.0)])
+@pytest.mark.parametrize(
+    ("load_N", "rpm", "clearance_um"), [(40.0, 10000.0, 90.0), (120.0, 6000.0, 110.0)]
+)
 @pytest.mark.parametrize("bar", [0.5, 1.5])
 def test_the_interval_holds_the_films_load_at_any_pressure(
     load_N: float, rpm: float, clearance_um: float, bar: float
@@ -62,12 +69,23 @@ def test_the_interval_holds_the_films_load_at_any_pressure(
     seen = look(film(load_N, rpm, clearance_m, bar).position_m, clearance_m, rpm)
     found = LoadEstimator(config).estimate(msgspec.structs.replace(seen, pressure_bar=bar))
     assert found.measured
-    least, most = (without_groove_there(film(load_N, rpm, clearance_m, p), rpm, clearance_m) for p in (0.5, 3.0))
-    assert 0.4 * load_N < found.low_N <= least < most <= found.film_N * (1 + 1e-9) / LoadEstimator(config).oil.thinnest
+    least, most = (
+        without_groove_there(film(load_N, rpm, clearance_m, p), rpm, clearance_m)
+        for p in (0.5, 3.0)
+    )
+    assert (
+        0.4 * load_N
+        < found.low_N
+        <= least
+        < most
+        <= found.film_N * (1 + 1e-9) / LoadEstimator(config).oil.thinnest
+    )
 
 
 @pytest.mark.parametrize(("load_N", "rpm"), [(30.0, 12000.0), (60.0, 10000.0), (150.0, 5000.0)])
-def test_every_admissible_clearance_keeps_film_and_stability_in_the_fed_solver(load_N: float, rpm: float) -> None:
+def test_every_admissible_clearance_keeps_film_and_stability_in_the_fed_solver(
+    load_N: float, rpm: float
+) -> None:
     """Whirl at the least pressure that may be set, film at the greatest."""
     config = fed()
     added = Groove(config).added_N
@@ -84,12 +102,17 @@ def test_every_admissible_clearance_keeps_film_and_stability_in_the_fed_solver(l
 
 def test_the_piston_stabilises_a_light_rotor_and_adds_to_an_announced_load() -> None:
     light = fed(), fed(pressure_min_bar=1.0)
-    bounds = [Shield(c).interval(12000 * RPM, Groove(c).film_loads_N[0], 60.0, 41.0) for c in (bench(), *light)]
+    bounds = [
+        Shield(c).interval(12000 * RPM, Groove(c).film_loads_N[0], 60.0, 41.0)
+        for c in (bench(), *light)
+    ]
     highs = [b[1] for b in bounds if b]
     assert len(highs) == 3
     assert np.all(np.diff(highs) > 1e-6)
     ramp = [Ramp(0.5, 0.6, 1500 * RPM, 250.0)]
-    plain, pressed = (Shield(c).interval(6000 * RPM, 80.0, 90.0, 41.0, announced=ramp) for c in (bench(), fed()))
+    plain, pressed = (
+        Shield(c).interval(6000 * RPM, 80.0, 90.0, 41.0, announced=ramp) for c in (bench(), fed())
+    )
     assert plain is not None
     assert pressed is not None
     assert pressed[1] < plain[1]

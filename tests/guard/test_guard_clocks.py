@@ -7,7 +7,16 @@ from collections.abc import Callable
 import msgspec
 import pytest
 
-from firmware_py.records import Advice, ArmState, Command, GuardState, NodeState, RawFrame, RigStatus, SampleFrame
+from firmware_py.records import (
+    Advice,
+    ArmState,
+    Command,
+    GuardState,
+    NodeState,
+    RawFrame,
+    RigStatus,
+    SampleFrame,
+)
 from firmware_py.wire.codec import CanCodec
 
 from .scripted_node import MS, Bench, working
@@ -28,7 +37,9 @@ def shifted(kind: type, by_us: int) -> Callable[[list[RawFrame]], list[RawFrame]
         for frame in frames:
             message = CODEC.decode(frame)
             if isinstance(message, kind):
-                message = msgspec.structs.replace(message, tick_us=(message.tick_us + by_us) & 0xFFFFFFFF)
+                message = msgspec.structs.replace(
+                    message, tick_us=(message.tick_us + by_us) & 0xFFFFFFFF
+                )
                 frame = CODEC.encode(message, frame.arrival_ns)
             moved.append(frame)
         return moved
@@ -60,7 +71,9 @@ def test_an_advice_from_the_future_ends_authority_and_is_counted(field: str, ahe
 
 def test_one_advice_from_the_future_does_not_live_on_when_the_brain_falls_silent() -> None:
     b = working()
-    for_ever = Advice(9999, b.now_ns + HOUR_NS, b.now_ns + HOUR_NS, 2**62, 70.0, None, True, [], None)
+    for_ever = Advice(
+        9999, b.now_ns + HOUR_NS, b.now_ns + HOUR_NS, 2**62, 70.0, None, True, [], None
+    )
     b.advice = lambda: for_ever if b.now_ns == start_ns + MS else None  # type: ignore[method-assign]
     start_ns = b.now_ns
     b.run(5.0)
@@ -70,7 +83,9 @@ def test_one_advice_from_the_future_does_not_live_on_when_the_brain_falls_silent
 @pytest.mark.parametrize("ahead_ns", [5 * MS, HOUR_NS])
 def test_frames_stamped_in_the_future_are_taken_as_arriving_now(ahead_ns: int) -> None:
     b = working()
-    b.tamper = lambda frames: [RawFrame(f.arrival_ns + ahead_ns, f.frame_id, f.data) for f in frames]
+    b.tamper = lambda frames: [
+        RawFrame(f.arrival_ns + ahead_ns, f.frame_id, f.data) for f in frames
+    ]
     b.run(0.5)
     found = state(b)
     assert found.authority
@@ -83,7 +98,9 @@ def test_frames_stamped_in_the_future_are_taken_as_arriving_now(ahead_ns: int) -
 @pytest.mark.parametrize("behind_ns", [50 * MS, HOUR_NS])
 def test_one_frame_stamped_in_the_past_costs_nothing(behind_ns: int) -> None:
     b = working()
-    b.tamper = lambda frames: [RawFrame(f.arrival_ns - behind_ns, f.frame_id, f.data) for f in frames]
+    b.tamper = lambda frames: [
+        RawFrame(f.arrival_ns - behind_ns, f.frame_id, f.data) for f in frames
+    ]
     b.cycle()
     b.cycle()
     b.tamper = list
@@ -95,7 +112,9 @@ def test_one_frame_stamped_in_the_past_costs_nothing(behind_ns: int) -> None:
 
 @pytest.mark.parametrize("kind", [NodeState, RigStatus])
 @pytest.mark.parametrize("ahead_us", [10_000, 60_000_000, 2**31 - 1_000_000])
-def test_a_node_message_with_a_tick_from_the_future_is_no_account(kind: type, ahead_us: int) -> None:
+def test_a_node_message_with_a_tick_from_the_future_is_no_account(
+    kind: type, ahead_us: int
+) -> None:
     b = working()
     b.tamper = shifted(kind, ahead_us)
     b.run(0.7)
@@ -119,16 +138,28 @@ def leap(b: Bench, ms: int) -> list[RawFrame]:
 
 @pytest.mark.parametrize(
     ("gone_ms", "delivered"),
-    [(150, "none"), (150, "all"), (2000, "none"), (2000, "first"), (2000, "all"), (60_000, "none"), (60_000, "first")],
+    [
+        (150, "none"),
+        (150, "all"),
+        (2000, "none"),
+        (2000, "first"),
+        (2000, "all"),
+        (60_000, "none"),
+        (60_000, "first"),
+    ],
 )
-def test_a_suspended_host_is_a_gap_although_its_own_clock_saw_none(gone_ms: int, delivered: str) -> None:
+def test_a_suspended_host_is_a_gap_although_its_own_clock_saw_none(
+    gone_ms: int, delivered: str
+) -> None:
     b = working()
     waiting = leap(b, gone_ms)
     b.extra = {"none": [], "first": waiting[:100], "all": waiting}[delivered]
     b.cycle()
     b.run(0.05)
     found = state(b)
-    name = "clock_leap" if gone_ms < 60_000 else "node_restarted"  # beyond 32768 frames the counter runs backward
+    name = (
+        "clock_leap" if gone_ms < 60_000 else "node_restarted"
+    )  # beyond 32768 frames the counter runs backward
     assert name in b.names()
     assert not found.authority
     assert found.arm_state == ArmState.RECOVERY

@@ -59,7 +59,9 @@ def test_a_node_that_is_not_the_configured_one_bars_arming() -> None:
     b.ask("mode", mode=2)
     accepted, reasons = b.ask("arm")
     assert not accepted
-    assert any("boot clearance 60 um is not actuator.safe_radial_clearance_um = 50" in r for r in reasons)
+    assert any(
+        "boot clearance 60 um is not actuator.safe_radial_clearance_um = 50" in r for r in reasons
+    )
 
 
 def test_disarm_is_never_refused_and_goes_before_what_came_first() -> None:
@@ -67,7 +69,11 @@ def test_disarm_is_never_refused_and_goes_before_what_came_first() -> None:
     assert b.ask("disarm") == (True, [])
     b.armed(mode=1)
     decision = b.cycle(
-        [CommandRequest(1, "set_clearance", 45.0), CommandRequest(2, "arm"), CommandRequest(3, "disarm")]
+        [
+            CommandRequest(1, "set_clearance", 45.0),
+            CommandRequest(2, "arm"),
+            CommandRequest(3, "disarm"),
+        ]
     )
     assert [r.seq for r in decision.replies] == [3, 1, 2]
 
@@ -85,7 +91,9 @@ def test_disarm_is_never_refused_and_goes_before_what_came_first() -> None:
         ("fly", None, None, "unknown verb"),
     ],
 )
-def test_bad_requests_are_refused_by_name(verb: str, value: float | None, mode: int | None, why: str) -> None:
+def test_bad_requests_are_refused_by_name(
+    verb: str, value: float | None, mode: int | None, why: str
+) -> None:
     b = Bench().armed(mode=1)
     accepted, reasons = b.ask(verb, value, mode)
     assert not accepted
@@ -141,7 +149,9 @@ def test_commands_go_out_every_period_and_echo_the_newest_tick() -> None:
     frames = sent(decisions, Command)
     assert len(frames) == 50
     messages = [CODEC.decode(f) for f in frames]
-    assert [m.counter for m in messages] == list(range(messages[0].counter, messages[0].counter + 50))
+    assert [m.counter for m in messages] == list(
+        range(messages[0].counter, messages[0].counter + 50)
+    )
     for frame, message in zip(frames, messages, strict=True):
         age_us = (b.node.tick_at(frame.arrival_ns) - message.echo_tick_us) & 0xFFFFFFFF
         assert age_us < 3000
@@ -171,7 +181,11 @@ def test_danger_trips_latches_and_sends_the_safe_command_in_the_same_cycle() -> 
     command = next(m for m in out if isinstance(m, Command))
     heartbeat = next(m for m in out if isinstance(m, DeviceHeartbeat))
     assert command.clearance_um == 50.0
-    assert (heartbeat.trip_request, heartbeat.run_permit, heartbeat.arm_state) == (True, False, ArmState.TRIPPED)
+    assert (heartbeat.trip_request, heartbeat.run_permit, heartbeat.arm_state) == (
+        True,
+        False,
+        ArmState.TRIPPED,
+    )
     b.node.amplitude_um = 5.0
     b.run(2.0)
     assert state(b).arm_state == ArmState.TRIPPED
@@ -194,12 +208,18 @@ def test_trip_latency_is_the_delay_and_one_block() -> None:
 def test_a_trip_that_the_drive_must_not_obey_still_goes_to_safe() -> None:
     config = bench()
     b = Bench(
-        msgspec.structs.replace(config, drive=msgspec.structs.replace(config.drive, trip_on_danger=False))
+        msgspec.structs.replace(
+            config, drive=msgspec.structs.replace(config.drive, trip_on_danger=False)
+        )
     ).armed()
     b.node.amplitude_um = 40.0
     b.run(1.5)
     found = state(b)
-    assert (found.arm_state, found.trip_request, found.run_permit) == (ArmState.TRIPPED, False, True)
+    assert (found.arm_state, found.trip_request, found.run_permit) == (
+        ArmState.TRIPPED,
+        False,
+        True,
+    )
     assert found.target_clearance_um == 50.0
 
 

@@ -47,9 +47,12 @@ def test_the_grid_is_absolute_and_skips_whole_periods() -> None:
 
 
 @pytest.mark.parametrize(
-    ("now_ns", "due_ns", "skipped"), [(1099, 1100, 0), (1100, 1100, 0), (1199, 1100, 0), (1200, 1200, 1)]
+    ("now_ns", "due_ns", "skipped"),
+    [(1099, 1100, 0), (1100, 1100, 0), (1199, 1100, 0), (1200, 1200, 1)],
 )
-def test_a_point_is_skipped_only_when_the_next_one_is_due(now_ns: int, due_ns: int, skipped: int) -> None:
+def test_a_point_is_skipped_only_when_the_next_one_is_due(
+    now_ns: int, due_ns: int, skipped: int
+) -> None:
     grid = Grid(1000, 100)
     assert (grid.advance(now_ns), grid.skipped) == (due_ns, skipped)
 
@@ -239,7 +242,15 @@ def test_the_process_starts_serves_and_stops_cleanly(tmp_path: Path) -> None:
     config = tmp_path / "rig.toml"
     config.write_text((SHIPPED / "bench.toml").read_text().replace('"orbitd0"', '"guardtest"'))
     code = "import sys; from firmware_py.guard.loop import main; sys.exit(main(sys.argv[1:]))"
-    command = [sys.executable, "-c", code, "--config", str(config), "--runtime-dir", str(tmp_path / "rt")]
+    command = [
+        sys.executable,
+        "-c",
+        code,
+        "--config",
+        str(config),
+        "--runtime-dir",
+        str(tmp_path / "rt"),
+    ]
     process = subprocess.Popen(command, env=env, cwd=Path(__file__).resolve().parents[2])
     gate = RoomClient(tmp_path / "rt" / "guard.sock", "gate")
     try:

@@ -27,7 +27,9 @@ def config_file(folder: Path) -> Path:
     path = folder / "rig.toml"
     text = (SHIPPED / "bench.toml").read_text()
     assert 'link = "can"' in text
-    path.write_text(text.replace('link = "can"', f'link = "serial"\nserial_port = "{folder}/absent"', 1))
+    path.write_text(
+        text.replace('link = "can"', f'link = "serial"\nserial_port = "{folder}/absent"', 1)
+    )
     return path
 
 
@@ -87,7 +89,9 @@ def withheld_for(state: GuardState) -> list[str]:
     return [text.partition(":")[0] for text in state.permit_reasons]
 
 
-def test_two_kills_bar_the_permit_until_a_person_has_looked_and_a_stop_is_no_kill(process: Process) -> None:
+def test_two_kills_bar_the_permit_until_a_person_has_looked_and_a_stop_is_no_kill(
+    process: Process,
+) -> None:
     assert withheld_for(process.start()) == ["unseen"]
     process.end(signal.SIGKILL)
     assert withheld_for(process.start()) == ["unseen"]
@@ -103,7 +107,9 @@ def test_two_kills_bar_the_permit_until_a_person_has_looked_and_a_stop_is_no_kil
 
 
 @pytest.mark.parametrize("data", [b"", b"\0" * 24, b"[7]"])
-def test_a_trip_file_that_nobody_can_read_stands_latched_and_the_guard_protects(process: Process, data: bytes) -> None:
+def test_a_trip_file_that_nobody_can_read_stands_latched_and_the_guard_protects(
+    process: Process, data: bytes
+) -> None:
     process.runtime.mkdir()
     (process.runtime / "trips.json").write_bytes(data)
     state = process.start()
@@ -111,7 +117,9 @@ def test_a_trip_file_that_nobody_can_read_stands_latched_and_the_guard_protects(
     assert withheld_for(state) == ["tripped", "unseen"]
     assert not state.trip_request
     process.end(signal.SIGKILL)
-    assert "trip_file_unreadable" in [alarm.name for alarm in process.start().alarms], "until somebody resets it"
+    assert "trip_file_unreadable" in [alarm.name for alarm in process.start().alarms], (
+        "until somebody resets it"
+    )
     assert "trip_file_unreadable" not in [alarm.name for alarm in process.ask("reset").alarms]
     assert process.end(signal.SIGTERM) == 0
     assert json.loads((process.runtime / "trips.json").read_text()) == []
@@ -120,13 +128,17 @@ def test_a_trip_file_that_nobody_can_read_stands_latched_and_the_guard_protects(
 # ------------------------------------------------------------------ the same in this process, step by step
 
 
-def test_main_notes_its_start_after_it_can_be_told_to_stop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_main_notes_its_start_after_it_can_be_told_to_stop(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     before = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGINT)}
     did: list[str] = []
     build = loop.build
 
     def watched(*arguments: object) -> loop.Guard:
-        did.append("told to stop" if signal.getsignal(signal.SIGTERM) not in before.values() else "deaf")
+        did.append(
+            "told to stop" if signal.getsignal(signal.SIGTERM) not in before.values() else "deaf"
+        )
         os.kill(os.getpid(), signal.SIGTERM)
         return build(*arguments)  # type: ignore[arg-type]
 
@@ -141,7 +153,9 @@ def test_main_notes_its_start_after_it_can_be_told_to_stop(tmp_path: Path, monke
     runtime.mkdir()
     (runtime / "starts.json").write_text("junk")
     try:
-        assert loop.main(["--config", str(config_file(tmp_path)), "--runtime-dir", str(runtime)]) == 0
+        assert (
+            loop.main(["--config", str(config_file(tmp_path)), "--runtime-dir", str(runtime)]) == 0
+        )
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
@@ -150,7 +164,9 @@ def test_main_notes_its_start_after_it_can_be_told_to_stop(tmp_path: Path, monke
 
 
 @pytest.mark.parametrize("allowed", [True, False])
-def test_the_loop_is_first_in_line_where_that_is_allowed(monkeypatch: pytest.MonkeyPatch, allowed: bool) -> None:
+def test_the_loop_is_first_in_line_where_that_is_allowed(
+    monkeypatch: pytest.MonkeyPatch, allowed: bool
+) -> None:
     asked: list[object] = []
 
     def schedule(*arguments: object) -> None:

@@ -1,14 +1,25 @@
-"""While the machine moves the guard learns nothing that is not so: oil and load stay within what it believes."""
+"""While the machine moves the guard learns nothing that is not so: oil and load stay within what it
+believes."""
 
 import pytest
 
 from .learning_runs import KINDS, learnt
 
-EXCLUDED_BEFORE = [("opening", 9), ("opening", 17), ("closing", 1), ("closing", 20), ("closing", 22), ("closing", 25)]
-"""Builds whose oil was learnt wrongly while only the speed had to be steady: 2 of 30 that open, 5 of 30 that close."""
+EXCLUDED_BEFORE = [
+    ("opening", 9),
+    ("opening", 17),
+    ("closing", 1),
+    ("closing", 20),
+    ("closing", 22),
+    ("closing", 25),
+]
+"""Builds whose oil was learnt wrongly while only the speed had to be steady: 2 of 30 that open, 5
+of 30 that close."""
 
 
-@pytest.mark.parametrize(("kind", "seed"), [*EXCLUDED_BEFORE, ("speed", 2), ("load", 3), ("hold", 4)])
+@pytest.mark.parametrize(
+    ("kind", "seed"), [*EXCLUDED_BEFORE, ("speed", 2), ("load", 3), ("hold", 4)]
+)
 def test_what_is_learnt_never_excludes_the_truth(kind: str, seed: int) -> None:
     found = learnt(seed, kind)
     assert found.oil_excluded == 0

@@ -29,8 +29,15 @@ def crash(left: Memory) -> None:
     left._keeper.close()
 
 
-def note(kept: Memory, tripped: list[str] | None = None, timers: dict[str, int] | None = None, now_s: float = 1000.0,
-         *, barred: bool | None = None, probation: bool = True) -> None:
+def note(
+    kept: Memory,
+    tripped: list[str] | None = None,
+    timers: dict[str, int] | None = None,
+    now_s: float = 1000.0,
+    *,
+    barred: bool | None = None,
+    probation: bool = True,
+) -> None:
     bar = kept.start.barred if barred is None else barred
     kept.note(round(now_s * S), tripped or [], timers or {}, bar, probation)
 
@@ -80,7 +87,10 @@ BAD_FILES: dict[str, Callable[[Path], object]] = {
     "folder": folder_in_its_place,
     "link to itself": lambda p: p.symlink_to(p),
     "link elsewhere": lambda p: p.symlink_to("/dev/zero"),
-    "link to a good file": lambda p: (p.with_name("other").write_bytes(b"[]"), p.symlink_to(p.with_name("other"))),
+    "link to a good file": lambda p: (
+        p.with_name("other").write_bytes(b"[]"),
+        p.symlink_to(p.with_name("other")),
+    ),
     "pipe": lambda p: os.mkfifo(p),
     "socket": lambda p: socket.socket(socket.AF_UNIX).bind(str(p)),
 }
@@ -91,7 +101,8 @@ BAD_FILES: dict[str, Callable[[Path], object]] = {
 def test_a_damaged_file_ends_nothing_is_told_and_heals_with_the_next_write(
     tmp_path: Path, name: str, damage: str
 ) -> None:
-    """Of trips it stands latched that nobody knows; of starts it counts as a restart; timers begin anew."""
+    """Of trips it stands latched that nobody knows; of starts it counts as a restart; timers begin
+    anew."""
     BAD_FILES[damage](tmp_path / name)
     found = memory(tmp_path)
     assert len(found.complaints) == 1
@@ -106,7 +117,9 @@ def test_a_damaged_file_ends_nothing_is_told_and_heals_with_the_next_write(
     assert (again.latched, again.timers) == (["acc_motor_danger"], {"disp_x_danger": 5})
 
 
-def test_what_nobody_may_read_stands_as_unreadable(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_nobody_may_read_stands_as_unreadable(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (tmp_path / TRIPS).write_text("[]")
     real = os.open
 
@@ -119,7 +132,9 @@ def test_what_nobody_may_read_stands_as_unreadable(tmp_path: Path, monkeypatch: 
     assert memory(tmp_path).latched == [UNREADABLE]
 
 
-def test_a_read_that_fails_half_way_stands_as_unreadable(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_read_that_fails_half_way_stands_as_unreadable(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (tmp_path / TRIPS).write_text("[]")
 
     def broken(handle: int, size: int) -> bytes:
@@ -165,7 +180,9 @@ def test_a_start_after_a_boot_of_the_host_is_cold(boots: str) -> None:
 
 
 def test_the_bar_outlasts_further_starts_and_boots() -> None:
-    assert [r.barred for r in run_of((0, "a"), (1, "a"), (2, "a"), (5000, "a"), (1, "b"))][2:] == [True] * 3
+    assert [r.barred for r in run_of((0, "a"), (1, "a"), (2, "a"), (5000, "a"), (1, "b"))][2:] == [
+        True
+    ] * 3
 
 
 def test_a_record_that_cannot_be_written_is_a_fault_at_once(tmp_path: Path) -> None:
@@ -201,7 +218,9 @@ def test_stopped_as_told_is_a_cold_start(tmp_path: Path) -> None:
     assert memory(tmp_path, 1.0).start == Start()
 
 
-def test_the_boot_id_is_the_services_or_the_kernels(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_the_boot_id_is_the_services_or_the_kernels(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     monkeypatch.setenv("ORBITD_BOOT_ID", "ab-cd")
     assert boot_id() == "abcd"
     monkeypatch.delenv("ORBITD_BOOT_ID")
@@ -254,7 +273,9 @@ def test_a_write_is_synchronised_before_it_is_renamed_and_then_the_folder(
 
 
 @pytest.mark.parametrize("cause", [28, 30, 5], ids=["disk full", "read-only", "input/output error"])
-def test_a_disk_that_refuses_is_a_fault_tried_again_and_never_waited_for(tmp_path: Path, cause: int) -> None:
+def test_a_disk_that_refuses_is_a_fault_tried_again_and_never_waited_for(
+    tmp_path: Path, cause: int
+) -> None:
     broken = [True]
 
     def write(path: Path, data: bytes) -> None:
@@ -276,7 +297,9 @@ def test_a_disk_that_refuses_is_a_fault_tried_again_and_never_waited_for(tmp_pat
     assert (tmp_path / TRIPS).read_bytes() == b"[999]"
 
 
-def test_a_half_written_file_is_never_put_in_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_half_written_file_is_never_put_in_place(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     write_durable(tmp_path / TRIPS, b'["a"]')
 
     def full(handle: int) -> None:
@@ -306,7 +329,9 @@ def test_a_file_that_somebody_took_away_is_written_again(
             path.mkdir()
     until(lambda: path.is_file() and path.read_bytes() == b'["a"]')
     keeper.close()
-    kept_folders = [p.name for p in tmp_path.iterdir() if p.is_dir() and p.name.startswith(f"{TRIPS}.folder.")]
+    kept_folders = [
+        p.name for p in tmp_path.iterdir() if p.is_dir() and p.name.startswith(f"{TRIPS}.folder.")
+    ]
     assert len(kept_folders) == (how == "replaced")
 
 

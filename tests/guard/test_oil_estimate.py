@@ -1,4 +1,5 @@
-"""What the shaft power tells of the oil: credible at every corner, kept, and forgotten when it is contradicted."""
+"""What the shaft power tells of the oil: credible at every corner, kept, and forgotten when it is
+contradicted."""
 
 from math import pi
 
@@ -18,7 +19,9 @@ FAST = 12000.0 * RPM
 
 
 def estimator(config: Config) -> OilEstimator:
-    return OilEstimator(config, StaticFilm(config.bearing.journal_radius_m, config.bearing.length_m))
+    return OilEstimator(
+        config, StaticFilm(config.bearing.journal_radius_m, config.bearing.length_m)
+    )
 
 
 def learnt(share: float, error_W: float, built_m: float, clearance_m: float = 60e-6) -> OilState:
@@ -28,7 +31,9 @@ def learnt(share: float, error_W: float, built_m: float, clearance_m: float = 60
         load_N=60.0, radius_m=0.02, length_m=0.02, clearance_m=clearance_m + built_m,
         viscosity_Pa_s=share * config.oil.viscosity_Pa_s(45.0), speed_rad_s=FAST,
     )  # fmt: skip
-    power_W = float(film.film.friction_torque_N_m) * FAST + config.rotor.windage_W_s3 * FAST**3 + error_W
+    power_W = (
+        float(film.film.friction_torque_N_m) * FAST + config.rotor.windage_W_s3 * FAST**3 + error_W
+    )
     knot = int(film.eccentricity_ratio / 0.0025)
     for tick in range(21):
         now = Steady(0.05 * tick, FAST, clearance_m, 45.0, power_W)
@@ -39,7 +44,9 @@ def learnt(share: float, error_W: float, built_m: float, clearance_m: float = 60
 @pytest.mark.parametrize("share", [0.88, 1.0, 1.12])
 @pytest.mark.parametrize("error_W", [-5.0, 5.0])
 @pytest.mark.parametrize("built_m", [-2e-6, 2e-6])
-def test_the_true_oil_stays_credible_under_every_error(share: float, error_W: float, built_m: float) -> None:
+def test_the_true_oil_stays_credible_under_every_error(
+    share: float, error_W: float, built_m: float
+) -> None:
     state = learnt(share, error_W, built_m)
     assert state.thinnest <= share <= state.thickest
     assert state.thickest - state.thinnest < 0.16
@@ -47,7 +54,9 @@ def test_the_true_oil_stays_credible_under_every_error(share: float, error_W: fl
 
 def test_a_zeroed_torque_meter_tells_more_of_the_oil() -> None:
     config = bench()
-    zeroed = msgspec.structs.replace(config, rotor=msgspec.structs.replace(config.rotor, shaft_power_error_W=1.0))
+    zeroed = msgspec.structs.replace(
+        config, rotor=msgspec.structs.replace(config.rotor, shaft_power_error_W=1.0)
+    )
     widths = []
     for known in (zeroed, config):
         oil, state = estimator(known), estimator(known).unknown()
@@ -60,8 +69,12 @@ def test_a_zeroed_torque_meter_tells_more_of_the_oil() -> None:
 def test_nothing_is_learnt_while_the_speed_changes_nor_from_a_film_that_is_not_known() -> None:
     config = bench()
     for changed in (
-        msgspec.structs.replace(config, bearing=msgspec.structs.replace(config.bearing, friction_error_share=1.0)),
-        msgspec.structs.replace(config, oil=msgspec.structs.replace(config.oil, film_at_outlet=False)),
+        msgspec.structs.replace(
+            config, bearing=msgspec.structs.replace(config.bearing, friction_error_share=1.0)
+        ),
+        msgspec.structs.replace(
+            config, oil=msgspec.structs.replace(config.oil, film_at_outlet=False)
+        ),
     ):
         oil, state = estimator(changed), estimator(changed).unknown()
         for tick in range(40):
@@ -69,7 +82,9 @@ def test_nothing_is_learnt_while_the_speed_changes_nor_from_a_film_that_is_not_k
         assert oil.interval(state) == oil.interval(oil.unknown())
     oil, state = estimator(config), estimator(config).unknown()
     for tick in range(40):
-        oil.learn(state, Steady(0.05 * tick, FAST * (1 + 0.0005 * tick), 60e-6, 45.0, 250.0), (80, 90))
+        oil.learn(
+            state, Steady(0.05 * tick, FAST * (1 + 0.0005 * tick), 60e-6, 45.0, 250.0), (80, 90)
+        )
     assert oil.interval(state) == oil.interval(oil.unknown())
 
 
@@ -103,7 +118,9 @@ def test_the_estimator_of_the_load_gains_by_what_was_learnt() -> None:
     power_W = float(film.film.friction_torque_N_m) * FAST + config.rotor.windage_W_s3 * FAST**3
     loads = LoadEstimator(config)
     x, y = film.position_m.tolist()
-    found = [loads.estimate(Look(0.05 * k, x, y, 5e-6, 60e-6, FAST, 45.0, power_W)) for k in range(40)]
+    found = [
+        loads.estimate(Look(0.05 * k, x, y, 5e-6, 60e-6, FAST, 45.0, power_W)) for k in range(40)
+    ]
     assert found[0].low_N < 0.96 * found[-1].low_N < 60.0 < found[-1].high_N < found[0].high_N
 
 
@@ -114,7 +131,8 @@ def test_the_estimator_of_the_load_gains_by_what_was_learnt() -> None:
 def test_the_load_stays_credible_in_every_clearance_after_learning_in_another(
     share: float, built_m: float, learnt_m: float, error_W: float
 ) -> None:
-    """Oil and clearance at their worst together, where thicker oil and a wider bearing look alike."""
+    """Oil and clearance at their worst together, where thicker oil and a wider bearing look
+    alike."""
     loads = LoadEstimator(bench())
     steady = seen(learnt_m, built_m, share, 60.0, FAST, error_W)
     for tick in range(21):
@@ -128,14 +146,20 @@ def test_the_load_stays_credible_in_every_clearance_after_learning_in_another(
             assert found.low_N <= load_N <= found.high_N
 
 
-def seen(clearance_m: float, built_m: float, share: float, load_N: float, speed: float, error_W: float) -> Look:
+def seen(
+    clearance_m: float, built_m: float, share: float, load_N: float, speed: float, error_W: float
+) -> Look:
     """What a machine shows whose bearing, oil and power reading are off by so much."""
     config = bench()
     film = equilibrium(
         load_N=load_N, radius_m=0.02, length_m=0.02, clearance_m=clearance_m + built_m, speed_rad_s=speed,
         viscosity_Pa_s=share * config.oil.viscosity_Pa_s(45.0),
     )  # fmt: skip
-    power_W = float(film.film.friction_torque_N_m) * speed + config.rotor.windage_W_s3 * speed**3 + error_W
+    power_W = (
+        float(film.film.friction_torque_N_m) * speed
+        + config.rotor.windage_W_s3 * speed**3
+        + error_W
+    )
     x, y = film.position_m.tolist()
     return Look(0.0, x, y, 5e-6, clearance_m, speed, 45.0, power_W)
 
@@ -145,7 +169,10 @@ def held(change: dict[str, float], ticks: int = 60) -> bool:
     oil, state = estimator(bench()), estimator(bench()).unknown()
     start = {"speed_rad_s": FAST, "clearance_m": 60e-6, "temperature_C": 45.0, "power_W": 250.0}
     for tick in range(ticks):
-        now = Steady(0.05 * tick, **{name: value + tick * change.get(name, 0.0) for name, value in start.items()})
+        now = Steady(
+            0.05 * tick,
+            **{name: value + tick * change.get(name, 0.0) for name, value in start.items()},
+        )
         oil.learn(state, now, (80, 90))
     return oil.interval(state) == oil.interval(oil.unknown())
 
@@ -154,7 +181,9 @@ def held(change: dict[str, float], ticks: int = 60) -> bool:
     {"clearance_m": 2.5e-6}, {"clearance_m": -2.5e-6}, {"clearance_m": 0.2e-6}, {"temperature_C": 0.05},
     {"power_W": -5.0}, {"speed_rad_s": 0.3},
 ])  # fmt: skip
-def test_nothing_is_learnt_while_clearance_temperature_power_or_speed_move(change: dict[str, float]) -> None:
+def test_nothing_is_learnt_while_clearance_temperature_power_or_speed_move(
+    change: dict[str, float],
+) -> None:
     assert held(change)
     assert not held({})
 
@@ -162,7 +191,9 @@ def test_nothing_is_learnt_while_clearance_temperature_power_or_speed_move(chang
 def test_one_reading_that_jumps_teaches_nothing_and_a_gap_begins_anew() -> None:
     oil, state = estimator(bench()), estimator(bench()).unknown()
     for tick in range(15):
-        oil.learn(state, Steady(0.05 * tick, FAST, 60e-6, 45.0, 250.0 + 400.0 * (tick == 12)), (80, 90))
+        oil.learn(
+            state, Steady(0.05 * tick, FAST, 60e-6, 45.0, 250.0 + 400.0 * (tick == 12)), (80, 90)
+        )
     assert oil.interval(state) == oil.interval(oil.unknown())
     for tick in range(15):
         oil.learn(state, Steady(5.0 + 0.3 * tick, FAST, 60e-6, 45.0, 250.0), (80, 90))

@@ -1,4 +1,5 @@
-"""The oil's own protection: alert, danger with delay that trips and latches, permissive, and timers that hold."""
+"""The oil's own protection: alert, danger with delay that trips and latches, permissive, and timers
+that hold."""
 
 import msgspec
 import pytest
@@ -18,7 +19,11 @@ class Alone:
         self.stage, self.now_ns = OilProtection(bench(), latched or []), 10**10
 
     def run(
-        self, seconds: float, bar: float | None = 1.0, outlet_C: float | None = 41.0, turning: bool = True
+        self,
+        seconds: float,
+        bar: float | None = 1.0,
+        outlet_C: float | None = 41.0,
+        turning: bool = True,
     ) -> list[str]:
         told = []
         for _ in range(round(seconds * 100)):
@@ -31,7 +36,9 @@ class Alone:
     ({"bar": 0.2}, "oil_pressure_low"), ({"bar": 0.0}, "oil_pressure_low"), ({"outlet_C": 71.0}, "oil_outlet_high"),
     ({"outlet_C": 149.0}, "oil_outlet_high"),
 ])  # fmt: skip
-def test_danger_trips_after_its_delay_and_stays_until_reset(bad: dict[str, float], name: str) -> None:
+def test_danger_trips_after_its_delay_and_stays_until_reset(
+    bad: dict[str, float], name: str
+) -> None:
     alone = Alone()
     assert alone.run(5.0) == []
     assert alone.run(DELAY_S - 0.1, **bad) == []
@@ -59,7 +66,8 @@ def test_an_alert_does_not_trip(edge: dict[str, float], name: str) -> None:
 
 @pytest.mark.parametrize("bad", [{"bar": 0.1}, {"outlet_C": 80.0}])
 def test_a_reading_that_is_not_ok_holds_the_timer(bad: dict[str, float]) -> None:
-    """It neither trips while nothing is known, nor puts the trip off for ever by a short fault every so often."""
+    """It neither trips while nothing is known, nor puts the trip off for ever by a short fault
+    every so often."""
     lost = dict.fromkeys(bad)
     alone = Alone()
     alone.run(0.5 * DELAY_S, **bad)
@@ -83,7 +91,9 @@ def test_a_machine_at_rest_may_have_its_pump_off() -> None:
 
 
 def test_a_latch_survives_a_restart_and_the_rest_is_left_to_others() -> None:
-    assert Alone(["oil_pressure_low_danger", "disp_x_danger"]).stage.tripped == ["oil_pressure_low_danger"]
+    assert Alone(["oil_pressure_low_danger", "disp_x_danger"]).stage.tripped == [
+        "oil_pressure_low_danger"
+    ]
     b = Bench(latched=["oil_pressure_low_danger", "disp_x_danger"])
     b.run(0.5)
     assert sorted(b.core.tripped) == ["disp_x_danger", "oil_pressure_low_danger"]
@@ -119,13 +129,17 @@ def test_the_state_survives_encoding() -> None:
 
 
 @pytest.mark.parametrize("channel_bar", [None, 1.0])
-def test_lost_pressure_ends_authority_at_once_and_trips_the_machine(channel_bar: float | None) -> None:
+def test_lost_pressure_ends_authority_at_once_and_trips_the_machine(
+    channel_bar: float | None,
+) -> None:
     b = working()
     b.node.pressure_bar, b.node.supply_bar = 0.0, channel_bar
     b.run(0.3)
     state = next(d.state for d in reversed(b.run(0.2)) if d.state)
     assert not state.authority
-    assert any("supply pressure 0 bar below" in r and "check pump" in r for r in state.authority_reasons)
+    assert any(
+        "supply pressure 0 bar below" in r and "check pump" in r for r in state.authority_reasons
+    )
     b.run(DELAY_S)
     state = next(d.state for d in reversed(b.run(0.2)) if d.state)
     assert state.arm_state == ArmState.TRIPPED
@@ -144,7 +158,8 @@ def test_hot_oil_trips_by_its_own_name() -> None:
 
 
 @pytest.mark.parametrize(("node", "part"), [
-    ({"pressure_bar": 0.3}, "supply pressure 0.3 bar below 0.4 (limits.oil_pressure_low_alert_bar)"),
+    ({"pressure_bar": 0.3}, "supply pressure 0.3 bar below 0.4 "
+                            "(limits.oil_pressure_low_alert_bar)"),
     ({"oil_C": 62.0}, "oil outlet 62 degC above 60 (limits.oil_outlet_high_alert_C)"),
 ])  # fmt: skip
 def test_the_oil_is_a_permissive(node: dict[str, float], part: str) -> None:
@@ -160,9 +175,16 @@ def test_the_oil_is_a_permissive(node: dict[str, float], part: str) -> None:
 
 def test_without_limits_they_follow_feed_and_oil() -> None:
     config = bench()
-    bare = msgspec.structs.replace(config, limits=msgspec.structs.replace(
-        config.limits, oil_pressure_low_alert_bar=0.0, oil_pressure_low_danger_bar=0.0, oil_outlet_high_alert_C=0.0,
-        oil_outlet_high_danger_C=0.0))
+    bare = msgspec.structs.replace(
+        config,
+        limits=msgspec.structs.replace(
+            config.limits,
+            oil_pressure_low_alert_bar=0.0,
+            oil_pressure_low_danger_bar=0.0,
+            oil_outlet_high_alert_C=0.0,
+            oil_outlet_high_danger_C=0.0,
+        ),
+    )
     assert bare.oil_pressure_limits_bar == config.oil_pressure_limits_bar == (0.4, 0.25)
     assert bare.oil_outlet_limits_C == config.oil_outlet_limits_C == (60.0, 70.0)
 

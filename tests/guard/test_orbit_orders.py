@@ -22,9 +22,12 @@ _ALL_OK = 0xFF
 
 
 class Shaft:
-    """Blocks of a shaft whose displacement has an amplitude (um) at each order of its true speed."""
+    """Blocks of a shaft whose displacement has an amplitude (um) at each order of its true
+    speed."""
 
-    def __init__(self, rpm: float, told: float = 1.0, orders: dict[float, float] | None = None) -> None:
+    def __init__(
+        self, rpm: float, told: float = 1.0, orders: dict[float, float] | None = None
+    ) -> None:
         self.rpm, self.told, self.orders = rpm, told, orders or {1.0: 5.0}
         self.ok, self.quality = _ALL_OK, 0
         self._seq = count()
@@ -34,10 +37,24 @@ class Shaft:
         turns = (seq * ROWS + np.arange(ROWS)) * PERIOD_US * 1e-6 * self.rpm / 60
         counts = np.full((ROWS, 8), -1200, "<i2")
         for k, shift in enumerate((0.0, 0.25)):
-            wave = sum(a * 100 * np.cos(2 * pi * order * (turns - shift)) for order, a in self.orders.items())
+            wave = sum(
+                a * 100 * np.cos(2 * pi * order * (turns - shift))
+                for order, a in self.orders.items()
+            )
             counts[:, k] = np.round(-1500 + wave)
-        return Block(seq, 0, PERIOD_US * 1000, seq * ROWS * PERIOD_US, PERIOD_US, self.quality, self.ok,
-                     self.told * self.rpm * pi / 30, 0, [], counts.tobytes())
+        return Block(
+            seq,
+            0,
+            PERIOD_US * 1000,
+            seq * ROWS * PERIOD_US,
+            PERIOD_US,
+            self.quality,
+            self.ok,
+            self.told * self.rpm * pi / 30,
+            0,
+            [],
+            counts.tobytes(),
+        )
 
 
 def evidence(shaft: Shaft, windows: int = 3, stage: OrbitOrders | None = None) -> list[Evidence]:
@@ -55,7 +72,9 @@ SPEEDS = pytest.mark.parametrize("rpm", [1500.0, 4321.0, 12_000.0])
 
 
 @SPEEDS
-@pytest.mark.parametrize("orders", [{1.0: 1.5}, {1.0: 3.0, 2.0: 2.5}, {1.0: 3.0, 0.48: 1.0}, {1.0: 3.0, 3.0: 2.0}])
+@pytest.mark.parametrize(
+    "orders", [{1.0: 1.5}, {1.0: 3.0, 2.0: 2.5}, {1.0: 3.0, 0.48: 1.0}, {1.0: 3.0, 3.0: 2.0}]
+)
 def test_a_shaft_that_turns_as_told_agrees(rpm: float, orders: dict[float, float]) -> None:
     assert set(evidence(Shaft(rpm, 1.0, orders))) == {Evidence.AGREES}
 
@@ -97,14 +116,20 @@ def test_a_window_with_a_gap_or_a_bad_channel_says_nothing(why: str) -> None:
 
 
 def test_a_shaft_that_is_told_to_stand_and_swings_is_contradicted() -> None:
-    assert evidence(Shaft(1500.0, 0.0)) == [Evidence.NONE, Evidence.CONTRADICTS, Evidence.CONTRADICTS]
+    assert evidence(Shaft(1500.0, 0.0)) == [
+        Evidence.NONE,
+        Evidence.CONTRADICTS,
+        Evidence.CONTRADICTS,
+    ]
     assert set(evidence(Shaft(1500.0, 0.0, {1.0: 0.5}))) == {Evidence.NONE}
 
 
 # ------------------------------------------------------------------ the check on top of it
 
 
-def checked(check: SpeedCheck, shaft: Shaft, seconds: float, start_ns: int = 0, lost: bool = False) -> list[str]:
+def checked(
+    check: SpeedCheck, shaft: Shaft, seconds: float, start_ns: int = 0, lost: bool = False
+) -> list[str]:
     """Names of the notices; the end is at ``start_ns`` and ``seconds``."""
     names = []
     speed = SpeedState(speed_rad_s=shaft.told * shaft.rpm * pi / 30, lost=lost)
@@ -127,7 +152,9 @@ def test_a_doubt_ends_after_its_time_when_the_orbit_agrees_and_not_while_the_mar
     check, shaft = SpeedCheck(bench()), Shaft(6000.0)
     step = check.step([Turn(5000, 1256.0, "ramp", 630.0)], [], SpeedState(lost=False), 0)
     assert [notice.name for notice in step] == ["speed_implausible"]
-    assert check.step([Turn(5000, 1256.0, "ramp", 630.0)], [], SpeedState(lost=False), 0) == [], "told once"
+    assert check.step([Turn(5000, 1256.0, "ramp", 630.0)], [], SpeedState(lost=False), 0) == [], (
+        "told once"
+    )
     assert check.standing()[0].text == step[0].text
     assert checked(check, shaft, 2.0, CLEAN_NS - 3_000_000_000) == []
     assert checked(check, shaft, 0.1, CLEAN_NS, lost=True) == []

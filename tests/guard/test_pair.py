@@ -1,4 +1,5 @@
-"""The probe pair against the machine: wiring, order, sign, gain, zero, at other angles and with offsets."""
+"""The probe pair against the machine: wiring, order, sign, gain, zero, at other angles and with
+offsets."""
 
 from collections.abc import Callable
 from math import cos, pi, radians, sin
@@ -20,7 +21,15 @@ from .scripted_node import MS, Bench, ScriptedNode, bench
 
 N, PERIOD_US = 30, 200
 RATE = 1e6 / PERIOD_US
-ANGLES = [(45.0, 135.0), (30.0, 120.0), (0.0, 90.0), (-45.0, 45.0), (135.0, 45.0), (45.0, 105.0), (10.0, 150.0)]
+ANGLES = [
+    (45.0, 135.0),
+    (30.0, 120.0),
+    (0.0, 90.0),
+    (-45.0, 45.0),
+    (135.0, 45.0),
+    (45.0, 105.0),
+    (10.0, 150.0),
+]
 
 SHORT_ANGLES = {ANGLES[0], ANGLES[4], ANGLES[6]}
 """Of the default run; `make test-slow` takes all."""
@@ -34,8 +43,12 @@ def with_probes(
     zeroed: bool = False,
 ) -> Config:  # fmt: skip
     config = bench()
-    probes = [msgspec.structs.replace(c, angle_deg=a, offset=o * 1e-6, scale=sign * c.scale, zeroed=zeroed)
-              for c, a, o in zip(config.channel, (first_deg, second_deg), offset_um, strict=False)]
+    probes = [
+        msgspec.structs.replace(
+            c, angle_deg=a, offset=o * 1e-6, scale=sign * c.scale, zeroed=zeroed
+        )
+        for c, a, o in zip(config.channel, (first_deg, second_deg), offset_um, strict=False)
+    ]
     return msgspec.structs.replace(config, channel=[*probes, *config.channel[2:]])
 
 
@@ -68,39 +81,69 @@ class Bearing:
         for _ in range(round(seconds * RATE / N)):
             t = (self.seq * N + np.arange(N)) / RATE
             phase = 2 * pi * self.rpm / 60 * t
-            x, y = x0 + self.orbit_um * np.cos(phase), y0 + self.ellipse * self.orbit_um * np.sin(phase)
-            axes = np.array([[cos(radians(p.angle_deg)), sin(radians(p.angle_deg))] for p in probes])
+            x, y = (
+                x0 + self.orbit_um * np.cos(phase),
+                y0 + self.ellipse * self.orbit_um * np.sin(phase),
+            )
+            axes = np.array(
+                [[cos(radians(p.angle_deg)), sin(radians(p.angle_deg))] for p in probes]
+            )
             seen = np.column_stack([x, y]) @ axes.T + 0.1 * self.rng.normal(size=(N, 2))
             read = self.distort(seen, t)
             rows = np.zeros((N, 8), np.int16)
             for i, p in enumerate(probes):
                 rows[:, i] = np.round((read[:, i] * 1e-6 - p.offset) / p.scale)
-            self.block = Block(self.seq, self.seq * N * PERIOD_US * 1000, PERIOD_US * 1000, 0, PERIOD_US, self.quality,
-                               0xFF, self.rpm * pi / 30, 0, [], rows.tobytes(), self.cause)
+            self.block = Block(
+                self.seq,
+                self.seq * N * PERIOD_US * 1000,
+                PERIOD_US * 1000,
+                0,
+                PERIOD_US,
+                self.quality,
+                0xFF,
+                self.rpm * pi / 30,
+                0,
+                [],
+                rows.tobytes(),
+                self.cause,
+            )
             self.motion = self.meter.step(self.block)
             facts = self.pair.facts(self.clearance_um * 1e-6, self.oil_C)
-            for notice in self.pair.step(self.block, facts, max(self.motion.peak_to_peak_um) * 1e-6):
+            for notice in self.pair.step(
+                self.block, facts, max(self.motion.peak_to_peak_um) * 1e-6
+            ):
                 self.names.append(notice.name)
                 self.first.setdefault(notice.name, float(t[-1]))
             self.seq += 1
         return self
 
 
-@pytest.mark.parametrize("angles", [
-    a if a in SHORT_ANGLES else pytest.param(a, marks=pytest.mark.slow) for a in ANGLES])
-@pytest.mark.parametrize(("offset_um", "sign"), [
-    ((0.0, 0.0), 1.0), ((-150.0, 60.0), -1.0), pytest.param((0.0, 0.0), -1.0, marks=pytest.mark.slow),
-    pytest.param((-150.0, 60.0), 1.0, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "angles", [a if a in SHORT_ANGLES else pytest.param(a, marks=pytest.mark.slow) for a in ANGLES]
+)
+@pytest.mark.parametrize(
+    ("offset_um", "sign"),
+    [
+        ((0.0, 0.0), 1.0),
+        ((-150.0, 60.0), -1.0),
+        pytest.param((0.0, 0.0), -1.0, marks=pytest.mark.slow),
+        pytest.param((-150.0, 60.0), 1.0, marks=pytest.mark.slow),
+    ],
+)
 def test_any_angle_offset_and_sign_of_scale_give_the_position_and_a_plausible_pair(
     angles: tuple[float, float], offset_um: tuple[float, float], sign: float
 ) -> None:
     config = with_probes(*angles, offset_um, sign)
     b = Bearing(config).run(BAD_LEAST + 0.2)
-    assert (b.motion.mean_x_m * 1e6, b.motion.mean_y_m * 1e6) == pytest.approx(place_um(config, 0.5, 80.0), abs=0.3)
+    assert (b.motion.mean_x_m * 1e6, b.motion.mean_y_m * 1e6) == pytest.approx(
+        place_um(config, 0.5, 80.0), abs=0.3
+    )
     assert b.names == []
     look = Look(1.0, b.motion.mean_x_m, b.motion.mean_y_m, 6e-6, 80e-6, 6000.0 * pi / 30, 40.0, 0.0)
     film = static_film(config.bearing.journal_radius_m, config.bearing.length_m)
-    load_N = film.load_per_viscous_speed(0.5, 80e-6) * config.oil.viscosity_Pa_s(40.0) * 6000.0 * pi / 30
+    load_N = (
+        film.load_per_viscous_speed(0.5, 80e-6) * config.oil.viscosity_Pa_s(40.0) * 6000.0 * pi / 30
+    )
     found = LoadEstimator(config).estimate(look)
     assert found.measured
     assert found.low_N < load_N < found.high_N
@@ -124,10 +167,15 @@ FAULTS: dict[str, Distort] = {
 
 
 @pytest.mark.parametrize("name", FAULTS)
-@pytest.mark.parametrize(("angles", "eccentricity"), [
-    ((45.0, 135.0), 0.85), pytest.param((0.0, 105.0), 0.35, marks=pytest.mark.slow),
-    pytest.param((45.0, 135.0), 0.35, marks=pytest.mark.slow),
-    pytest.param((0.0, 105.0), 0.85, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    ("angles", "eccentricity"),
+    [
+        ((45.0, 135.0), 0.85),
+        pytest.param((0.0, 105.0), 0.35, marks=pytest.mark.slow),
+        pytest.param((45.0, 135.0), 0.35, marks=pytest.mark.slow),
+        pytest.param((0.0, 105.0), 0.85, marks=pytest.mark.slow),
+    ],
+)
 def test_a_fault_that_comes_while_it_runs_is_found_in_five_seconds(
     angles: tuple[float, float], name: str, eccentricity: float
 ) -> None:
@@ -143,7 +191,9 @@ def test_a_fault_that_comes_while_it_runs_is_found_in_five_seconds(
     assert all("wiring" in a.text for a in b.pair.standing())
 
 
-@pytest.mark.parametrize("name", ["swapped", "sign of the first", "first copied from second", "both signs"])
+@pytest.mark.parametrize(
+    "name", ["swapped", "sign of the first", "first copied from second", "both signs"]
+)
 def test_wrong_from_the_start_is_found_as_well(name: str) -> None:
     b = Bearing(with_probes())
     b.distort = FAULTS[name]
@@ -174,7 +224,9 @@ def shifted(um: float) -> Distort:
     return lambda s, t: s + np.array([um, 0.0])
 
 
-def test_another_zero_from_the_start_in_a_round_forward_orbit_is_left_to_the_load_estimate_until_it_moves() -> None:
+def test_another_zero_from_the_start_in_a_round_forward_orbit_is_left_to_the_load_estimate_until_it_moves() -> (
+    None
+):
     b = Bearing(with_probes())
     b.distort = shifted(-25.0)
     assert b.run(6.0).names == []
@@ -182,7 +234,9 @@ def test_another_zero_from_the_start_in_a_round_forward_orbit_is_left_to_the_loa
     assert b.run(5.0).names == ["disp_pair_position"]
 
 
-@pytest.mark.parametrize(("zeroed", "um", "ellipse"), [(True, -25.0, 1.0), (False, -60.0, 1.0), (False, -25.0, 0.8)])
+@pytest.mark.parametrize(
+    ("zeroed", "um", "ellipse"), [(True, -25.0, 1.0), (False, -60.0, 1.0), (False, -25.0, 0.8)]
+)
 def test_a_position_off_the_film_from_the_start_is_named_where_no_zero_explains_it(
     zeroed: bool, um: float, ellipse: float
 ) -> None:
@@ -193,11 +247,13 @@ def test_a_position_off_the_film_from_the_start_is_named_where_no_zero_explains_
 
 @pytest.mark.parametrize("cause", [ChannelCause.INTERMITTENT, ChannelCause.STUCK])
 def test_the_clean_seconds_of_a_bad_contact_are_judged_and_those_of_a_channel_that_is_out_are_not(
-    cause: ChannelCause
+    cause: ChannelCause,
 ) -> None:
     b = Bearing(with_probes())
     b.distort, b.cause = FAULTS["swapped"], cause_bits(1, cause)
-    assert b.run(4.5).names == (["disp_pair_position"] if cause == ChannelCause.INTERMITTENT else [])
+    assert b.run(4.5).names == (
+        ["disp_pair_position"] if cause == ChannelCause.INTERMITTENT else []
+    )
 
 
 @pytest.mark.parametrize("bad", ["gap", "cause", "mark", "slow", "clearance", "oil"])
@@ -237,7 +293,9 @@ def test_it_survives_a_snapshot() -> None:
     b.distort = other.distort = FAULTS["both signs"]
     b.run(3.0)
     other.seq = b.seq
-    other.pair.state = msgspec.msgpack.decode(msgspec.msgpack.encode(b.pair.state), type=type(b.pair.state))
+    other.pair.state = msgspec.msgpack.decode(
+        msgspec.msgpack.encode(b.pair.state), type=type(b.pair.state)
+    )
     assert other.run(1.2).names == b.run(1.2).names == ["disp_pair_position"]
 
 
@@ -252,11 +310,17 @@ class Wired(ScriptedNode):
         return row.tobytes()
 
 
-@pytest.mark.parametrize("gains", [
-    (0.2, 0.2), (-1.0, 1.0), pytest.param((0.2, 1.0), marks=pytest.mark.slow),
-    pytest.param((1.0, 0.2), marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "gains",
+    [
+        (0.2, 0.2),
+        (-1.0, 1.0),
+        pytest.param((0.2, 1.0), marks=pytest.mark.slow),
+        pytest.param((1.0, 0.2), marks=pytest.mark.slow),
+    ],
+)
 def test_in_the_guard_it_costs_authority_keeps_the_range_from_widening_and_still_trips(
-    gains: tuple[float, float]
+    gains: tuple[float, float],
 ) -> None:
     config = bench()
     node, core = Wired(config), GuardCore(config, CanCodec(), 7)
@@ -289,8 +353,15 @@ def test_in_the_guard_it_costs_authority_keeps_the_range_from_widening_and_still
 
 
 @pytest.mark.parametrize("obeys", [True, False])
-@pytest.mark.parametrize("gains", [(0.2, 0.2), (0.2, 1.0), pytest.param((0.5, 0.5), marks=pytest.mark.slow),
-                                   pytest.param((1.0, 0.2), marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "gains",
+    [
+        (0.2, 0.2),
+        (0.2, 1.0),
+        pytest.param((0.5, 0.5), marks=pytest.mark.slow),
+        pytest.param((1.0, 0.2), marks=pytest.mark.slow),
+    ],
+)
 def test_a_lost_gain_never_widens_the_range_not_even_before_it_is_named(
     gains: tuple[float, float], obeys: bool
 ) -> None:
@@ -299,7 +370,8 @@ def test_a_lost_gain_never_widens_the_range_not_even_before_it_is_named(
     node.step(b.now_ns)
     if obeys:
         b.armed()
-    node.obeys = False  # stands at 50 um: what it would be driven to is the advice of 150 um within the range
+    # stands at 50 um: what it would be driven to is the advice of 150 um within the range
+    node.obeys = False
     b.advise_um = 150.0
     b.run(1.0 if obeys else 3.0)
     before_um = [d.state for d in b.run(0.3) if d.state][-1].clearance_high_um

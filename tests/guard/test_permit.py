@@ -21,8 +21,15 @@ class Watched:
         self.now_ns = 77 * S
         self.names: list[str] = []
 
-    def run(self, seconds: float, *, fresh: bool = True, ok: bool = True, tripped: tuple[str, ...] = (),
-            foreign: bool = False) -> bool:
+    def run(
+        self,
+        seconds: float,
+        *,
+        fresh: bool = True,
+        ok: bool = True,
+        tripped: tuple[str, ...] = (),
+        foreign: bool = False,
+    ) -> bool:
         for _ in range(round(seconds * 1000)):
             self.now_ns += MS
             facts = PermitFacts(self.now_ns, fresh, fresh and ok, list(tripped), foreign)
@@ -45,9 +52,16 @@ def test_nothing_is_granted_before_ok_samples(start: Start) -> None:
 
 @pytest.mark.parametrize(
     ("start", "blind_max_s", "limit_s"),
-    [(Start(), 3.0, 3.0), (Start(), 0.5, 0.5), (Start(restart=True), 3.0, 2.0), (Start(restart=True), 1.0, 1.0)],
+    [
+        (Start(), 3.0, 3.0),
+        (Start(), 0.5, 0.5),
+        (Start(restart=True), 3.0, 2.0),
+        (Start(restart=True), 1.0, 1.0),
+    ],
 )
-def test_blind_withdraws_after_its_time_and_not_before(start: Start, blind_max_s: float, limit_s: float) -> None:
+def test_blind_withdraws_after_its_time_and_not_before(
+    start: Start, blind_max_s: float, limit_s: float
+) -> None:
     w = Watched(start, blind_max_s)
     w.run(5.0)
     assert w.run(limit_s, fresh=False)
@@ -97,7 +111,9 @@ def test_a_second_restart_bars_until_a_person_has_looked() -> None:
     assert w.run(0.001)
 
 
-def test_tripped_withdraws_and_requests_a_trip_at_once_and_an_unreadable_file_does_not_request() -> None:
+def test_tripped_withdraws_and_requests_a_trip_at_once_and_an_unreadable_file_does_not_request() -> (
+    None
+):
     w = Watched()
     w.run(1.0)
     assert not w.run(0.001, tripped=("disp_x_danger",))
@@ -151,7 +167,9 @@ def test_samples_that_flicker_are_one_event() -> None:
 
 
 @pytest.mark.parametrize(("start", "after_s"), [(Start(), 3.0), (Start(restart=True), 0.1)])
-def test_samples_that_never_came_are_told_sooner_after_a_restart(start: Start, after_s: float) -> None:
+def test_samples_that_never_came_are_told_sooner_after_a_restart(
+    start: Start, after_s: float
+) -> None:
     w = Watched(start)
     w.run(after_s, fresh=False)
     assert not w.permit.standing()
@@ -198,7 +216,9 @@ def test_an_unreadable_trip_file_protects_bars_arming_and_asks_for_no_stop() -> 
     accepted, _ = b.ask("arm")
     assert not accepted
     assert UNREADABLE in next(e.text for e in b.events if e.name == "tripped")
-    assert "look at the machine, then `reset`" in next(e.text for e in b.events if e.name == UNREADABLE)
+    assert "look at the machine, then `reset`" in next(
+        e.text for e in b.events if e.name == UNREADABLE
+    )
     b.node.amplitude_um = 40.0
     assert beats(b, 1.5)[-1].trip_request, "it protects"
     b.node.amplitude_um = 5.0
@@ -258,10 +278,15 @@ def test_files_that_cannot_be_written_are_an_alarm_until_they_can() -> None:
     b = Bench()
     b.memory_fault = "/var/lib/orbitd/trips.json: No space left on device"
     state = next(d.state for d in b.run(0.2) if d.state)
-    assert {"trip_file_unwritable": b.memory_fault}.items() <= {a.name: a.text for a in state.alarms}.items()
+    assert {"trip_file_unwritable": b.memory_fault}.items() <= {
+        a.name: a.text for a in state.alarms
+    }.items()
     b.memory_fault = ""
     b.run(0.2)
-    assert [n for n in b.names() if n.startswith("trip_file")] == ["trip_file_unwritable", "trip_file_written"]
+    assert [n for n in b.names() if n.startswith("trip_file")] == [
+        "trip_file_unwritable",
+        "trip_file_written",
+    ]
 
 
 def test_the_permit_is_part_of_a_snapshot() -> None:

@@ -53,11 +53,16 @@ class Source:
 def with_delays(seconds: float) -> Config:
     config = bench()
     return msgspec.structs.replace(
-        config, limits=msgspec.structs.replace(config.limits, alert_delay_s=seconds, danger_delay_s=seconds)
+        config,
+        limits=msgspec.structs.replace(
+            config.limits, alert_delay_s=seconds, danger_delay_s=seconds
+        ),
     )
 
 
-def run(protection: Protection, source: Source, seconds: float, clearance_um: float = 140.0) -> list[str]:
+def run(
+    protection: Protection, source: Source, seconds: float, clearance_um: float = 140.0
+) -> list[str]:
     names: list[str] = []
     for _ in range(round(seconds / (N * PERIOD_US * 1e-6))):
         names += [notice.name for notice in protection.step([source.block()], clearance_um)]
@@ -90,8 +95,12 @@ def test_the_window_is_exactly_what_a_direct_calculation_gives() -> None:
     meter, source = MotionMeter(bench()), Source(3000.0)
     blocks = [source.block() for _ in range(40)]
     motion = [meter.step(block) for block in blocks][-1]
-    rows = np.concatenate([np.frombuffer(b.samples, "<i2").reshape(-1, 8) for b in blocks[-len(meter.window) :]])
-    assert motion.peak_to_peak_um[0] == pytest.approx(np.ptp(rows[:, 0].astype(int)) * 0.01, rel=1e-12)
+    rows = np.concatenate(
+        [np.frombuffer(b.samples, "<i2").reshape(-1, 8) for b in blocks[-len(meter.window) :]]
+    )
+    assert motion.peak_to_peak_um[0] == pytest.approx(
+        np.ptp(rows[:, 0].astype(int)) * 0.01, rel=1e-12
+    )
     assert motion.rms_m_s2[1] == pytest.approx(np.std(rows[:, 3].astype(float)) * 0.01, rel=1e-9)
 
 
@@ -100,7 +109,10 @@ def test_probe_angles_give_the_position_in_x_and_y() -> None:
     x_um, y_um = 12.0, -30.0
     block = source.block()
     rows = np.frombuffer(block.samples, "<i2").reshape(-1, 8).copy()
-    rows[:, 0], rows[:, 1] = round((x_um + y_um) / sqrt(2) * 100), round((y_um - x_um) / sqrt(2) * 100)
+    rows[:, 0], rows[:, 1] = (
+        round((x_um + y_um) / sqrt(2) * 100),
+        round((y_um - x_um) / sqrt(2) * 100),
+    )
     motion = meter.step(msgspec.structs.replace(block, samples=rows.tobytes()))
     assert (motion.mean_x_m * 1e6, motion.mean_y_m * 1e6) == pytest.approx((x_um, y_um), abs=0.02)
 
@@ -157,7 +169,8 @@ def judge(alarm: AlarmState, value: float, t_ns: int, complete: bool = True) -> 
 
 
 @pytest.mark.parametrize(
-    "value", [*np.arange(94.0, 106.0, 0.25), float(np.nextafter(100, 0)), float(np.nextafter(100, 200))]
+    "value",
+    [*np.arange(94.0, 106.0, 0.25), float(np.nextafter(100, 0)), float(np.nextafter(100, 200))],
 )
 def test_the_limit_is_exact(value: float) -> None:
     alarm = AlarmState("x", int(Severity.DANGER), True)
@@ -248,7 +261,9 @@ def test_danger_at_the_capped_set_point_after_the_delay(peak_to_peak_um: float) 
     assert bool(protection.tripped) == (peak_to_peak_um > 25.0)
 
 
-@pytest.mark.parametrize(("rms", "alert", "danger"), [(39.0, False, False), (41.0, True, False), (81.0, True, True)])
+@pytest.mark.parametrize(
+    ("rms", "alert", "danger"), [(39.0, False, False), (41.0, True, False), (81.0, True, True)]
+)
 def test_acceleration_limits(rms: float, alert: bool, danger: bool) -> None:
     protection, source = Protection(with_delays(0.0), []), Source()
     source.rms = rms
@@ -288,7 +303,8 @@ def test_reset_is_refused_while_the_cause_is_there() -> None:
 
 
 @pytest.mark.parametrize(
-    ("p2p", "letter"), [(61.9, "A"), (62.0, "B"), (116.1, "B"), (116.2, "C"), (170.4, "C"), (170.5, "D")]
+    ("p2p", "letter"),
+    [(61.9, "A"), (62.0, "B"), (116.1, "B"), (116.2, "C"), (170.4, "C"), (170.5, "D")],
 )
 def test_zones_at_6000_rpm(p2p: float, letter: str) -> None:
     assert zone(p2p, 6000.0) == letter

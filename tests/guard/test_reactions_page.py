@@ -1,4 +1,5 @@
-"""`docs/reactions.md` against the code: no reaction is missing there, and none is named that does not exist."""
+"""`docs/reactions.md` against the code: no reaction is missing there, and none is named that does
+not exist."""
 
 from __future__ import annotations
 
@@ -65,7 +66,11 @@ def in_name_column(text: str) -> set[str]:
 @cache
 def trees() -> list[ast.Module]:
     """Every module of the device."""
-    return [ast.parse(path.read_text()) for path in sorted(PACKAGE.rglob("*.py")) if path.name != "mav_dialect.py"]
+    return [
+        ast.parse(path.read_text())
+        for path in sorted(PACKAGE.rglob("*.py"))
+        if path.name != "mav_dialect.py"
+    ]
 
 
 # ---------------------------------------------------------------------- what the code has
@@ -86,14 +91,19 @@ def alarms_within(part: Any, seen: set[int]) -> set[str]:
     elif isinstance(part, list | tuple):
         inside = list(part)
     else:
-        inside = list(vars(part).values()) if type(part).__module__.startswith("firmware_py") \
-            and hasattr(part, "__dict__") else []
+        inside = (
+            list(vars(part).values())
+            if type(part).__module__.startswith("firmware_py") and hasattr(part, "__dict__")
+            else []
+        )
     return found.union(*(alarms_within(each, seen) for each in inside))
 
 
 def gate_alarms() -> set[str]:
     """Names of every alarm of the gate, all of them standing."""
-    doors = SimpleNamespace(recorder=SimpleNamespace(trouble="x"), normal=SimpleNamespace(trouble="x"))
+    doors = SimpleNamespace(
+        recorder=SimpleNamespace(trouble="x"), normal=SimpleNamespace(trouble="x")
+    )
     view = View(config())
     found = view.alarms(0, Gate._troubles.fget(SimpleNamespace(_doors=doors)))  # type: ignore[attr-defined]
     view.step(Advice(0, 0, 0, 0, None, None, True, [], None), 0)
@@ -105,20 +115,45 @@ def gate_alarms() -> set[str]:
 
 
 def alarms() -> set[str]:
-    return alarms_within(core(), set()) | {f"disp_pair_{kind}" for kind in KINDS} | {
-        SPEED_HIGH, SPEED_IMPLAUSIBLE, UNREADABLE} | gate_alarms()
+    return (
+        alarms_within(core(), set())
+        | {f"disp_pair_{kind}" for kind in KINDS}
+        | {SPEED_HIGH, SPEED_IMPLAUSIBLE, UNREADABLE}
+        | gate_alarms()
+    )
 
 
 def events() -> set[str]:
-    """Names of every event that the code writes as such, and those of connections that go and come."""
+    """Names of every event that the code writes as such, and those of connections that go and
+    come."""
     calls = [node for tree in trees() for node in ast.walk(tree) if isinstance(node, ast.Call)]
-    names = [call.args[1] for call in calls if isinstance(call.func, ast.Name) and call.func.id == "Notice"]
-    both = [part for name in names for part in ([name.body, name.orelse] if isinstance(name, ast.IfExp) else [name])]
+    names = [
+        call.args[1]
+        for call in calls
+        if isinstance(call.func, ast.Name) and call.func.id == "Notice"
+    ]
+    both = [
+        part
+        for name in names
+        for part in ([name.body, name.orelse] if isinstance(name, ast.IfExp) else [name])
+    ]
     found = {part.value for part in both if isinstance(part, ast.Constant)}
     guard = GuardCore(config(), CanCodec(), 7)
     for seq, well in enumerate((True, False, True)):
-        decision = guard.step(Cycle(seq, SECOND_NS + seq * CYCLE_NS, [], None, [], well, well, well,
-                                    "" if well else "x", "" if well else "x"))
+        decision = guard.step(
+            Cycle(
+                seq,
+                SECOND_NS + seq * CYCLE_NS,
+                [],
+                None,
+                [],
+                well,
+                well,
+                well,
+                "" if well else "x",
+                "" if well else "x",
+            )
+        )
         found |= {event.name for event in decision.events}
     return {str(name) for name in found}
 
@@ -126,31 +161,59 @@ def events() -> set[str]:
 def counters() -> set[str]:
     """Names of counters: those of the guard, and every one that some function counts by name."""
     found = set(core().counters)
-    functions = [node for tree in trees() for node in ast.walk(tree)
-                 if isinstance(node, ast.FunctionDef) and "counters" in ast.unparse(node)]
+    functions = [
+        node
+        for tree in trees()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.FunctionDef) and "counters" in ast.unparse(node)
+    ]
     for node in (node for function in functions for node in ast.walk(function)):
-        constants = node.keys if isinstance(node, ast.Dict) else list(ast.walk(node.slice)) \
-            if isinstance(node, ast.Subscript) and "counters" in ast.unparse(node.value) else []
-        found |= {each.value for each in constants if isinstance(each, ast.Constant) and isinstance(each.value, str)}
+        constants = (
+            node.keys
+            if isinstance(node, ast.Dict)
+            else list(ast.walk(node.slice))
+            if isinstance(node, ast.Subscript) and "counters" in ast.unparse(node.value)
+            else []
+        )
+        found |= {
+            each.value
+            for each in constants
+            if isinstance(each, ast.Constant) and isinstance(each.value, str)
+        }
     found |= {f"questions_refused_{name}" for name in QUESTIONS}
     found |= {f"replies_dropped_{name}" for name in ("disarm", "commands", "questions")}
     refused = re.findall(r"``(refused_\w+)``", RoomServer.__doc__ or "")
-    rooms = [f"{what}_{role}" for what in ("lost", "oversized", "malformed") for role in ("guard", "brain", "gate")]
-    return found | {f"link_{name}" for name in found} | {f"room_{name}" for name in [*refused, *rooms]}
+    rooms = [
+        f"{what}_{role}"
+        for what in ("lost", "oversized", "malformed")
+        for role in ("guard", "brain", "gate")
+    ]
+    return (
+        found | {f"link_{name}" for name in found} | {f"room_{name}" for name in [*refused, *rooms]}
+    )
 
 
 # ---------------------------------------------------------------------- the page
 
 
 def missing(text: str) -> set[str]:
-    """What the code has and the page lacks: alarms and rows in the column of names, events and counters anywhere."""
+    """What the code has and the page lacks: alarms and rows in the column of names, events and
+    counters anywhere."""
     rows = {row.name for row in (*FAILSAFES, *ROWS)}
-    return (rows | alarms() | set(core().counters) - NO_LOSS) - in_name_column(text) | events() - named(text)
+    return (rows | alarms() | set(core().counters) - NO_LOSS) - in_name_column(
+        text
+    ) | events() - named(text)
 
 
 def invented(text: str) -> set[str]:
     """What the column of names has and the code lacks."""
-    return in_name_column(text) - {row.name for row in (*FAILSAFES, *ROWS)} - alarms() - events() - counters()
+    return (
+        in_name_column(text)
+        - {row.name for row in (*FAILSAFES, *ROWS)}
+        - alarms()
+        - events()
+        - counters()
+    )
 
 
 def test_every_reaction_stands_on_the_page() -> None:
@@ -164,17 +227,39 @@ def test_every_name_on_the_page_exists() -> None:
 def test_every_key_and_constant_on_the_page_exists() -> None:
     text = named(PAGE.read_text())
     tables = Config.__struct_fields__
-    keys = {name for name in text if re.fullmatch(r"[a-z]+\.[A-Za-z0-9_]+", name) and name.split(".")[0] in tables}
-    lacking = {key for key in keys if not hasattr(getattr(config(), key.split(".")[0]), key.split(".")[1])}
-    constants = {node.target.id for tree in trees() for node in tree.body
-                 if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name)}
+    keys = {
+        name
+        for name in text
+        if re.fullmatch(r"[a-z]+\.[A-Za-z0-9_]+", name) and name.split(".")[0] in tables
+    }
+    lacking = {
+        key for key in keys if not hasattr(getattr(config(), key.split(".")[0]), key.split(".")[1])
+    }
+    constants = {
+        node.target.id
+        for tree in trees()
+        for node in tree.body
+        if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name)
+    }
     lacking |= {name for name in text if re.fullmatch(r"[A-Z]+(_[A-Z]+)*", name)} - constants
     assert len(keys) > 30
     assert not lacking
 
 
-@pytest.mark.parametrize("name", [FAILSAFES[-1].name, ROWS[0].name, "acc_motor_danger", "disp_pair_copied",
-                                  SPEED_HIGH, "queue_losses", "reject_crc", "clock_leap", "brain_lost"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        FAILSAFES[-1].name,
+        ROWS[0].name,
+        "acc_motor_danger",
+        "disp_pair_copied",
+        SPEED_HIGH,
+        "queue_losses",
+        "reject_crc",
+        "clock_leap",
+        "brain_lost",
+    ],
+)
 def test_a_name_that_is_left_out_or_wrong_is_found(name: str) -> None:
     text = PAGE.read_text()
     assert name in missing(text.replace(f"`{name}`", "`another`"))

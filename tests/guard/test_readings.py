@@ -1,4 +1,5 @@
-"""Slow readings: what cannot be is not believed, costs authority, widens nothing and trips nothing."""
+"""Slow readings: what cannot be is not believed, costs authority, widens nothing and trips
+nothing."""
 
 import msgspec
 import numpy as np
@@ -95,7 +96,9 @@ def test_a_clearance_that_lands_where_the_node_goes_has_arrived() -> None:
 
 
 @pytest.mark.parametrize(("reading_um", "least_um"), [(655.35, 25.0), (0.0, 25.0), (20.0, 25.0)])
-def test_a_lost_clearance_neither_lifts_nor_closes_the_cap_of_protection(reading_um: float, least_um: float) -> None:
+def test_a_lost_clearance_neither_lifts_nor_closes_the_cap_of_protection(
+    reading_um: float, least_um: float
+) -> None:
     b = working()
     b.node.clearance_um = reading_um
     b.node.amplitude_um = 0.48 * least_um
@@ -150,7 +153,9 @@ class Alone:
             self.now_ns += 50 * MS
             self.count += 1
             tick = self.count * 50_000 % 2**32
-            values = {name: value + jitter * (self.count & 1) for name, value in self.values.items()}
+            values = {
+                name: value + jitter * (self.count & 1) for name, value in self.values.items()
+            }
             status = RigStatus(self.count, tick, **values)
             node = NodeState(0, tick, NodeMode.SAFE, 0, 0, self.target_um, 1.0, True, 0, 0, 0, 0)
             notices = self.stage.step([], status, self.now_ns, node, self.speed_rad_s, self.now_ns)
@@ -165,12 +170,16 @@ class Alone:
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), float("-inf")])
-@pytest.mark.parametrize("field", ["shaft_power_W", "oil_outlet_C", "clearance_actual_um", "pressure_actual_bar"])
+@pytest.mark.parametrize(
+    "field", ["shaft_power_W", "oil_outlet_C", "clearance_actual_um", "pressure_actual_bar"]
+)
 def test_what_is_no_number_is_not_ok(field: str, value: float) -> None:
     alone = Alone()
     alone.step(1.0)
     alone.values[field] = value
-    assert [name for name in alone.step() if name.endswith("_not_ok")] == [f"{field.rpartition('_')[0]}_not_ok"]
+    assert [name for name in alone.step() if name.endswith("_not_ok")] == [
+        f"{field.rpartition('_')[0]}_not_ok"
+    ]
     assert alone.stage.known() is None or alone.stage.known().power_W is None  # type: ignore[union-attr]
 
 
@@ -220,14 +229,18 @@ def test_the_channel_counts_only_while_it_is_ok_and_fresh() -> None:
     stage.step([block], None, 0, None, 600.0, 10**10)
     assert stage.pressure_bar(10**10) == pytest.approx(1.5)
     assert stage.pressure_bar(10**10 + 300 * MS) is None
-    stage.step([msgspec.structs.replace(block, channel_ok=0xBF)], None, 0, None, 600.0, 10**10 + 60 * MS)
+    stage.step(
+        [msgspec.structs.replace(block, channel_ok=0xBF)], None, 0, None, 600.0, 10**10 + 60 * MS
+    )
     assert stage.pressure_bar(10**10 + 60 * MS) is None
 
 
 def test_the_range_of_the_power_follows_the_machine_or_the_key() -> None:
     config = bench()
     assert 2000.0 < power_max_W(config) < 6000.0
-    known = msgspec.structs.replace(config, readings=msgspec.structs.replace(config.readings, shaft_power_max_W=900.0))
+    known = msgspec.structs.replace(
+        config, readings=msgspec.structs.replace(config.readings, shaft_power_max_W=900.0)
+    )
     assert Readings(known).rows[POWER].high == 900.0
 
 

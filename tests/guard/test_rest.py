@@ -22,7 +22,9 @@ def standing(b: Bench) -> dict[str, str]:
 
 @pytest.mark.parametrize("how", ["stopped", "switched on"])
 @pytest.mark.parametrize("delay_s", [0.0, 1.0])
-def test_a_pump_switched_off_at_rest_trips_nothing_and_is_one_alert_that_says_so(how: str, delay_s: float) -> None:
+def test_a_pump_switched_off_at_rest_trips_nothing_and_is_one_alert_that_says_so(
+    how: str, delay_s: float
+) -> None:
     b = at_rest(how)
     b.run(delay_s)
     b.node.pressure_bar = 0.0

@@ -33,14 +33,19 @@ SAFE_M = 50e-6
 def test_a_heavier_load_never_has_a_narrower_bound_of_whirl(rpm: float) -> None:
     """What lets the smallest credible load decide."""
     shield = Shield(bench())
-    bounds = [shield._whirl_bound(rpm * RPM, load_N, 0.009) for load_N in np.geomspace(20.0, 400.0, 300)]
+    bounds = [
+        shield._whirl_bound(rpm * RPM, load_N, 0.009) for load_N in np.geomspace(20.0, 400.0, 300)
+    ]
     assert bounds == sorted(bounds)
 
 
 @pytest.mark.parametrize("rpm", [1500.0, 3000.0, 6000.0, 9000.0, 12000.0])
 @pytest.mark.parametrize("load_N", [30.0, 100.0, 300.0])
-def test_every_admissible_clearance_keeps_film_and_stability_in_the_film_solver(rpm: float, load_N: float) -> None:
-    """Ends and middle of each interval, held against the Reynolds equilibrium at the thinnest oil."""
+def test_every_admissible_clearance_keeps_film_and_stability_in_the_film_solver(
+    rpm: float, load_N: float
+) -> None:
+    """Ends and middle of each interval, held against the Reynolds equilibrium at the thinnest
+    oil."""
     config = bench()
     found = Shield(config).interval(rpm * RPM, load_N, load_N, 41.0)
     if found is None:
@@ -73,8 +78,11 @@ def test_wide_clearances_are_there_where_load_and_speed_allow() -> None:
     assert narrow[1] < 70e-6
 
 
-def test_reachability_the_actuator_outruns_the_fastest_ramps_from_every_admissible_clearance() -> None:
-    """Replays the worst ramps at a finer step than the shield's own, retreating at the rate limit: no whirl grows."""
+def test_reachability_the_actuator_outruns_the_fastest_ramps_from_every_admissible_clearance() -> (
+    None
+):
+    """Replays the worst ramps at a finer step than the shield's own, retreating at the rate limit:
+    no whirl grows."""
     config = bench()
     shield, a, o = Shield(config), config.actuator, config.operating
     reach_s = a.time_to_live_ms * 1e-3 + a.time_constant_s
@@ -97,14 +105,21 @@ def test_reachability_the_actuator_outruns_the_fastest_ramps_from_every_admissib
 
 @pytest.mark.parametrize("unbalance_share", [0.0, 0.1, 0.2, 0.3, 0.5, 0.7])
 @pytest.mark.parametrize(("rpm", "load_N"), [(12000.0, 30.0), (12000.0, 60.0), (9000.0, 30.0)])
-def test_of_a_range_of_viscosities_an_end_whirls_first(rpm: float, load_N: float, unbalance_share: float) -> None:
+def test_of_a_range_of_viscosities_an_end_whirls_first(
+    rpm: float, load_N: float, unbalance_share: float
+) -> None:
     unbalance = unbalance_share * load_N / (rpm * RPM) ** 2
     shield = Shield(changed("rotor", unbalance_normal_kg_m=unbalance, unbalance_measured=True))
-    bounds = [shield._whirl_bound(rpm * RPM, load_N, viscosity) for viscosity in np.linspace(0.005, 0.012, 30)]
+    bounds = [
+        shield._whirl_bound(rpm * RPM, load_N, viscosity)
+        for viscosity in np.linspace(0.005, 0.012, 30)
+    ]
     assert min(bounds) > 0.99 * min(bounds[0], bounds[-1])
 
 
-def test_a_rotor_out_of_balance_whirls_the_earlier_in_thick_oil_and_the_shield_counts_on_it() -> None:
+def test_a_rotor_out_of_balance_whirls_the_earlier_in_thick_oil_and_the_shield_counts_on_it() -> (
+    None
+):
     shield = Shield(changed("rotor", unbalance_normal_kg_m=5e-6, unbalance_measured=True))
     ends = []
     for oil in ((0.9, 0.9), (1.1, 1.1), (0.9, 1.1)):
@@ -121,8 +136,8 @@ def test_a_rotor_out_of_balance_whirls_the_earlier_in_thick_oil_and_the_shield_c
 def test_an_announced_ramp_of_any_steepness_finds_the_clearance_ready(
     rpm: float, load_N: float, to_rpm: float, to_N: float, ramp_s: float
 ) -> None:
-    """The actuator follows the interval's upper end at its rate; all along the ramp it stays within the interval
-    that belongs to the present point alone."""
+    """The actuator follows the interval's upper end at its rate; all along the ramp it stays within
+    the interval that belongs to the present point alone."""
     config = bench()
     shield, rate = Shield(config), config.actuator.rate_um_s * 1e-6
     any_oil = shield._viscosity.thinnest, shield._viscosity.thickest
@@ -153,7 +168,10 @@ def test_a_ramp_far_ahead_narrows_nothing_yet() -> None:
 def test_a_slower_actuator_never_widens_the_interval(slower: float) -> None:
     config = bench()
     lame = msgspec.structs.replace(
-        config, actuator=msgspec.structs.replace(config.actuator, rate_um_s=config.actuator.rate_um_s * slower)
+        config,
+        actuator=msgspec.structs.replace(
+            config.actuator, rate_um_s=config.actuator.rate_um_s * slower
+        ),
     )
     for rpm in (3000, 6000, 9000):
         full = Shield(config).interval(rpm * RPM, 90.0, 110.0, 41.0)
@@ -176,7 +194,9 @@ def test_doubt_about_the_load_never_widens_the_interval() -> None:
 
 
 def test_a_rotor_further_out_of_balance_never_has_a_wider_interval() -> None:
-    shields = [Shield(changed("rotor", unbalance_normal_kg_m=kg_m)) for kg_m in (0.0, 5e-6, 1.7e-5, 3e-5)]
+    shields = [
+        Shield(changed("rotor", unbalance_normal_kg_m=kg_m)) for kg_m in (0.0, 5e-6, 1.7e-5, 3e-5)
+    ]
     for rpm, load_N in ((12000.0, 50.0), (11000.0, 40.0), (12000.0, 35.0)):
         ends = [shield.interval(rpm * RPM, load_N, load_N, 41.0) for shield in shields]
         highs = [end[1] if end else 0.0 for end in ends]
@@ -193,23 +213,38 @@ def test_a_measured_unbalance_counts_whole_and_that_of_a_grade_in_part() -> None
 
 
 @pytest.mark.parametrize("offset_um", [-3.0, 3.0])
-def test_a_bearing_that_is_wider_than_it_tells_has_its_bound_of_whirl_so_much_earlier(offset_um: float) -> None:
+def test_a_bearing_that_is_wider_than_it_tells_has_its_bound_of_whirl_so_much_earlier(
+    offset_um: float,
+) -> None:
     told, built = Shield(bench()), Shield(changed("bearing", radial_clearance_offset_um=offset_um))
     bounds = [shield._whirl_bound(12000 * RPM, 50.0, 0.008) for shield in (told, built)]
     assert bounds[1] == pytest.approx(bounds[0] - offset_um * 1e-6, abs=1e-12)
-    assert built._capacity(60e-6) == pytest.approx(told._capacity((60.0 + offset_um) * 1e-6), rel=1e-9)
+    assert built._capacity(60e-6) == pytest.approx(
+        told._capacity((60.0 + offset_um) * 1e-6), rel=1e-9
+    )
 
 
 def test_whirl_has_not_grown_within_the_turns_that_the_retreat_may_take() -> None:
     """The rotor on the Reynolds film, at rest in a clearance 5 % wider than that of its whirl."""
     rig, speed, load_N = load_rig("bench"), 12000 * RPM, 50.0
     film = static_film(rig.bearing.radius_m, rig.bearing.length_m)
-    per_number, viscosity = load_N / (rig.rotor.effective_mass_kg * speed**2), rig.oil.viscosity_Pa_s
-    clearance_m = 1.05 * per_number / film.whirl_share(per_number**2 * load_N / (viscosity * speed), 0.2)
+    per_number, viscosity = (
+        load_N / (rig.rotor.effective_mass_kg * speed**2),
+        rig.oil.viscosity_Pa_s,
+    )
+    clearance_m = (
+        1.05 * per_number / film.whirl_share(per_number**2 * load_N / (viscosity * speed), 0.2)
+    )
     build = replace(Build.nominal(rig), unbalance_kg_m=0.2 * load_N / speed**2)
     for turns, grown in ((GROWTH_TURNS / 0.05, False), (800.0, True)):
-        run = simulate(rig, Duty.hold(12000.0, load_N, turns * 2 * pi / speed), clearance=clearance_m, build=build,
-                       inlet_C=rig.oil.reference_C, thermal=False)
+        run = simulate(
+            rig,
+            Duty.hold(12000.0, load_N, turns * 2 * pi / speed),
+            clearance=clearance_m,
+            build=build,
+            inlet_C=rig.oil.reference_C,
+            thermal=False,
+        )
         assert (run.last(0.02).peak_to_peak_m() > 0.5 * clearance_m) == grown
 
 
@@ -222,8 +257,11 @@ def test_vibration_may_fill_its_share_of_the_clearance_and_no_more(p2p_um: float
 
 @pytest.mark.parametrize("clearance_um", [55.0, 80.0, 120.0, 160.0])
 @pytest.mark.parametrize("share", np.arange(0.05, 0.6, 0.05))
-def test_vibration_narrows_a_wide_clearance_before_its_limit(clearance_um: float, share: float) -> None:
-    """Below the margin it may widen, above it must narrow; never below the safe clearance, never wider than without."""
+def test_vibration_narrows_a_wide_clearance_before_its_limit(
+    clearance_um: float, share: float
+) -> None:
+    """Below the margin it may widen, above it must narrow; never below the safe clearance, never
+    wider than without."""
     shield, point = Shield(bench()), (6000 * RPM, 90.0, 110.0, 41.0)
     free = shield.interval(*point)
     found = shield.interval(*point, share * clearance_um * 1e-6, clearance_um * 1e-6)
@@ -238,8 +276,11 @@ def test_vibration_narrows_a_wide_clearance_before_its_limit(clearance_um: float
 
 
 @pytest.mark.parametrize("p2p_um", [52.0, 57.0, 61.0])
-def test_a_vibration_that_no_narrowing_makes_smaller_is_not_narrowed_into_its_limit(p2p_um: float) -> None:
-    """That of an unbalance well above the critical speed; the interval follows as the actuator does."""
+def test_a_vibration_that_no_narrowing_makes_smaller_is_not_narrowed_into_its_limit(
+    p2p_um: float,
+) -> None:
+    """That of an unbalance well above the critical speed; the interval follows as the actuator
+    does."""
     shield, clearance_m = Shield(bench()), 130e-6
     for _ in range(200):
         found = shield.interval(6000 * RPM, 90.0, 110.0, 41.0, p2p_um * 1e-6, clearance_m)
@@ -279,7 +320,12 @@ def test_the_shipped_safe_value_is_admissible_everywhere_in_the_film_solver() ->
     hot = config.oil.viscosity_Pa_s(config.oil.inlet_max_C)
     for rpm in (1500.0, 3000.0, 6000.0, 12000.0):
         state = equilibrium(
-            load_N=300.0, radius_m=0.02, length_m=0.02, clearance_m=SAFE_M, viscosity_Pa_s=hot, speed_rad_s=rpm * RPM
+            load_N=300.0,
+            radius_m=0.02,
+            length_m=0.02,
+            clearance_m=SAFE_M,
+            viscosity_Pa_s=hot,
+            speed_rad_s=rpm * RPM,
         )
         assert (1 - state.eccentricity_ratio) * SAFE_M >= 10e-6
 
@@ -319,12 +365,16 @@ def test_decay_is_the_exponential(exponent: float) -> None:
 @pytest.mark.parametrize("temperature", [-40.0, -10.0, 19.5, 40.0, 41.01, 41.5, 60.0, 119.9, 199.9])
 def test_the_table_is_the_law(temperature: float) -> None:
     oil = bench().oil
-    assert ViscosityTable(oil).law(temperature) == pytest.approx(oil.viscosity_Pa_s(temperature), rel=1.2e-4)
+    assert ViscosityTable(oil).law(temperature) == pytest.approx(
+        oil.viscosity_Pa_s(temperature), rel=1.2e-4
+    )
 
 
 def test_the_credible_oils_are_every_batch_at_every_temperature_of_the_reading() -> None:
     oil = bench().oil
     table = ViscosityTable(oil)
     law = oil.viscosity_Pa_s(41.0)
-    ends = [oil.viscosity_Pa_s(41.0 + error) * batch / law for error in (-1, 1) for batch in (0.9, 1.1)]
+    ends = [
+        oil.viscosity_Pa_s(41.0 + error) * batch / law for error in (-1, 1) for batch in (0.9, 1.1)
+    ]
     assert (table.thinnest, table.thickest) == pytest.approx((min(ends), max(ends)))

@@ -1,10 +1,19 @@
-"""The shield against the rotor rig in software: the worst advice there is, over the whole published duty."""
+"""The shield against the rotor rig in software: the worst advice there is, over the whole published
+duty."""
 
 import numpy as np
 import pytest
 
 from firmware_py.guard.core import GuardCore
-from firmware_py.records import Advice, ArmState, CommandRequest, Cycle, GuardState, PlannedRamp, RawFrame
+from firmware_py.records import (
+    Advice,
+    ArmState,
+    CommandRequest,
+    Cycle,
+    GuardState,
+    PlannedRamp,
+    RawFrame,
+)
 from firmware_py.wire.codec import CanCodec
 from models.control.episodes import UNTRIPPED
 from models.control.shielded import ANNOUNCED_S, ShieldedRotors, fast_ramps
@@ -26,11 +35,14 @@ UNANNOUNCED = Duty(
 """Speed and load as fast as they may change unannounced, to the corner where whirl is next."""
 
 UNBALANCED = [9900009, 9900010, 9900011, 9900021, 9900025, 9900029]
-"""Machines that whirled there while the shield judged unbalance in thin oil alone, and less of it."""
+"""Machines that whirled there while the shield judged unbalance in thin oil alone, and less of
+it."""
 
 
 @pytest.mark.parametrize("commissioned", [False, True])
-def test_after_the_fastest_unannounced_ramps_no_machine_out_of_balance_whirls(commissioned: bool) -> None:
+def test_after_the_fastest_unannounced_ramps_no_machine_out_of_balance_whirls(
+    commissioned: bool,
+) -> None:
     seconds, count = UNANNOUNCED.time_s[-1], len(UNBALANCED)
     rotors = RotorVectorEnv(count, "bench", seconds, UNANNOUNCED, limits=UNTRIPPED,
                             disturbances=Disturbances(developing=0.0))  # fmt: skip
@@ -53,7 +65,11 @@ def test_the_widest_and_the_narrowest_advice_violate_nothing(advised_um: float) 
     for k in range(END_S * 1000):
         now_ns += MS
         frames = rig.step(now_ns, out)
-        commands = [CommandRequest(1, "mode", mode=2), CommandRequest(2, "arm")] if k == ARM_S * 1000 else []
+        commands = (
+            [CommandRequest(1, "mode", mode=2), CommandRequest(2, "arm")]
+            if k == ARM_S * 1000
+            else []
+        )
         if ramps and k >= (START_S + ramps[0].start_s - ANNOUNCED_S) * 1000:
             r = ramps.pop(0)
             rpm = round(r.speed_rad_s / RAD_S_PER_RPM, 6)
@@ -61,7 +77,11 @@ def test_the_widest_and_the_narrowest_advice_violate_nothing(advised_um: float) 
             commands.append(CommandRequest(k, "announce", ramp=told))
         if k == START_S * 1000:
             rig.follow(Duty.published())
-        advice = Advice(k, now_ns, now_ns, 300 * MS, advised_um, None, True, [], None) if k % 100 == 0 else None
+        advice = (
+            Advice(k, now_ns, now_ns, 300 * MS, advised_um, None, True, [], None)
+            if k % 100 == 0
+            else None
+        )
         decision = core.step(Cycle(k, now_ns, frames, advice, commands, True, True, True))
         out = decision.frames_out
         states += [decision.state] if decision.state else []

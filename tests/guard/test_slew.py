@@ -41,7 +41,9 @@ class Way:
         self.now_ns = 0
         self.notices = []
 
-    def go(self, wish: float, ms: int, clearances: tuple[float, float] = WIDE, bar: float = 1.0) -> Target:
+    def go(
+        self, wish: float, ms: int, clearances: tuple[float, float] = WIDE, bar: float = 1.0
+    ) -> Target:
         for _ in range(ms):
             self.now_ns += MS
             target = self.slew.follow(Target(wish, bar), clearances, PRESSURES, self.now_ns)
@@ -53,7 +55,9 @@ class Way:
         return [notice.name for notice in self.notices]
 
 
-@pytest.mark.parametrize(("wish", "ms", "expected"), [(90.0, 101, 55.0), (90.0, 2000, 90.0), (42.0, 101, 45.0)])
+@pytest.mark.parametrize(
+    ("wish", "ms", "expected"), [(90.0, 101, 55.0), (90.0, 2000, 90.0), (42.0, 101, 45.0)]
+)
 def test_the_target_moves_as_fast_as_the_actuator(wish: float, ms: int, expected: float) -> None:
     assert Way().go(wish, ms).clearance_um == pytest.approx(expected)
 
@@ -84,13 +88,17 @@ def test_dither_within_the_dead_band_does_not_pass(swing: float) -> None:
 def test_dither_of_the_admissible_end_does_not_pass_either() -> None:
     way = Way()
     way.go(160.0, 3000, clearances=(40.0, 90.0))
-    seen = [way.go(160.0, 20, clearances=(40.0, 90.0 - 0.3 * (k % 2))).clearance_um for k in range(20)]
+    seen = [
+        way.go(160.0, 20, clearances=(40.0, 90.0 - 0.3 * (k % 2))).clearance_um for k in range(20)
+    ]
     assert seen[1:] == [89.7] * 19
     assert way.go(160.0, 1050, clearances=(40.0, 91.0)).clearance_um == 91.0
 
 
 @pytest.mark.parametrize("period_ms", [10, 40, 200])
-def test_reversals_are_counted_and_too_many_hold_the_target_until_they_are_few(period_ms: int) -> None:
+def test_reversals_are_counted_and_too_many_hold_the_target_until_they_are_few(
+    period_ms: int,
+) -> None:
     way = Way()
     way.go(70.0, 1000)
     for k in range(140):
@@ -182,7 +190,9 @@ def test_a_snapshot_carries_the_way_and_an_old_one_may_lack_it() -> None:
 
 
 @pytest.mark.parametrize("period_ms", [20, 40, 200, 700])
-def test_an_end_of_the_range_that_flutters_does_not_move_the_actuator_at_every_look(period_ms: int) -> None:
+def test_an_end_of_the_range_that_flutters_does_not_move_the_actuator_at_every_look(
+    period_ms: int,
+) -> None:
     way = Way(most=300)
     way.go(90.0, 2000)
     for k in range(60_000 // period_ms):
@@ -192,7 +202,9 @@ def test_an_end_of_the_range_that_flutters_does_not_move_the_actuator_at_every_l
     assert not way.names
 
 
-def test_after_a_push_the_target_goes_out_again_when_the_range_has_stayed_away_for_a_second() -> None:
+def test_after_a_push_the_target_goes_out_again_when_the_range_has_stayed_away_for_a_second() -> (
+    None
+):
     way = Way()
     way.go(90.0, 2000)
     way.go(90.0, 1, clearances=(40.0, 70.0))

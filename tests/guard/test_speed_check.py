@@ -1,4 +1,5 @@
-"""Speeds that no shaft can have: doubted at once, and believed again only where something speaks for them."""
+"""Speeds that no shaft can have: doubted at once, and believed again only where something speaks
+for them."""
 
 from __future__ import annotations
 
@@ -114,7 +115,10 @@ def test_a_false_mark_ends_authority_at_once_and_is_named_and_never_widens(
     alarms = [a.name for a in found.alarms]
     assert ("speed_implausible" in alarms) == (fault is not mark_stops)
     assert b.names().count("speed_implausible") == (fault is not mark_stops), "an event is a change"
-    trips = (fault, rpm) == (three_edges, 6000.0)  # 18000 rpm told: it counts, although no shaft turns so
+    trips = (fault, rpm) == (
+        three_edges,
+        6000.0,
+    )  # 18000 rpm told: it counts, although no shaft turns so
     assert found.arm_state == (ArmState.TRIPPED if trips else ArmState.ARMED)
 
 
@@ -211,7 +215,9 @@ def test_a_shaft_that_stands_ends_the_doubt() -> None:
 # ------------------------------------------------------------------ a guard that starts beside a fault
 
 
-def starting(fault: Callable[[ScriptedNode], None], amplitude_um: float = 5.0, rpm: float = 6000.0) -> Bench:
+def starting(
+    fault: Callable[[ScriptedNode], None], amplitude_um: float = 5.0, rpm: float = 6000.0
+) -> Bench:
     b = Bench()
     b.node.speed_rpm, b.node.amplitude_um = rpm, amplitude_um
     fault(b.node)
@@ -219,7 +225,9 @@ def starting(fault: Callable[[ScriptedNode], None], amplitude_um: float = 5.0, r
     return b
 
 
-@pytest.mark.parametrize("fault", [two_edges, three_edges, every_second_missing, number_steps_by_two])
+@pytest.mark.parametrize(
+    "fault", [two_edges, three_edges, every_second_missing, number_steps_by_two]
+)
 @pytest.mark.parametrize("rpm", [3000.0, 6000.0])
 def test_a_guard_that_starts_with_false_marks_sees_it_by_the_orbit(
     fault: Callable[[ScriptedNode], None], rpm: float

@@ -47,17 +47,24 @@ def test_the_limit_is_the_configured_one_or_a_share_of_the_declared_speed() -> N
     assert limit_rpm(msgspec.structs.replace(config, limits=limits)) == 12_500.0
 
 
-@pytest.mark.parametrize(("rpm", "trips"), [(12_000.0, False), (13_150.0, False), (13_250.0, True), (18_000.0, True)])
+@pytest.mark.parametrize(
+    ("rpm", "trips"), [(12_000.0, False), (13_150.0, False), (13_250.0, True), (18_000.0, True)]
+)
 @pytest.mark.parametrize("doubt", ["", "ramp"])
-def test_a_speed_above_the_limit_trips_whether_it_is_plausible_or_not(rpm: float, trips: bool, doubt: str) -> None:
+def test_a_speed_above_the_limit_trips_whether_it_is_plausible_or_not(
+    rpm: float, trips: bool, doubt: str
+) -> None:
     assert tripped(*[turn(rpm, doubt)] * 10) == trips
 
 
 @pytest.mark.parametrize("rpm", [1500.0, 6000.0, 12_000.0, 13_000.0])
 @pytest.mark.parametrize(
-    "edges", [(0.5, 0.5), (0.05, 0.95), (0.97, 0.03), (0.2, 0.3, 0.5), (0.01, 0.99), tuple([0.05] * 20)]
+    "edges",
+    [(0.5, 0.5), (0.05, 0.95), (0.97, 0.03), (0.2, 0.3, 0.5), (0.01, 0.99), tuple([0.05] * 20)],
 )
-def test_false_edges_within_a_turn_do_not_trip_a_healthy_machine(rpm: float, edges: tuple[float, ...]) -> None:
+def test_false_edges_within_a_turn_do_not_trip_a_healthy_machine(
+    rpm: float, edges: tuple[float, ...]
+) -> None:
     if len(edges) > 3 and rpm < 6000.0:
         edges = (*edges[:5], 0.75)  # a burst of 10 ms
     turns = [turn(rpm)] * 5 + [*healthy(rpm, edges), turn(rpm)] * 20
@@ -72,11 +79,19 @@ def test_two_uneven_edges_do_not_trip_a_machine_at_half_its_speed() -> None:
     assert not tripped(*healthy(6000.0, (0.3, 0.7)) * 200)
 
 
-@pytest.mark.parametrize(("rpm", "share"), [(4000.0, 0.125), (2000.0, 0.05), (6000.0, 0.2), (1500.0, 0.02)])
-def test_the_time_in_which_the_mark_is_lost_after_a_false_edge_is_taken_off(rpm: float, share: float) -> None:
-    """A second strip close behind the first: the rest of the turn tells no reading, for the mark is lost."""
+@pytest.mark.parametrize(
+    ("rpm", "share"), [(4000.0, 0.125), (2000.0, 0.05), (6000.0, 0.2), (1500.0, 0.02)]
+)
+def test_the_time_in_which_the_mark_is_lost_after_a_false_edge_is_taken_off(
+    rpm: float, share: float
+) -> None:
+    """A second strip close behind the first: the rest of the turn tells no reading, for the mark is
+    lost."""
     stage, now_ns, told = SpeedHigh(bench(), latched=False), 0, []
-    close, rest_ms = Turn(round(share * 60e6 / rpm), rpm / share * pi / 30, "ramp"), round((1 - share) * 60e3 / rpm)
+    close, rest_ms = (
+        Turn(round(share * 60e6 / rpm), rpm / share * pi / 30, "ramp"),
+        round((1 - share) * 60e3 / rpm),
+    )
     for _ in range(100):
         told += stage.step([close], now_ns)
         for _ in range(rest_ms):
@@ -141,7 +156,9 @@ def test_a_load_rejection_trips_within_the_stated_latency(rpm: float) -> None:
     start_ns = b.now_ns
     tripping = next(d for d in iter(b.cycle, None) if any(e.name == "tripped" for e in d.events))
     assert b.now_ns - start_ns <= (TURNS + 2) * 60e9 / LIMIT_RPM + 2 * MS
-    heartbeat = next(m for m in map(CODEC.decode, tripping.frames_out) if isinstance(m, DeviceHeartbeat))
+    heartbeat = next(
+        m for m in map(CODEC.decode, tripping.frames_out) if isinstance(m, DeviceHeartbeat)
+    )
     assert (heartbeat.trip_request, heartbeat.run_permit) == (True, False)
     assert NAME in b.names()
     found = state(b)

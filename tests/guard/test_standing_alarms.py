@@ -1,4 +1,5 @@
-"""What stands is in the alarm list with its cause, and what flutters does not bury the event list."""
+"""What stands is in the alarm list with its cause, and what flutters does not bury the event
+list."""
 
 from __future__ import annotations
 
@@ -17,7 +18,9 @@ BUS_OFF = "the CAN controller is bus-off; check cable"
 def alarms(b: Bench) -> dict[str, str]:
     """Names and texts of the next published list."""
     state: GuardState = next(d.state for d in iter(b.cycle, None) if d.state)
-    assert len({alarm.name for alarm in state.alarms}) == len(state.alarms), "one alarm of each name"
+    assert len({alarm.name for alarm in state.alarms}) == len(state.alarms), (
+        "one alarm of each name"
+    )
     return {alarm.name: alarm.text for alarm in state.alarms}
 
 
@@ -26,7 +29,9 @@ def test_a_healthy_working_machine_has_no_alarm() -> None:
 
 
 @pytest.mark.parametrize(("up", "name"), [(False, "link_down"), (True, "link_fault")])
-def test_a_sick_link_is_told_in_event_alarm_and_refusal_and_so_is_its_recovery(up: bool, name: str) -> None:
+def test_a_sick_link_is_told_in_event_alarm_and_refusal_and_so_is_its_recovery(
+    up: bool, name: str
+) -> None:
     b = working()
     b.link_up, b.link_fault = up, BUS_OFF
     b.run(0.3)
@@ -64,7 +69,9 @@ def test_authority_that_was_lost_stands_until_it_is_back() -> None:
 
 
 def heartbeat_of_another(b: Bench, n: int) -> None:
-    b.extra = [b.node.codec.encode(DeviceHeartbeat(n & 0xFFFF, 0x9999, 0, 0, True, False), b.now_ns)]
+    b.extra = [
+        b.node.codec.encode(DeviceHeartbeat(n & 0xFFFF, 0x9999, 0, 0, True, False), b.now_ns)
+    ]
 
 
 def stall(b: Bench, n: int) -> None:
@@ -87,7 +94,9 @@ def brain_flutter(b: Bench, n: int) -> None:
     b.brain = not b.brain
 
 
-@pytest.mark.parametrize("act", [heartbeat_of_another, stall, link_flutter, fault_flutter, mark_flutter, brain_flutter])
+@pytest.mark.parametrize(
+    "act", [heartbeat_of_another, stall, link_flutter, fault_flutter, mark_flutter, brain_flutter]
+)
 def test_whatever_flutters_ten_times_a_second_gives_a_handful_of_events_of_each_name(act) -> None:
     b = working()
     b.events.clear()
@@ -115,12 +124,15 @@ def overspeed(b: Bench) -> None:
     b.run(0.1)
 
 
-@pytest.mark.parametrize(("act", "name", "said"), [
-    (shake, "disp_x_alert", ("um peak-to-peak", "limit", "reduce")),
-    (shake, "disp_y_danger", ("um peak-to-peak", "limit", "`reset`")),
-    (shake_for_a_while, "disp_x_danger", ("is now at 10", "`reset`")),
-    (overspeed, "speed_high", ("faster than 13200", "now 13", "`reset`")),
-])
+@pytest.mark.parametrize(
+    ("act", "name", "said"),
+    [
+        (shake, "disp_x_alert", ("um peak-to-peak", "limit", "reduce")),
+        (shake, "disp_y_danger", ("um peak-to-peak", "limit", "`reset`")),
+        (shake_for_a_while, "disp_x_danger", ("is now at 10", "`reset`")),
+        (overspeed, "speed_high", ("faster than 13200", "now 13", "`reset`")),
+    ],
+)
 def test_a_limit_that_stands_says_value_limit_and_next_step(
     act: Callable[[Bench], None], name: str, said: tuple[str, ...]
 ) -> None:
@@ -138,14 +150,31 @@ def test_a_cycle_of_an_old_recording_has_a_well_link() -> None:
     assert Cycle(1, 1, [], None, [], True, True, True).link_fault == ""
 
 
-@pytest.mark.parametrize(("act", "name", "said"), [
-    (lambda b: b.ramp_to(0.0), "no_admissible_clearance", ("the shaft stands (0 rpm)", "start the machine")),
-    (lambda b: setattr(b.node, "mark_valid", False), "no_admissible_clearance", ("speed is unknown", "check the once")),
-    (lambda b: b.ramp_to(1000.0), "speed_undeclared", ("speed, 1000 rpm", "(1500 .. 12000)", "change the speed")),
-    (shake, "vibration_high", ("um peak-to-peak", "set point", "reduce speed")),
-    (lambda b: stall(b, 0), "cycle_gap", ("stood still", "look at the load")),
-])
-def test_a_failsafe_says_its_figures_and_the_next_step(act, name: str, said: tuple[str, ...]) -> None:
+@pytest.mark.parametrize(
+    ("act", "name", "said"),
+    [
+        (
+            lambda b: b.ramp_to(0.0),
+            "no_admissible_clearance",
+            ("the shaft stands (0 rpm)", "start the machine"),
+        ),
+        (
+            lambda b: setattr(b.node, "mark_valid", False),
+            "no_admissible_clearance",
+            ("speed is unknown", "check the once"),
+        ),
+        (
+            lambda b: b.ramp_to(1000.0),
+            "speed_undeclared",
+            ("speed, 1000 rpm", "(1500 .. 12000)", "change the speed"),
+        ),
+        (shake, "vibration_high", ("um peak-to-peak", "set point", "reduce speed")),
+        (lambda b: stall(b, 0), "cycle_gap", ("stood still", "look at the load")),
+    ],
+)
+def test_a_failsafe_says_its_figures_and_the_next_step(
+    act, name: str, said: tuple[str, ...]
+) -> None:
     b = Bench()
     b.run(5.0)
     act(b)

@@ -82,10 +82,17 @@ def half_as_fast(node: ScriptedNode) -> Callable[[float], float]:
     return lambda target: target
 
 
-@pytest.mark.parametrize(("fault", "within_s"), [
-    (stuck, 2.0), (runs_away, 2.0), (wrong_sign, 2.0), (stops_at_an_end, 4.0), (stands_10_um_off, 4.0),
-    (half_as_fast, 2.0),
-])
+@pytest.mark.parametrize(
+    ("fault", "within_s"),
+    [
+        (stuck, 2.0),
+        (runs_away, 2.0),
+        (wrong_sign, 2.0),
+        (stops_at_an_end, 4.0),
+        (stands_10_um_off, 4.0),
+        (half_as_fast, 2.0),
+    ],
+)
 def test_an_actuator_that_does_not_follow_is_an_alarm_and_costs_authority(
     fault: Callable[[ScriptedNode], Callable[[float], float]], within_s: float
 ) -> None:
@@ -105,8 +112,12 @@ def test_an_actuator_that_does_not_follow_is_an_alarm_and_costs_authority(
     assert found.arm_state == ArmState.ARMED
 
 
-@pytest.mark.parametrize(("noise_um", "alarm"), [(0.5, ""), (4.0, "clearance_"), (9.0, "clearance_")])
-def test_noise_of_the_measured_position_is_an_alarm_where_it_is_large(noise_um: float, alarm: str) -> None:
+@pytest.mark.parametrize(
+    ("noise_um", "alarm"), [(0.5, ""), (4.0, "clearance_"), (9.0, "clearance_")]
+)
+def test_noise_of_the_measured_position_is_an_alarm_where_it_is_large(
+    noise_um: float, alarm: str
+) -> None:
     b = working()
     random = Random(1)
     b.node.rate_um_s = 1e6
@@ -208,7 +219,9 @@ def test_an_actuator_of_the_declared_rate_and_lag_is_none(advised_um: float) -> 
     assert not [name for name in b.names() if "not_following" in name]
 
 
-@pytest.mark.parametrize(("supplied_bar", "alarm"), [(0.0, True), (1.1, False), (0.6, True), (2.4, True)])
+@pytest.mark.parametrize(
+    ("supplied_bar", "alarm"), [(0.0, True), (1.1, False), (0.6, True), (2.4, True)]
+)
 def test_a_pressure_that_is_not_there_is_an_alarm(supplied_bar: float, alarm: bool) -> None:
     b = working()
     b.node.supply = lambda target: supplied_bar
@@ -313,7 +326,9 @@ def test_commands_that_never_expire_are_an_alarm_after_disarming() -> None:
 
 
 @pytest.mark.parametrize("changed", [{"session": 0x9999}, {"command_counter": 60_000}])
-def test_a_node_that_follows_commands_which_were_not_sent_disarms_once_confirmed(changed: dict[str, int]) -> None:
+def test_a_node_that_follows_commands_which_were_not_sent_disarms_once_confirmed(
+    changed: dict[str, int],
+) -> None:
     b = working()
     reporting(b, mode=1, **changed)
     took_s = until(b, "node_elsewhere", 1.0)
@@ -340,12 +355,21 @@ def test_one_such_report_is_not_enough() -> None:
 @pytest.mark.parametrize("trips", [False, True])
 def test_the_permit_goes_with_a_foreign_command_only_where_that_is_configured(trips: bool) -> None:
     config = bench()
-    b = Bench(msgspec.structs.replace(config, drive=msgspec.structs.replace(config.drive, trip_on_foreign=trips)))
+    b = Bench(
+        msgspec.structs.replace(
+            config, drive=msgspec.structs.replace(config.drive, trip_on_foreign=trips)
+        )
+    )
     b.armed()
     reporting(b, mode=1, session=0x9999)
     until(b, "node_elsewhere", 1.0)
     assert state(b).run_permit != trips
-    beats = [m for d in b.run(0.2) for m in map(CODEC.decode, d.frames_out) if isinstance(m, DeviceHeartbeat)]
+    beats = [
+        m
+        for d in b.run(0.2)
+        for m in map(CODEC.decode, d.frames_out)
+        if isinstance(m, DeviceHeartbeat)
+    ]
     assert {beat.run_permit for beat in beats} == {not trips}
     assert not any(beat.trip_request for beat in beats)
 
@@ -386,7 +410,11 @@ def test_a_node_that_restarts_while_it_moves_is_none() -> None:
     b.node.refused[0] = 40
     b.node.restart()
     b.run(6.0)
-    assert not [e.name for e in b.events if "not_following" in e.name or e.name in ("node_refuses", "two_senders")]
+    assert not [
+        e.name
+        for e in b.events
+        if "not_following" in e.name or e.name in ("node_refuses", "two_senders")
+    ]
     assert state(b).authority
 
 

@@ -9,7 +9,9 @@ from firmware_py.guard.telling import BURST, COMMANDS_BURST, EVERY_NS, NAMES_MAX
 from firmware_py.records import Severity
 
 
-def told_over(telling: Telling, seconds: int, rate_hz: float, notice: Notice) -> list[tuple[Notice, int]]:
+def told_over(
+    telling: Telling, seconds: int, rate_hz: float, notice: Notice
+) -> list[tuple[Notice, int]]:
     found = []
     for cycle in range(int(seconds * rate_hz)):
         found += telling.step([notice], round(cycle * 1e9 / rate_hz))
@@ -28,7 +30,9 @@ def test_a_minute_of_fluttering_is_a_handful_of_events_with_counts(rate_hz, seve
 
 def test_the_first_is_told_at_once_and_the_held_back_one_with_its_latest_text():
     telling = Telling()
-    assert telling.step([Notice(Severity.ALERT, "a", "first")], 5) == [(Notice(Severity.ALERT, "a", "first"), 1)]
+    assert telling.step([Notice(Severity.ALERT, "a", "first")], 5) == [
+        (Notice(Severity.ALERT, "a", "first"), 1)
+    ]
     for number in range(BURST + 3):
         telling.step([Notice(Severity.ALERT, "a", f"{number}")], 6 + number)
     assert telling.step([], 5 + EVERY_NS - 1) == []
@@ -39,7 +43,10 @@ def test_the_first_is_told_at_once_and_the_held_back_one_with_its_latest_text():
 def test_danger_is_never_held_back_and_commands_of_a_person_are_not():
     telling = Telling()
     danger = Notice(Severity.DANGER, "tripped", "x")
-    commands = [Notice(Severity.INFO, "command", f"{verb} accepted") for verb in ("arm", "disarm", "mode auto")]
+    commands = [
+        Notice(Severity.INFO, "command", f"{verb} accepted")
+        for verb in ("arm", "disarm", "mode auto")
+    ]
     assert [len(telling.step([danger], n)) for n in range(9)] == [1] * 9
     for n in range(COMMANDS_BURST):
         assert len(telling.step(commands, 9 + n)) == 3

@@ -14,7 +14,9 @@ class Held:
     def __init__(self) -> None:
         self.hold, self.now_ns = VibrationHold(), 0
 
-    def run(self, seconds: float, um: float, clearance_um: float = 50.0, speed: float = 600.0) -> float:
+    def run(
+        self, seconds: float, um: float, clearance_um: float = 50.0, speed: float = 600.0
+    ) -> float:
         """Vibration counted with at the end, um."""
         found = 0.0
         for _ in range(round(seconds * 1e9 / STEP_NS)):
@@ -58,5 +60,7 @@ def test_a_narrower_clearance_explains_the_square_and_a_wider_one_nothing(held: 
 
 
 def test_it_survives_a_snapshot(held: Held) -> None:
-    held.hold.state = msgspec.msgpack.decode(msgspec.msgpack.encode(held.hold.state), type=VibrationHoldState)
+    held.hold.state = msgspec.msgpack.decode(
+        msgspec.msgpack.encode(held.hold.state), type=VibrationHoldState
+    )
     assert held.run(1.0, 2.0) == pytest.approx(10.0)

@@ -18,21 +18,26 @@ from sim_hil.vector_environment import RotorVectorEnv
 
 RIG = load_rig("bench")
 SEEDS = [1135, 65, 2845, 99, 2048, 2409, 1842, 3520, 3149, 2180]
-"""Machines of all unbalances, 0.1 to 0.6 of the load, that whirl within the actuator's reach; speed and load held."""
+"""Machines of all unbalances, 0.1 to 0.6 of the load, that whirl within the actuator's reach; speed
+and load held."""
 
 
 HARDEST = Duty.hold(12000.0, 30.0)
-"""The fastest and lightest: whirl within 62 to 82 um, nearly round the centre, where unbalance counts most."""
+"""The fastest and lightest: whirl within 62 to 82 um, nearly round the centre, where unbalance
+counts most."""
 
 
 @cache
 def opened(duty: Duty | None) -> list[tuple[float, float, float]]:
-    """Clearance in which each begins to whirl, over the guard's bound with none, the share and all of its unbalance.
+    """Clearance in which each begins to whirl, over the guard's bound with none, the share and all
+    of its unbalance.
 
     At an operating point of its own, where no ``duty`` is given.
     """
     held = Disturbances(hold_s=(1e4, 1e4), developing=0.0, inlet_C=(40.0, 40.0))
-    rotors = RotorVectorEnv(len(SEEDS), "bench", episode_s=400.0, limits=UNTRIPPED, duty=duty, disturbances=held)
+    rotors = RotorVectorEnv(
+        len(SEEDS), "bench", episode_s=400.0, limits=UNTRIPPED, duty=duty, disturbances=held
+    )
     rotors.reset(seed=list(SEEDS))
     found: dict[int, tuple[float, float, float]] = {}
     for clearance_m in np.arange(80e-6 if duty is None else 55e-6, 160e-6, 1e-6 * CONTROL_S):
@@ -49,10 +54,14 @@ def _over_the_bound(rotors: RotorVectorEnv, i: int) -> tuple[float, float, float
     viscosity = oil.viscosity_Pa_s * build.viscosity * exp(-oil.slope_per_K * warmer_K)
     mass_kg = apparent_mass_kg(RIG.rotor, build, 12000 * pi / 60)
     per_number = load_N / (mass_kg * speed * speed)
-    tie, shaken = per_number**2 * load_N / (viscosity * speed), build.unbalance_kg_m * speed * speed / load_N
+    tie, shaken = (
+        per_number**2 * load_N / (viscosity * speed),
+        build.unbalance_kg_m * speed * speed / load_N,
+    )
     built_m = rotors._scalar[i, CLEARANCE] + build.clearance_error_m
     none, share, whole = (
-        float(built_m * film.whirl_share(tie, s * shaken) / per_number) for s in (0.0, shield.WHIRL_MEASURED, 1.0)
+        float(built_m * film.whirl_share(tie, s * shaken) / per_number)
+        for s in (0.0, shield.WHIRL_MEASURED, 1.0)
     )
     return none, share, whole
 

@@ -19,7 +19,12 @@ RAIMONDI_BOYD = [
     (0.1, 1.33, 26.4),
 ]
 # side flow variable Q_s / (R c N L) = (Q / R c N L) (Q_s / Q): eps, Q, share
-RAIMONDI_BOYD_FLOW = [(0.1, 3.37, 0.150), (0.2, 3.59, 0.280), (0.6, 4.33, 0.680), (0.8, 4.62, 0.842)]
+RAIMONDI_BOYD_FLOW = [
+    (0.1, 3.37, 0.150),
+    (0.2, 3.59, 0.280),
+    (0.6, 4.33, 0.680),
+    (0.8, 4.62, 0.842),
+]
 
 
 def raimondi_boyd_film(eps):
@@ -66,7 +71,8 @@ OCVIRK = [
 
 @pytest.mark.parametrize(("eps", "sommerfeld", "attitude", "k", "c", "whirl", "threshold"), OCVIRK)
 def test_short_bearing_coefficients(eps, sommerfeld, attitude, k, c, whirl, threshold):
-    # 3 % of the largest coefficient: L/D = 1/16 is not zero, and the cut-off film has a grain at its edge
+    # 3 % of the largest coefficient: L/D = 1/16 is not zero, and the cut-off film has a grain at
+    # its edge
     state = equilibrium(eccentricity_ratio=eps, length_m=0.0025, rupture="gumbel", **OIL)
     assert state.sommerfeld / 16**2 == pytest.approx(sommerfeld, rel=1e-2)
     assert np.degrees(state.attitude_rad) == pytest.approx(attitude, abs=0.5)
@@ -91,12 +97,26 @@ def test_short_bearing_is_stable_at_high_eccentricity():
 @pytest.mark.parametrize("eps", [0.2, 0.6, 0.9])
 @pytest.mark.parametrize("rupture", ["full", "gumbel"])
 def test_long_bearing_pressure_in_the_middle_plane(eps, rupture):
-    """Sommerfeld 1904. Only the middle plane of a long bearing is infinitely long: its ends lose about D/L."""
+    """Sommerfeld 1904. Only the middle plane of a long bearing is infinitely long: its ends lose
+    about D/L."""
     film = film_force(
-        (-eps * 60e-6, 0.0), (0.0, 0.0), length_m=0.32, rupture=rupture, fields=True, grid=(360, 20), **OIL
+        (-eps * 60e-6, 0.0),
+        (0.0, 0.0),
+        length_m=0.32,
+        rupture=rupture,
+        fields=True,
+        grid=(360, 20),
+        **OIL,
     )
     theta = film.theta_rad  # the thickest film is at angle zero
-    exact = 6 * eps * np.sin(theta) * (2 + eps * np.cos(theta)) / (2 + eps**2) / (1 + eps * np.cos(theta)) ** 2
+    exact = (
+        6
+        * eps
+        * np.sin(theta)
+        * (2 + eps * np.cos(theta))
+        / (2 + eps**2)
+        / (1 + eps * np.cos(theta)) ** 2
+    )
     exact = exact if rupture == "full" else np.maximum(exact, 0)
     middle = film.pressure_Pa[:, film.z_m.size // 2] / (0.01 * 300 * (0.02 / 60e-6) ** 2)
     np.testing.assert_allclose(middle, exact, atol=2e-3 * exact.max())
@@ -104,8 +124,11 @@ def test_long_bearing_pressure_in_the_middle_plane(eps, rupture):
 
 @pytest.mark.parametrize("ratio", [1.0, 8.0])
 def test_lightly_loaded_full_film_of_any_length(ratio):
-    """To first order in eps the load is 6 pi eps [1 - tanh(L/D)/(L/D)] mu omega R L (R/c)^2, at 90 degrees."""
-    state = equilibrium(eccentricity_ratio=1e-3, length_m=0.04 * ratio, rupture="full", grid=(160, 60), **OIL)
+    """To first order in eps the load is 6 pi eps [1 - tanh(L/D)/(L/D)] mu omega R L (R/c)^2, at 90
+    degrees."""
+    state = equilibrium(
+        eccentricity_ratio=1e-3, length_m=0.04 * ratio, rupture="full", grid=(160, 60), **OIL
+    )
     exact = 6 * np.pi * 1e-3 * (1 - np.tanh(ratio) / ratio) * UNIT * 0.04 * ratio
     assert state.load_N == pytest.approx(exact, rel=2e-3)
     assert np.degrees(state.attitude_rad) == pytest.approx(90, abs=1e-3)
@@ -113,7 +136,10 @@ def test_lightly_loaded_full_film_of_any_length(ratio):
 
 @pytest.mark.parametrize("eps", [0.2, 0.6])
 def test_long_bearing_friction(eps):
-    """Full film: (R/c) f = (1 + 2 eps^2) / (3 eps), with the load that the finite length really carries."""
-    state = equilibrium(eccentricity_ratio=eps, length_m=1.28, rupture="full", grid=(240, 60), **OIL)
+    """Full film: (R/c) f = (1 + 2 eps^2) / (3 eps), with the load that the finite length really
+    carries."""
+    state = equilibrium(
+        eccentricity_ratio=eps, length_m=1.28, rupture="full", grid=(240, 60), **OIL
+    )
     # D/L = 1/32 of the load is lost at the ends; friction over load rises by no more than that
     assert 1 <= state.friction_variable / ((1 + 2 * eps**2) / (3 * eps)) <= 1 + 1.3 / 32

@@ -1,10 +1,12 @@
-"""The film against printed tables of the bearing with two axial grooves at right angles to the load, L/D = 1/2.
+"""The film against printed tables of the bearing with two axial grooves at right angles to the
+load, L/D = 1/2.
 
-`LUND` is a table as reproduced in the course files of the Technical University of Denmark ("Table 1a: two-axial-groove
-bearing, L/D = 0.5"), in all likelihood that of Lund and Thomsen 1978; grooves of 20 degrees at ambient pressure are
-what reproduces it. `SOMEYA` is page 14 of the Journal-Bearing Databook (Someya 1989), from the same files; its grooves
-are 10 degrees wide. Someya's coefficients at small load rest on a film that the grooves break in another way (its
-k_yx differs by a third), so only its static columns are compared.
+`LUND` is a table as reproduced in the course files of the Technical University of Denmark ("Table
+1a: two-axial-groove bearing, L/D = 0.5"), in all likelihood that of Lund and Thomsen 1978; grooves
+of 20 degrees at ambient pressure are what reproduces it. `SOMEYA` is page 14 of the Journal-Bearing
+Databook (Someya 1989), from the same files; its grooves are 10 degrees wide. Someya's coefficients
+at small load rest on a film that the grooves break in another way (its k_yx differs by a third), so
+only its static columns are compared.
 """
 
 import numpy as np
@@ -13,7 +15,13 @@ import pytest
 from sim_hil.film import Feed, equilibrium
 from sim_hil.verify.row import reference
 
-BEARING = {"radius_m": 0.02, "length_m": 0.02, "clearance_m": 60e-6, "viscosity_Pa_s": 0.01, "speed_rad_s": 300.0}
+BEARING = {
+    "radius_m": 0.02,
+    "length_m": 0.02,
+    "clearance_m": 60e-6,
+    "viscosity_Pa_s": 0.01,
+    "speed_rad_s": 300.0,
+}
 
 TABLES = reference("two_axial_grooves_LD05.json")
 LUND, SOMEYA = TABLES["lund"]["rows"], TABLES["someya"]["rows"]

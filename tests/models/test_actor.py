@@ -1,4 +1,5 @@
-"""The environments behind the guard's shield, judged episodes, and the policies that are compared."""
+"""The environments behind the guard's shield, judged episodes, and the policies that are
+compared."""
 
 from dataclasses import replace
 
@@ -54,10 +55,15 @@ def test_shield_keeps_the_widest_clearance_from_a_fast_light_rotor() -> None:
 def test_one_rotor_of_many_meets_the_same_shield_as_one_alone() -> None:
     environment = ShieldedRotors(RotorVectorEnv(3, episode_s=2.0))
     observation, _ = environment.reset(seed=5)
-    keepers = [Keeper(shipped_config("bench"), episode.duty) for episode in environment.rotors.episodes]
+    keepers = [
+        Keeper(shipped_config("bench"), episode.duty) for episode in environment.rotors.episodes
+    ]
     wish = actions_of(load_rig("bench"), np.full((3, 1), 160e-6))
     for step in range(4):
-        expected = [keeper.admitted(o, 0.1 * step, 160e-6) for keeper, o in zip(keepers, observation, strict=True)]
+        expected = [
+            keeper.admitted(o, 0.1 * step, 160e-6)
+            for keeper, o in zip(keepers, observation, strict=True)
+        ]
         assert environment._admitted(np.full(3, 160e-6)).tolist() == expected
         observation, *_ = environment.step(wish)
 
@@ -92,17 +98,28 @@ def test_behind_a_groove_the_shield_counts_what_that_adds_and_claims_nothing_of_
 
 
 @pytest.mark.parametrize("pressure_Pa", [0.5e5, 3e5])
-def test_the_widest_wish_breaks_no_limit_behind_the_shield_of_a_fed_bearing(pressure_Pa: float) -> None:
-    """Machines of which some whirl without it at the one pressure, others lack film at the other."""
-    board, seeds, policy = Board("bench", 6.0, pressure=True), (7100001, 7100035, 7100045), Fixed(160e-6, pressure_Pa)
-    alone, behind = (play(board, seeds, policy, shielded=shielded).violation_s for shielded in (False, True))
+def test_the_widest_wish_breaks_no_limit_behind_the_shield_of_a_fed_bearing(
+    pressure_Pa: float,
+) -> None:
+    """Machines of which some whirl without it at the one pressure, others lack film at the
+    other."""
+    board, seeds, policy = (
+        Board("bench", 6.0, pressure=True),
+        (7100001, 7100035, 7100045),
+        Fixed(160e-6, pressure_Pa),
+    )
+    alone, behind = (
+        play(board, seeds, policy, shielded=shielded).violation_s for shielded in (False, True)
+    )
     assert alone.sum() > 0.0
     assert behind.sum() == 0.0
 
 
 def test_an_announced_ramp_narrows_before_it_starts_and_is_over_after_its_end() -> None:
     config = shipped_config("bench")
-    duty = Duty((0.0, 10.0, 11.0, 20.0), (6000.0, 6000.0, 12000.0, 12000.0), (100.0, 100.0, 30.0, 30.0))
+    duty = Duty(
+        (0.0, 10.0, 11.0, 20.0), (6000.0, 6000.0, 12000.0, 12000.0), (100.0, 100.0, 30.0, 30.0)
+    )
     keeper = Keeper(config, duty)
     observation = seen(speed_rad_s=6000 * RAD_S_PER_RPM, clearance_m=80e-6, oil_outlet_C=41.0,
                        eccentricity_x_m=30e-6, eccentricity_y_m=-28e-6)[0]  # fmt: skip
@@ -155,7 +172,9 @@ def test_with_the_pressure_its_pump_counts_and_the_shield_still_keeps_the_cleara
 
 def test_direct_reynolds_confirms_the_table() -> None:
     board = Board("bench", 0.3)
-    table, direct = (play(b, [3], Fixed(60e-6), shielded=False) for b in (board, replace(board, direct=True)))
+    table, direct = (
+        play(b, [3], Fixed(60e-6), shielded=False) for b in (board, replace(board, direct=True))
+    )
     assert table.power_W[0] != direct.power_W[0]
     assert table.power_W[0] == pytest.approx(direct.power_W[0], rel=2e-3)
     assert table.min_film_m[0] == pytest.approx(direct.min_film_m[0], abs=0.1e-6)
@@ -198,7 +217,9 @@ def test_the_adaptive_controller_backs_off_from_vibration() -> None:
         controller = AdaptivePI(0.4, 40e-6, 60e-6, REACH)
         controller.start(1)
         for _ in range(20):
-            answer = controller(seen(clearance_m=80e-6, eccentricity_x_m=30e-6, peak_to_peak_x_m=swing_m))
+            answer = controller(
+                seen(clearance_m=80e-6, eccentricity_x_m=30e-6, peak_to_peak_x_m=swing_m)
+            )
         return float(answer[0, 0])
 
     assert wish(60e-6) < wish(5e-6)
@@ -216,7 +237,10 @@ def test_the_table_is_met_at_its_knots_and_straight_between_in_the_logarithm() -
 
     assert at(rig.speed_min_rpm, rig.load_min_N) == pytest.approx(50e-6, rel=1e-5)
     assert at(rig.speed_max_rpm, rig.load_max_N) == pytest.approx(100e-6, rel=1e-5)
-    middle = (rig.speed_min_rpm * rig.speed_max_rpm) ** 0.5, (rig.load_min_N * rig.load_max_N) ** 0.5
+    middle = (
+        (rig.speed_min_rpm * rig.speed_max_rpm) ** 0.5,
+        (rig.load_min_N * rig.load_max_N) ** 0.5,
+    )
     assert at(*middle) == pytest.approx(table.mean(), rel=1e-4)
     assert at(2 * rig.speed_max_rpm, 10.0) == pytest.approx(70e-6, rel=1e-5)
 
@@ -224,7 +248,9 @@ def test_the_table_is_met_at_its_knots_and_straight_between_in_the_logarithm() -
 @pytest.mark.slow
 def test_model_predictive_choice_avoids_whirl_without_the_shield() -> None:
     board = Board("bench", 0.6)
-    environment = ShieldedRotors(RotorVectorEnv(1, episode_s=0.6, duty=light_and_fast()), shielded=False)
+    environment = ShieldedRotors(
+        RotorVectorEnv(1, episode_s=0.6, duty=light_and_fast()), shielded=False
+    )
     observation, _ = environment.reset(seed=1)
     policy = ModelPredictive("bench")
     policy.start(1)
@@ -240,7 +266,15 @@ def test_one_file_answers_like_the_module_inside_the_rigs_range(tmp_path, pressu
     import torch
 
     from models import export
-    from models.control.policies import OUTPUTS, Columns, OfFile, OfModule, Settings, random_observations, scale
+    from models.control.policies import (
+        OUTPUTS,
+        Columns,
+        OfFile,
+        OfModule,
+        Settings,
+        random_observations,
+        scale,
+    )
     from models.learning.ddpg import Actor
 
     torch.manual_seed(3)
@@ -252,7 +286,12 @@ def test_one_file_answers_like_the_module_inside_the_rigs_range(tmp_path, pressu
     metadata = export.Metadata("actor", "0", tuple(OBSERVATIONS), outputs, {}, (), "", {}, ())
     path, columns = tmp_path / "actor.onnx", Columns(module, len(outputs))
     export.export(
-        columns, torch.zeros(2, 11), path, input_name="observation", output_names=outputs, metadata=metadata
+        columns,
+        torch.zeros(2, 11),
+        path,
+        input_name="observation",
+        output_names=outputs,
+        metadata=metadata,
     )
     observations = random_observations(10_000, 4)
     assert export.parity(columns, path, observations) <= 1e-6

@@ -77,7 +77,8 @@ def test_every_loop_moves_the_clearance_inside_the_bearing():
 
 
 def test_features_do_not_depend_on_the_rate():
-    """One machine without ambient noise, sampled at both rates: what turns with the shaft is the same."""
+    """One machine without ambient noise, sampled at both rates: what turns with the shaft is the
+    same."""
     from sim_hil.build import Build
     from sim_hil.duty import Duty
     from sim_hil.rigs import load_rig
@@ -86,15 +87,33 @@ def test_features_do_not_depend_on_the_rate():
     rig = load_rig("bench")
     found = []
     for rate in (5000, 10000):
-        taken = record(rig, Build.nominal(rig), Duty.hold(6000.0, 150.0), 1.5, clearance=6e-5, seed=3, rate_hz=rate)
-        status = np.column_stack([taken.status[:, 0] * 1e6, taken.status[:, 3], taken.status[:, 1:3]])
+        taken = record(
+            rig,
+            Build.nominal(rig),
+            Duty.hold(6000.0, 150.0),
+            1.5,
+            clearance=6e-5,
+            seed=3,
+            rate_hz=rate,
+        )
+        status = np.column_stack(
+            [taken.status[:, 0] * 1e6, taken.status[:, 3], taken.status[:, 1:3]]
+        )
         raw = recordings.Raw(taken.counts, round(taken.time_s[0] * 1e6), np.round(taken.mark_s * 1e6).astype(np.int64),
                              status, rate, 0, 100.0, 0, 0)  # fmt: skip
         found.append(features(usable_windows(raw)[-1]))
     change = dict(zip(FEATURE_NAMES, np.abs(found[1] - found[0]), strict=True))
-    for name in ("log_speed_rad_s", "log_shaft_fwd_1x_m", "acc_bearing_vertical_1x_per_shaft", "contact_1x_film"):
+    for name in (
+        "log_speed_rad_s",
+        "log_shaft_fwd_1x_m",
+        "acc_bearing_vertical_1x_per_shaft",
+        "contact_1x_film",
+    ):
         assert change[name] < 0.05, name
-    levels = [change[f"{c}_ringing_log_psd"] for c in ("acc_bearing_vertical", "acc_bearing_horizontal", "acc_motor")]
+    levels = [
+        change[f"{c}_ringing_log_psd"]
+        for c in ("acc_bearing_vertical", "acc_bearing_horizontal", "acc_motor")
+    ]
     assert max(levels) < 0.5
 
 
@@ -109,7 +128,11 @@ def graph(seed=0):
     from models.learning.network import Mlp
 
     rng, n = np.random.default_rng(seed), len(FEATURE_NAMES)
-    net, train, inner = Mlp((n, 12, 4)), builds(240, 1, kind=np.arange(240) // 10 % 6), builds(40, 2)
+    net, train, inner = (
+        Mlp((n, 12, 4)),
+        builds(240, 1, kind=np.arange(240) // 10 % 6),
+        builds(40, 2),
+    )
     residual, parts = fit_novelty(train, inner, 0.9)
     return Diagnosis(
         rng.normal(size=n), rng.uniform(0.1, 2.0, n), net.layers(net.initial(rng)), np.full(4, 1.3), residual, parts,
@@ -133,7 +156,9 @@ def test_the_operating_point_is_taken_out_of_the_features():
     far = residual(healthy(4000, 1))[:, column]
     speed = healthy(4000, 1)[:, OPERATING_COLUMNS[0]]
     for slow in (speed < -1.0, speed > 1.0):
-        assert np.median(np.abs(far[slow])) == pytest.approx(0.6745, rel=0.25), "the same scale at every speed"
+        assert np.median(np.abs(far[slow])) == pytest.approx(0.6745, rel=0.25), (
+            "the same scale at every speed"
+        )
         assert abs(np.median(far[slow])) < 0.25
 
 
@@ -142,9 +167,15 @@ def test_novelty_in_the_graph_is_that_of_the_parts():
 
     from models.diagnosis.novelty import fit_novelty, novelty
 
-    train, inner, other = builds(240, 1, kind=np.arange(240) // 10 % 6), builds(40, 2), builds(20, 3)
+    train, inner, other = (
+        builds(240, 1, kind=np.arange(240) // 10 % 6),
+        builds(40, 2),
+        builds(20, 3),
+    )
     residual, parts = fit_novelty(train, inner, 0.9)
-    assert np.mean([part.distance(residual(inner.features)) > 1.0 for part in parts]) == pytest.approx(0.1, abs=0.03)
+    assert np.mean(
+        [part.distance(residual(inner.features)) > 1.0 for part in parts]
+    ) == pytest.approx(0.1, abs=0.03)
     x = other.features.astype(np.float32)
     with torch.no_grad():
         _, score, _, normal, departures = (t.double().numpy() for t in graph()(torch.from_numpy(x)))
@@ -152,12 +183,17 @@ def test_novelty_in_the_graph_is_that_of_the_parts():
     white = [residual(x) @ part.whitening - part.centres[0] for part in parts]
     np.testing.assert_allclose(normal, np.concatenate(white, axis=1), atol=1e-4)
     motor = residual(x)[:, GROUPS.index("acc_motor_orders") == GROUP_OF_FEATURE]
-    np.testing.assert_allclose(departures[:, GROUPS.index("acc_motor_orders")], np.sqrt((motor**2).mean(axis=1)), 1e-5)
-    assert (novelty(parts, residual(other.features + 6.0)) > novelty(parts, residual(other.features))).all()
+    np.testing.assert_allclose(
+        departures[:, GROUPS.index("acc_motor_orders")], np.sqrt((motor**2).mean(axis=1)), 1e-5
+    )
+    assert (
+        novelty(parts, residual(other.features + 6.0)) > novelty(parts, residual(other.features))
+    ).all()
 
 
 def test_a_fault_across_the_taught_ones_is_new_where_they_move_it_not_in_all_features():
-    """What drowns in two hundred directions is seen in the few in which the taught faults lie apart."""
+    """What drowns in two hundred directions is seen in the few in which the taught faults lie
+    apart."""
     from models.diagnosis.novelty import Part
 
     rng, kind, group = np.random.default_rng(0), np.arange(1200) // 10 % 4, np.arange(1200) % 120
@@ -177,7 +213,8 @@ def test_a_fault_across_the_taught_ones_is_new_where_they_move_it_not_in_all_fea
 
 
 def test_distances_of_one_feature_and_of_many_are_alike_improbable():
-    """One in ten of ordinary rows lies beyond a third of the limit that one in a thousand passes."""
+    """One in ten of ordinary rows lies beyond a third of the limit that one in a thousand
+    passes."""
     from models.diagnosis.novelty import Part
 
     rng, group = np.random.default_rng(0), np.arange(4000) % 400
@@ -223,7 +260,12 @@ def test_one_file_answers_like_the_module(tmp_path):
     path, x = tmp_path / "classifier.onnx", rng.normal(0.0, 5.0, (10_000, n)).astype(np.float32)
     x[0], x[1] = 0.0, 1e6
     export.export(
-        module, torch.from_numpy(x[:2]), path, input_name="features", output_names=names, metadata=metadata
+        module,
+        torch.from_numpy(x[:2]),
+        path,
+        input_name="features",
+        output_names=names,
+        metadata=metadata,
     )
     assert export.parity(module, path, x) <= 1e-6
     heads, score, *_ = export.session(path).run(None, {"features": x})
@@ -259,28 +301,41 @@ def test_false_alarms_need_a_named_fault_and_persistence_to_be_confirmed():
     assert counted()["builds_with_a_false_alarm"] == counted()["confirmed_alarms"] == 1
     assert counted()["share_of_decisions"] == 0.5
     assert counted(0.3)["called_doubt"] == 1.0
-    assert counted(1.5)["called_doubt"] == 0.5  # surely enough the best class, not surely enough abnormal
+    assert (
+        counted(1.5)["called_doubt"] == 0.5
+    )  # surely enough the best class, not surely enough abnormal
     assert counted(1.5, Rule(1.0, np.ones(5)))["false_alarms"] == 16
     quiet.features[:, 1] = 9.0
     assert counted()["called_unknown"] == 1.0
 
 
 def test_a_month_is_counted_in_operating_points_with_the_exact_binomial_limit():
-    quiet = rows(25 * 40, recording=np.repeat(np.arange(40), 25), group=np.repeat(np.arange(40), 25))
+    quiet = rows(
+        25 * 40, recording=np.repeat(np.arange(40), 25), group=np.repeat(np.arange(40), 25)
+    )
     quiet.features[:] = -1.0
     none = false_alarms(hear(verdicts(6.0), quiet), RULE)
-    assert none["confirmed_per_machine_month_upper_95"] == pytest.approx(720 * (1 - 0.05 ** (1 / 40)), abs=1e-2)
+    assert none["confirmed_per_machine_month_upper_95"] == pytest.approx(
+        720 * (1 - 0.05 ** (1 / 40)), abs=1e-2
+    )
     quiet.features[:25, 0] = 1.0
     one = false_alarms(hear(verdicts(6.0), quiet), RULE)
     assert (one["runs"], one["runs_with_a_confirmed_alarm"]) == (40, 1)
     assert one["confirmed_per_machine_month"] == 720 / 40
-    limit = one["confirmed_per_machine_month_upper_95"] / 720  # 40 runs with so many alarms show one at most in 5 %
+    limit = (
+        one["confirmed_per_machine_month_upper_95"] / 720
+    )  # 40 runs with so many alarms show one at most in 5 %
     assert (1 - limit) ** 40 + 40 * limit * (1 - limit) ** 39 == pytest.approx(0.05, abs=1e-4)
 
 
 def test_long_runs_tell_how_many_scatters_a_held_point_lies_from_the_limits():
     rng = np.random.default_rng(0)
-    long = rows(400, recording=np.repeat([0, 1], 200), group=np.repeat([0, 1], 200), duty=np.repeat([0, 1], 200))
+    long = rows(
+        400,
+        recording=np.repeat([0, 1], 200),
+        group=np.repeat([0, 1], 200),
+        duty=np.repeat([0, 1], 200),
+    )
     long.features[:] = -1.0
 
     def answer(features):
@@ -296,7 +351,10 @@ def test_long_runs_tell_how_many_scatters_a_held_point_lies_from_the_limits():
 
 
 def test_detection_delay_counts_from_the_first_faulty_window():
-    healthy, fault = rows(13), rows(30, kind=4, severity=np.full(30, 16.0), recording=np.ones(30, int))
+    healthy, fault = (
+        rows(13),
+        rows(30, kind=4, severity=np.full(30, 16.0), recording=np.ones(30, int)),
+    )
     healthy.features[:], fault.features[:] = -1.0, -1.0
     fault.features[:, 0] = 1.5
     heard = onsets(verdicts(6.0), join([healthy, fault]))
@@ -336,14 +394,19 @@ def test_heads_of_their_own_features_see_no_others():
     own = np.zeros((len(FEATURE_NAMES), 4), bool)
     own[:3, 0] = own[3:6, 1] = own[6:9, 2] = own[9:12, 3] = True
     for hidden in (0, 3):
-        two = [fit_heads("own", own, hidden, data, data, 1e-3, 15, np.random.default_rng(k)) for k in (0, 1)]
+        two = [
+            fit_heads("own", own, hidden, data, data, 1e-3, 15, np.random.default_rng(k))
+            for k in (0, 1)
+        ]
         changed = data.features.copy()
         changed[:, 3:6] += 1.0
         moved = np.abs(two[0].logits(changed) - two[0].logits(data.features)).max(axis=0)
         assert moved[1] > 1e-3
         assert np.delete(moved, 1).max() == 0.0
     mean = side_by_side("mean", two).logits(data.features)
-    np.testing.assert_allclose(mean, np.mean([n.logits(data.features) for n in two], axis=0), rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(
+        mean, np.mean([n.logits(data.features) for n in two], axis=0), rtol=1e-9, atol=1e-12
+    )
 
 
 def test_cross_fitted_log_odds_know_nothing_of_their_own_build():
@@ -364,6 +427,8 @@ def test_whirl_of_features_is_that_of_the_orders():
     from models.diagnosis.alarms import whirls
 
     plan = Plan("bench", 11, 5000, 1.6, lambda rng: [recordings.Case(0, 100.0, {})] * 4)
-    windows = [w for build in range(4) for raw in record_build(plan, build) for w in usable_windows(raw)]
+    windows = [
+        w for build in range(4) for raw in record_build(plan, build) for w in usable_windows(raw)
+    ]
     told = [is_whirl(analyse(w), w.clearance_m) for w in windows]
     assert list(whirls(np.array([features(w) for w in windows]))) == told

@@ -1,4 +1,5 @@
-"""Commissioning judged: machines with an offset of their own, faults that only who knows the machine sees."""
+"""Commissioning judged: machines with an offset of their own, faults that only who knows the
+machine sees."""
 
 from types import SimpleNamespace
 
@@ -17,7 +18,8 @@ MOTOR, SPEED = FEATURE_NAMES.index("acc_motor_log_rms"), FEATURE_NAMES.index("lo
 
 @pytest.fixture
 def rows(monkeypatch):
-    """Ten builds: a motor as loud as nobody else's, and a fault that makes it 0.1 decades louder."""
+    """Ten builds: a motor as loud as nobody else's, and a fault that makes it 0.1 decades
+    louder."""
     rng = np.random.default_rng(0)
     cases = commissioning.commissioned_cases(rng)
     builds, n = 10, len(cases)
@@ -27,7 +29,12 @@ def rows(monkeypatch):
     x[..., FEATURE_NAMES.index("oil_outlet_50C")] = 0.4 + 0.2 * np.arange(n)
     x[..., FEATURE_NAMES.index("microphone_log_rms")] = -1.2
     faulty = np.array([case.kind < 0 for case in cases])
-    x[..., MOTOR] = 0.1 + 0.2 * rng.normal(size=(builds, 1)) + 0.01 * rng.normal(size=(builds, n)) + 0.1 * faulty
+    x[..., MOTOR] = (
+        0.1
+        + 0.2 * rng.normal(size=(builds, 1))
+        + 0.01 * rng.normal(size=(builds, n))
+        + 0.1 * faulty
+    )
     group = np.repeat(np.arange(builds), n)
     found = Dataset(
         x.reshape(-1, len(FEATURE_NAMES)).astype(np.float32), np.tile([case.kind for case in cases], builds),
@@ -69,5 +76,7 @@ def test_who_knows_the_machine_sees_what_the_fleet_hides(rows, tmp_path):
 def test_a_file_without_statistics_is_refused(rows, tmp_path):
     path = tmp_path / "classifier.onnx"
     path.write_bytes(classifier())
-    with pytest.raises(NormalError, match=r"classifier.onnx: carries no statistics of healthy machines"):
+    with pytest.raises(
+        NormalError, match=r"classifier.onnx: carries no statistics of healthy machines"
+    ):
         commissioning.judge(path, "bench", 5000, 1, 1, 0, tmp_path)

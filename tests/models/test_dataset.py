@@ -32,7 +32,9 @@ def dataset(kinds=(0, 0, 1, 1, 4, 4), windows=3):
 
 
 def changed(data, **columns):
-    return Dataset(**{name: columns.get(name, getattr(data, name)) for name in data.__dataclass_fields__})
+    return Dataset(
+        **{name: columns.get(name, getattr(data, name)) for name in data.__dataclass_fields__}
+    )
 
 
 def test_whole_data_passes():

@@ -15,7 +15,10 @@ def folder(path, rows=None, **changed):
     """Four recordings of two labels and groups; ``changed`` replaces entries of the second row."""
     rng = np.random.default_rng(0)
     if rows is None:
-        rows = [[f"{i}.npz", ("a", "b")[i % 2], f"g{i // 2}", "100", "x y", f"b{i % 2}"] for i in range(4)]
+        rows = [
+            [f"{i}.npz", ("a", "b")[i % 2], f"g{i // 2}", "100", "x y", f"b{i % 2}"]
+            for i in range(4)
+        ]
     for name, value in changed.items():
         rows[1][COLUMNS.index(name)] = value
     with (path / "recordings.csv").open("w", newline="") as stream:
@@ -56,7 +59,11 @@ def test_text_files_are_read(tmp_path):
         ({"file": "1.wav"}, r"neither .npz nor .csv"),
         ({"file": "0.npz"}, r"0.npz: stands 2 times"),
         ({"label": "c"}, r"label c has 1 recording"),
-        ({"label": "B "}, r"1.npz: label 'B', another recording has 'b'|3.npz: label 'b', another recording has 'B'"),
+        (
+            {"label": "B "},
+            r"1.npz: label 'B', another recording has 'b'|3.npz: label 'b', another recording "
+            r"has 'B'",
+        ),
         ({"group": "G0"}, r"1.npz: group 'G0', another recording has 'g0': spell them alike"),
     ],
 )
@@ -81,7 +88,10 @@ def test_nan_and_short_recordings_are_refused(tmp_path):
 
 
 def test_numbers_that_are_one_are_one_group(tmp_path):
-    rows = [[f"{i}.npz", ("a", "b")[i % 2], ("20", "20.0", "30", "30")[i], "100", "x y", "b0"] for i in range(4)]
+    rows = [
+        [f"{i}.npz", ("a", "b")[i % 2], ("20", "20.0", "30", "30")[i], "100", "x y", "b0"]
+        for i in range(4)
+    ]
     refusal(folder(tmp_path, rows), r"1.npz: group '20.0', another recording has '20'")
 
 

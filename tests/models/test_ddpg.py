@@ -8,7 +8,8 @@ pytestmark = pytest.mark.slow
 
 
 class PointsOnALine(gymnasium.vector.VectorEnv):
-    """``x' = x + 0.3 a``, reward ``-x'^2``: the best action is ``clip(-x / 0.3)``; ten steps an episode."""
+    """``x' = x + 0.3 a``, reward ``-x'^2``: the best action is ``clip(-x / 0.3)``; ten steps an
+    episode."""
 
     num_envs = 4
     single_action_space = gymnasium.spaces.Box(-1.0, 1.0, (1,), np.float32)
@@ -20,7 +21,11 @@ class PointsOnALine(gymnasium.vector.VectorEnv):
 
     def step(self, actions):
         self.x, self.steps = self.x + 0.3 * actions[:, 0].astype(float), self.steps + 1
-        reward, last, over = -(self.x**2), self._observation(), np.full(self.num_envs, self.steps >= 10)
+        reward, last, over = (
+            -(self.x**2),
+            self._observation(),
+            np.full(self.num_envs, self.steps >= 10),
+        )
         if over[0]:
             self.x, self.steps = self.rng.uniform(-1, 1, self.num_envs), 0
         return self._observation(), reward, np.zeros(self.num_envs, bool), over, {"final_obs": last}
@@ -46,7 +51,14 @@ def settings(**switches):
     from models.learning import ddpg
 
     return ddpg.DdpgSettings(
-        steps=2000, warm_up=400, batch=64, hidden=(32, 32), tau=0.02, actor_rate=1e-3, updates_per_step=4, **switches
+        steps=2000,
+        warm_up=400,
+        batch=64,
+        hidden=(32, 32),
+        tau=0.02,
+        actor_rate=1e-3,
+        updates_per_step=4,
+        **switches,
     )
 
 
@@ -63,7 +75,9 @@ def learn(seed=1, **switches):
     return ddpg.train_ddpg(PointsOnALine(), scale(), settings(**switches), seed)
 
 
-@pytest.mark.parametrize("switches", [{}, {"twin_critics": True, "policy_delay": 2, "target_noise": 0.1}])
+@pytest.mark.parametrize(
+    "switches", [{}, {"twin_critics": True, "policy_delay": 2, "target_noise": 0.1}]
+)
 def test_ddpg_learns_nearly_the_best_policy(switches):
     from models.learning.ddpg import act
 

@@ -15,7 +15,9 @@ FIELDS = {
 
 def test_manifest_names_every_shipped_model_with_its_hash():
     manifest = json.loads((ARTIFACTS / "manifest.json").read_text())
-    assert set(manifest["files"]) == {path.name for path in ARTIFACTS.glob("*.onnx")} | {"predictor.json"}
+    assert set(manifest["files"]) == {path.name for path in ARTIFACTS.glob("*.onnx")} | {
+        "predictor.json"
+    }
     for name, entry in manifest["files"].items():
         assert entry["sha256"] == hashlib.sha256((ARTIFACTS / name).read_bytes()).hexdigest()
         assert entry["bytes"] == (ARTIFACTS / name).stat().st_size
@@ -34,7 +36,9 @@ def test_shipped_model_is_whole_and_says_what_it_is(path, tmp_path):
     assert json.loads(metadata["inputs"])
     assert len(json.loads(metadata["inputs"])) == session.get_inputs()[0].shape[1]
     assert json.loads(metadata["metrics"])["reproduce"].startswith("orbitd train ")
-    assert str(ARTIFACTS.parents[1]).encode() not in path.read_bytes(), "a path of the training machine"
+    assert str(ARTIFACTS.parents[1]).encode() not in path.read_bytes(), (
+        "a path of the training machine"
+    )
 
 
 @pytest.mark.slow

@@ -21,10 +21,16 @@ def powell_badly_scaled(theta):
     return r, np.array([[1e4 * y, 1e4 * x], [-np.exp(-x), -np.exp(-y)]])
 
 
-@pytest.mark.parametrize(("problem", "start"), [(rosenbrock, [-1.2, 1.0]), (powell_badly_scaled, [0.0, 1.0])])
+@pytest.mark.parametrize(
+    ("problem", "start"), [(rosenbrock, [-1.2, 1.0]), (powell_badly_scaled, [0.0, 1.0])]
+)
 def test_same_minimum_as_scipy(problem, start):
-    ours = levenberg_marquardt(lambda t: Squares.of(*problem(t)), np.array(start), options=LmOptions(iterations=500))
-    oracle = least_squares(lambda t: problem(t)[0], start, jac=lambda t: problem(t)[1], method="lm", xtol=1e-15)
+    ours = levenberg_marquardt(
+        lambda t: Squares.of(*problem(t)), np.array(start), options=LmOptions(iterations=500)
+    )
+    oracle = least_squares(
+        lambda t: problem(t)[0], start, jac=lambda t: problem(t)[1], method="lm", xtol=1e-15
+    )
     np.testing.assert_allclose(ours.theta, oracle.x, rtol=1e-6)
 
 
@@ -48,14 +54,18 @@ def test_l2_matches_the_closed_form_of_ridge_regression():
     rng = np.random.default_rng(2)
     a, b, l2 = rng.normal(size=(30, 3)), rng.normal(size=30), 0.7
     penalised = np.array([False, True, True])
-    ours = levenberg_marquardt(lambda t: Squares.of(a @ t - b, a), np.zeros(3), l2=l2, penalised=penalised)
+    ours = levenberg_marquardt(
+        lambda t: Squares.of(a @ t - b, a), np.zeros(3), l2=l2, penalised=penalised
+    )
     exact = np.linalg.solve(a.T @ a + l2 * np.diag(penalised.astype(float)), a.T @ b)
     np.testing.assert_allclose(ours.theta, exact, rtol=1e-8)
 
 
 def test_returns_the_best_point_by_the_monitor():
     start = np.array([-1.2, 1.0])
-    result = levenberg_marquardt(lambda t: Squares.of(*rosenbrock(t)), start, monitor=lambda t: abs(t[0] + 1.0))
+    result = levenberg_marquardt(
+        lambda t: Squares.of(*rosenbrock(t)), start, monitor=lambda t: abs(t[0] + 1.0)
+    )
     assert min(result.scores) == result.score
     assert result.scores[0] == pytest.approx(0.2)
     assert abs(result.theta[0] + 1.0) == result.score < 0.2

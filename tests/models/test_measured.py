@@ -1,4 +1,5 @@
-"""Measured recordings: groups are left out whole, the choice is made inside, normal alone finds faults."""
+"""Measured recordings: groups are left out whole, the choice is made inside, normal alone finds
+faults."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -22,9 +23,15 @@ def recordings(shift=40.0, groups=4, n=800, labels=("a", "b")):
     for group in range(groups):
         for label in labels:
             time = np.arange(n) / 200.0
-            tone = np.sin(2 * np.pi * ((40.0 if label == labels[0] else shift) * time[:, None] + rng.random(2)))
+            tone = np.sin(
+                2
+                * np.pi
+                * ((40.0 if label == labels[0] else shift) * time[:, None] + rng.random(2))
+            )
             samples = (1 + group) * (tone + 0.3 * rng.normal(size=(n, 2)))
-            found.append(Measured(f"{group}{label}", samples, 200.0, ("x", "y"), label, f"{group} m/s"))
+            found.append(
+                Measured(f"{group}{label}", samples, 200.0, ("x", "y"), label, f"{group} m/s")
+            )
     return found
 
 
@@ -37,12 +44,17 @@ def test_a_shifted_ringing_is_told(report):
     assert report["chosen on inner groups"]["balanced_accuracy"] > 0.8
     assert report["majority_share"] == 0.5
     assert np.sum(report["chosen on inner groups"]["confusion"]) == report["windows"] == 32
-    assert sum(report["chosen on inner groups"]["chosen"].values()) == report["groups_left_out"] == 4
+    assert (
+        sum(report["chosen on inner groups"]["chosen"].values()) == report["groups_left_out"] == 4
+    )
 
 
 def test_labels_that_say_nothing_are_not_told():
     data = windows_of(recordings(40.0))
-    assert measured.balanced(data.label, measured._left_out(data, np.arange(32), 0, *measured.FOREST)) < 0.8
+    assert (
+        measured.balanced(data.label, measured._left_out(data, np.arange(32), 0, *measured.FOREST))
+        < 0.8
+    )
 
 
 def test_the_choice_sees_only_the_groups_of_its_part():
@@ -76,7 +88,9 @@ def test_no_group_is_on_both_sides():
 def test_classes_that_one_group_alone_holds_are_not_scored():
     data = windows_of([r for r in recordings(55.0) if r.label == "a" or r.group == "0 m/s"])
     assert np.sum(measured._scored(data)) == np.sum(data.label == 0)
-    alone = windows_of([r for r in recordings(55.0, groups=2) if (r.label == "a") == (r.group == "0 m/s")])
+    alone = windows_of(
+        [r for r in recordings(55.0, groups=2) if (r.label == "a") == (r.group == "0 m/s")]
+    )
     with pytest.raises(DatasetError, match="choose another group"):
         measured.evaluate(alone)
 
@@ -116,8 +130,10 @@ def test_public_fan_recordings_by_speed(tmp_path):
     assert len(np.unique(data.recording)) == 36
     assert set(data.views) == set(VIEWS)
     every = np.arange(len(data))
-    forest, network = (measured.balanced(data.label, measured._left_out(data, every, 0, *rung))
-                       for rung in (measured.FOREST, measured.RUNGS["network, 2 bands"]))
+    forest, network = (
+        measured.balanced(data.label, measured._left_out(data, every, 0, *rung))
+        for rung in (measured.FOREST, measured.RUNGS["network, 2 bands"])
+    )
     assert forest > 0.75
     assert network > forest
 

@@ -22,7 +22,11 @@ RIG = load_rig("bench")
 
 def test_episodes_follow_from_the_seed_and_regimes_take_turns():
     first, again, other = (draw(RIG, seed, 5) for seed in (1, 1, 2))
-    assert (first.duty, first.clearance_m, first.seed) == (again.duty, again.clearance_m, again.seed)
+    assert (first.duty, first.clearance_m, first.seed) == (
+        again.duty,
+        again.clearance_m,
+        again.seed,
+    )
     assert first.duty != other.duty
     assert [draw(RIG, 1, k).regime for k in range(8)] == [*REGIMES, *REGIMES]
     for k in range(3, 40, 4):
@@ -32,18 +36,30 @@ def test_episodes_follow_from_the_seed_and_regimes_take_turns():
 def test_near_whirl_is_near_and_the_rest_is_not():
     for k in range(12):
         episode = draw(RIG, 3, k)
-        _, speed, load = (values[-1] for values in (episode.duty.time_s, episode.duty.speed_rpm, episode.duty.load_N))
+        _, speed, load = (
+            values[-1]
+            for values in (episode.duty.time_s, episode.duty.speed_rpm, episode.duty.load_N)
+        )
         viscosity = RIG.oil.viscosity_at(episode.inlet_C + 2.0)
-        film_m, ratio = damping_ratio(RIG, speed * math.pi / 30, load, episode.clearance_m[-1], viscosity)
+        film_m, ratio = damping_ratio(
+            RIG, speed * math.pi / 30, load, episode.clearance_m[-1], viscosity
+        )
         assert film_m > 10e-6
         assert (ratio < 0.13) == (episode.regime == "near_whirl")
 
 
 def test_the_judges_film_agrees_with_the_devices():
-    """Two ways to the same machine: the simulator's table by Newton here, the surrogate in the brain."""
+    """Two ways to the same machine: the simulator's table by Newton here, the surrogate in the
+    brain."""
     _, model = predictor.brain("bench")
-    film = Film(model.session, RIG.bearing.radius_m, RIG.bearing.length_m, RIG.rotor.effective_mass_kg)
-    for rpm, load, clearance in ((3000.0, 300.0, 60e-6), (12000.0, 30.0, 60e-6), (6000.0, 100.0, 120e-6)):
+    film = Film(
+        model.session, RIG.bearing.radius_m, RIG.bearing.length_m, RIG.rotor.effective_mass_kg
+    )
+    for rpm, load, clearance in (
+        (3000.0, 300.0, 60e-6),
+        (12000.0, 30.0, 60e-6),
+        (6000.0, 100.0, 120e-6),
+    ):
         speed = rpm * math.pi / 30
         film_m, ratio = damping_ratio(RIG, speed, load, clearance, 0.008)
         steady = film.steady(Points(*(np.array([v]) for v in (speed, clearance, 0.008, load))))
@@ -58,10 +74,20 @@ def test_slow_roll_finds_the_runout():
     assert np.abs(found) == pytest.approx(true, abs=0.15e-6)
     left = after_procedure(predictor.brain("bench")[0], RIG, build, np.random.default_rng(1))
     assert all(channel.zeroed for channel in left.channel[:2])
-    residual = [np.hypot(*(np.array([c.slow_roll_um * np.cos(np.radians(c.slow_roll_deg)),
-                                     c.slow_roll_um * np.sin(np.radians(c.slow_roll_deg))]) -
-                           1e6 * np.array([v.real, v.imag])))
-                for c, v in zip(left.channel[:2], slow_roll_vectors(RIG, build, 1), strict=True)]
+    residual = [
+        np.hypot(
+            *(
+                np.array(
+                    [
+                        c.slow_roll_um * np.cos(np.radians(c.slow_roll_deg)),
+                        c.slow_roll_um * np.sin(np.radians(c.slow_roll_deg)),
+                    ]
+                )
+                - 1e6 * np.array([v.real, v.imag])
+            )
+        )
+        for c, v in zip(left.channel[:2], slow_roll_vectors(RIG, build, 1), strict=True)
+    ]
     assert max(residual) < 0.5  # what the reference leaves, 0.3 um, and the noise of two readings
 
 
@@ -75,7 +101,9 @@ def test_a_steady_machine_is_forecast_within_the_bars():
     assert said.expected[:, 0] == pytest.approx(said.true[:, 0], rel=0.05)
     assert said.expected[:, 2] == pytest.approx(said.true[:, 2], abs=2e-6)
     persistence = np.abs(said.rivals[:, 0] - said.true)
-    assert (np.abs(said.expected - said.true)[:, 1] < persistence[:, 1]).all()  # runout is not motion
+    assert (
+        np.abs(said.expected - said.true)[:, 1] < persistence[:, 1]
+    ).all()  # runout is not motion
 
 
 def spoken(n: int, seed: int, stretch: float) -> Said:
@@ -85,8 +113,18 @@ def spoken(n: int, seed: int, stretch: float) -> Said:
     expected = rng.uniform(50.0, 100.0, (n, 4))
     true = expected + deviation * stretch * (rng.exponential(1.0, (n, 4)) - 0.5)
     regime = np.array(REGIMES)[rng.integers(0, 4, n)]
-    return Said(expected, deviation, true, np.repeat(expected[:, None] + 30.0, 3, axis=1), np.ones((n, 3, 3)),
-                np.ones((n, 3)), np.full((n, 3), np.nan), np.repeat(np.arange(n // 2), 2), regime, regime)
+    return Said(
+        expected,
+        deviation,
+        true,
+        np.repeat(expected[:, None] + 30.0, 3, axis=1),
+        np.ones((n, 3, 3)),
+        np.ones((n, 3)),
+        np.full((n, 3), np.nan),
+        np.repeat(np.arange(n // 2), 2),
+        regime,
+        regime,
+    )
 
 
 @pytest.mark.parametrize("stretch", [0.3, 3.0])
@@ -96,15 +134,21 @@ def test_conformal_factors_cover_what_they_say_whatever_the_errors_law(stretch):
     low, high = intervals(fresh, factors)
     inside = (low <= fresh.true) & (fresh.true <= high)
     for regime in REGIMES:
-        assert inside[fresh.regime == regime].mean(axis=0) == pytest.approx(np.full(4, 0.9), abs=0.03)
+        assert inside[fresh.regime == regime].mean(axis=0) == pytest.approx(
+            np.full(4, 0.9), abs=0.03
+        )
     low_side, high_side = factors["ramp"]["power_W"]
     assert high_side > 2 * low_side  # the law's tail is on one side, and so is the interval's
 
 
 def test_a_regime_never_recognised_takes_the_factors_of_all():
     said = spoken(400, 1, 1.0)
-    calm = Said(**{**{name: getattr(said, name) for name in said.__dataclass_fields__},
-                   "recognised": np.full(400, "steady")})
+    calm = Said(
+        **{
+            **{name: getattr(said, name) for name in said.__dataclass_fields__},
+            "recognised": np.full(400, "steady"),
+        }
+    )
     factors = conformal(calm)
     assert factors["fault"] == factors["ramp"] == factors["near_whirl"]
     low, high = intervals(calm, dict.fromkeys(REGIMES, factors["fault"]))
@@ -112,11 +156,15 @@ def test_a_regime_never_recognised_takes_the_factors_of_all():
 
 
 def test_a_regime_taken_for_another_is_covered_all_the_same():
-    """A fifth of the faults, with errors twice as large, is taken for steady: both true regimes get 90 %."""
+    """A fifth of the faults, with errors twice as large, is taken for steady: both true regimes get
+    90 %."""
+
     def mistaken(seed):
         said = spoken(8000, seed, 1.0)
         fault = said.regime == "fault"
-        true = np.where(fault[:, None], said.expected + 2.0 * (said.true - said.expected), said.true)
+        true = np.where(
+            fault[:, None], said.expected + 2.0 * (said.true - said.expected), said.true
+        )
         unseen = fault & (np.random.default_rng(seed + 9).random(8000) < 1 / 5)
         return replace(said, true=true, recognised=np.where(unseen, "steady", said.regime))
 
@@ -124,13 +172,19 @@ def test_a_regime_taken_for_another_is_covered_all_the_same():
     low, high = intervals(fresh, factors)
     inside = (low <= fresh.true) & (fresh.true <= high)
     for regime in REGIMES:
-        assert inside[fresh.regime == regime].mean(axis=0) == pytest.approx(np.full(4, 0.9), abs=0.03)
+        assert inside[fresh.regime == regime].mean(axis=0) == pytest.approx(
+            np.full(4, 0.9), abs=0.03
+        )
 
 
 def test_the_worst_coverage_of_few_episodes_is_far_off_by_chance():
     rng = np.random.default_rng(0)
-    few, many = (report(said, conformal(said), rival_widths(said), rng)["coverage_worst_points_off_by_chance"]
-                 for said in (spoken(600, 1, 1.0), spoken(12000, 1, 1.0)))
+    few, many = (
+        report(said, conformal(said), rival_widths(said), rng)[
+            "coverage_worst_points_off_by_chance"
+        ]
+        for said in (spoken(600, 1, 1.0), spoken(12000, 1, 1.0))
+    )
     assert few["median"] > 3.0 > 1.5 > many["median"]
     assert many["within_3_points"] > 0.95 > few["within_3_points"]
 
@@ -172,10 +226,21 @@ def test_smoke_training_repeats_itself_and_an_interrupted_one_goes_on(tmp_path, 
     from models.train import main
 
     files = []
-    for out, more in ((tmp_path / "one", []), (tmp_path / "two", []), (tmp_path / "two", ["--resume"])):
+    for out, more in (
+        (tmp_path / "one", []),
+        (tmp_path / "two", []),
+        (tmp_path / "two", ["--resume"]),
+    ):
         assert main(["predictor", "--smoke", "--seed", "3", "--out", str(out), *more]) == 0
         run = out / "predictor-seed3-smoke"
-        assert {p.name for p in run.iterdir()} >= {"config.json", "metrics.csv", "predictor.json", "predictor.md",
-                                                   "data.md", "checkpoints", "tensorboard"}
+        assert {p.name for p in run.iterdir()} >= {
+            "config.json",
+            "metrics.csv",
+            "predictor.json",
+            "predictor.md",
+            "data.md",
+            "checkpoints",
+            "tensorboard",
+        }
         files.append((run / "predictor.json").read_bytes())
     assert files[0] == files[1] == files[2]

@@ -1,4 +1,5 @@
-"""Bars apart from training: what qualifies, what may replace the shipped model, what is refused untouched."""
+"""Bars apart from training: what qualifies, what may replace the shipped model, what is refused
+untouched."""
 
 import hashlib
 import json
@@ -11,17 +12,33 @@ from models import PHYSICS_VERSION, checkpoint, export
 from models.qualify import Bar, Bars, Better, QualifyError, figure, load_bars, metadata, qualify
 from models.runs import Run, Settings, SettingsError
 
-BARS = Bars(seed=7, size=3, better=Better("error", "least"),
-            bar=[Bar("error", most=1.0), Bar("share.right", least=0.9)])
+BARS = Bars(
+    seed=7,
+    size=3,
+    better=Better("error", "least"),
+    bar=[Bar("error", most=1.0), Bar("share.right", least=0.9)],
+)
 
 
 def model(path, error, physics=PHYSICS_VERSION):
     """An exported file whose own metrics say how good it is."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    about = export.Metadata(kind="actor", version="0", inputs=("a",), outputs=("b",), domain={}, rigs=(), data_hash="",
-                            metrics={"error": error}, units=(), physics_version=physics)
+    about = export.Metadata(
+        kind="actor",
+        version="0",
+        inputs=("a",),
+        outputs=("b",),
+        domain={},
+        rigs=(),
+        data_hash="",
+        metrics={"error": error},
+        units=(),
+        physics_version=physics,
+    )
     module = torch.nn.Linear(1, 1)
-    export.export(module, torch.zeros(2, 1), path, input_name="a", output_names=("b",), metadata=about)
+    export.export(
+        module, torch.zeros(2, 1), path, input_name="a", output_names=("b",), metadata=about
+    )
     return path
 
 
@@ -46,7 +63,10 @@ def test_the_verdict_goes_into_report_card_and_manifest(tmp_path):
     (tmp_path / "manifest.json").write_text("{}")
     for _ in range(2):  # a second verdict takes the place of the first
         qualify("actor", path, evaluate, ship=False, artifacts=tmp_path, bars=BARS)
-    report, text = json.loads(path.with_suffix(".json").read_text()), path.with_suffix(".md").read_text()
+    report, text = (
+        json.loads(path.with_suffix(".json").read_text()),
+        path.with_suffix(".md").read_text(),
+    )
     assert report["own"] == 1
     assert report["frozen_evaluation"]["qualified"] is True
     assert "Status: **qualified**" in text
@@ -72,7 +92,9 @@ def test_a_verdict_that_stands_already_leaves_every_byte_alone(tmp_path):
     first = files()
     qualify("actor", path, judged, ship=False, artifacts=tmp_path, bars=timed)
     assert files() == first  # another latency, the same verdict
-    qualify("actor", path, lambda *a: judged(*a, error=0.1), ship=False, artifacts=tmp_path, bars=timed)
+    qualify(
+        "actor", path, lambda *a: judged(*a, error=0.1), ship=False, artifacts=tmp_path, bars=timed
+    )
     assert files()["actor.json"] != first["actor.json"]  # the same bars hold, by another figure
 
 
@@ -107,11 +129,14 @@ def test_it_replaces_the_shipped_model_only_if_not_worse(tmp_path):
     assert listed["bytes"] == shipped.stat().st_size
 
 
-@pytest.mark.parametrize(("new", "old", "ships"), [
-    ((0.6, 0.95), (0.5, 0.85), True),
-    ((0.5, 0.85), (0.6, 0.95), False),
-    ((0.6, 0.85), (0.5, 0.85), False),
-])
+@pytest.mark.parametrize(
+    ("new", "old", "ships"),
+    [
+        ((0.6, 0.95), (0.5, 0.85), True),
+        ((0.5, 0.85), (0.6, 0.95), False),
+        ((0.6, 0.85), (0.5, 0.85), False),
+    ],
+)
 def test_one_that_keeps_every_bar_comes_before_one_that_does_not(tmp_path, new, old, ships):
     shipped = model(tmp_path / "artifacts" / "actor.onnx", old[0])
     newer = model(tmp_path / "new" / "actor.onnx", new[0])
@@ -131,7 +156,13 @@ def test_one_that_keeps_every_bar_comes_before_one_that_does_not(tmp_path, new, 
 
 def test_another_physics_and_damaged_files_are_refused(tmp_path):
     with pytest.raises(QualifyError, match="physics_version '0'"):
-        qualify("actor", model(tmp_path / "actor.onnx", 0.5, physics="0"), evaluate, ship=False, bars=BARS)
+        qualify(
+            "actor",
+            model(tmp_path / "actor.onnx", 0.5, physics="0"),
+            evaluate,
+            ship=False,
+            bars=BARS,
+        )
     torn = tmp_path / "torn.onnx"
     torn.write_bytes(b"\x08\x01torn")
     with pytest.raises(QualifyError, match=r"torn\.onnx: no model that can be read"):
@@ -147,7 +178,9 @@ def test_a_figure_that_the_report_lacks_does_not_pass():
 def test_bars_name_every_kind_and_a_limit_each():
     bars = load_bars()
     assert set(bars) == {"surrogate", "surrogate_fed", "predictor", "classifier", "actor"}
-    assert all((bar.least is None) != (bar.most is None) for kind in bars.values() for bar in kind.bar)
+    assert all(
+        (bar.least is None) != (bar.most is None) for kind in bars.values() for bar in kind.bar
+    )
 
 
 class Some(Settings, frozen=True):
@@ -164,14 +197,18 @@ def test_kept_work_is_done_once_and_draws_on(tmp_path):
         for name in ("a", "b", "c"):
             if name == stop_after:
                 raise KeyboardInterrupt
-            parts.append(run.kept(name, lambda n=name: (done.append(n), rng.normal(size=2))[1], rng))
+            parts.append(
+                run.kept(name, lambda n=name: (done.append(n), rng.normal(size=2))[1], rng)
+            )
         return np.concatenate(parts)
 
     whole = train(Run(tmp_path / "one", "some", 5, Some(), smoke=False))
     done.clear()
     with pytest.raises(KeyboardInterrupt):
         train(Run(tmp_path / "two", "some", 5, Some(), smoke=False), stop_after="c")
-    assert np.array_equal(train(Run(tmp_path / "two", "some", 5, Some(), smoke=False, resume=True)), whole)
+    assert np.array_equal(
+        train(Run(tmp_path / "two", "some", 5, Some(), smoke=False, resume=True)), whole
+    )
     assert done == ["a", "b", "c"]
     assert np.array_equal(train(Run(tmp_path / "two", "some", 5, Some(), smoke=False)), whole)
     assert done == ["a", "b", "c"] * 2  # without --resume everything is done again

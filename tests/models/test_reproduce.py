@@ -1,4 +1,5 @@
-"""The report on the paper: self-contained, every claim with its figures, and the independent Reynolds orbit."""
+"""The report on the paper: self-contained, every claim with its figures, and the independent
+Reynolds orbit."""
 
 import json
 
@@ -7,13 +8,26 @@ import pytest
 from matplotlib.figure import Figure
 
 from models.reproduce import main
-from models.reproduce.claims import MISPRINTS, OPEN, POWER, SIX_CLASSES, SPEED, TRANSIENTS, TWO_CLASSES
+from models.reproduce.claims import (
+    MISPRINTS,
+    OPEN,
+    POWER,
+    SIX_CLASSES,
+    SPEED,
+    TRANSIENTS,
+    TWO_CLASSES,
+)
 from models.reproduce.report import Row, Series, write
 
 
 def test_the_report_holds_its_figures_and_escapes_its_text(tmp_path):
     row = Row("some", "a < b", "1", "2", "careful", "orbitd evaluate surrogate")
-    page = write(tmp_path, [Series("Some", [row], {"x": 1.5}, [(Figure(), "empty")])], "orbitd reproduce", 3.0)
+    page = write(
+        tmp_path,
+        [Series("Some", [row], {"x": 1.5}, [(Figure(), "empty")])],
+        "orbitd reproduce",
+        3.0,
+    )
     text = page.read_text()
     assert "a &lt; b" in text
     assert "data:image/png;base64," in text
@@ -33,8 +47,16 @@ def test_the_report_holds_its_figures_and_escapes_its_text(tmp_path):
 def test_a_quick_run_answers_every_claim(tmp_path, capsys):
     assert main(["--quick", "--out", str(tmp_path)]) == 0
     table = json.loads((tmp_path / "report.json").read_text())
-    assert [row["claim"] for row in table["claims"]] == [SPEED, TRANSIENTS, SIX_CLASSES, TWO_CLASSES, POWER]
-    assert all(row["paper_method"] and row["our_method"] and row["caveat"] for row in table["claims"])
+    assert [row["claim"] for row in table["claims"]] == [
+        SPEED,
+        TRANSIENTS,
+        SIX_CLASSES,
+        TWO_CLASSES,
+        POWER,
+    ]
+    assert all(
+        row["paper_method"] and row["our_method"] and row["caveat"] for row in table["claims"]
+    )
     apart = table["measured"]["Trajectories"]["largest_distance_percent_of_clearance"]
     assert max(apart["reduced network"].values()) < 1.0 < max(apart["springs and dampers"].values())
     assert POWER in capsys.readouterr().out

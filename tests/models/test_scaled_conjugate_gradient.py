@@ -16,7 +16,9 @@ def logistic_problem():
     def cost(theta):
         z = net.outputs(theta, x)
         value = np.logaddexp(0.0, z) - y * z
-        return float(value.mean() + 5e-3 * theta @ theta), net.gradient(theta, x, (sigmoid(z) - y) / 200) + 1e-2 * theta
+        return float(value.mean() + 5e-3 * theta @ theta), net.gradient(
+            theta, x, (sigmoid(z) - y) / 200
+        ) + 1e-2 * theta
 
     return cost, net.initial(rng)
 
@@ -24,13 +26,17 @@ def logistic_problem():
 def test_reaches_the_minimum_of_l_bfgs_on_a_classifier():
     cost, start = logistic_problem()
     ours = scaled_conjugate_gradient(cost, start, iterations=3000, gradient_tolerance=1e-8)
-    oracle = minimize(cost, start, jac=True, method="L-BFGS-B", options={"maxiter": 5000, "ftol": 1e-15})
+    oracle = minimize(
+        cost, start, jac=True, method="L-BFGS-B", options={"maxiter": 5000, "ftol": 1e-15}
+    )
     assert ours.cost <= oracle.fun + 1e-4
     assert ours.reason == "gradient"
 
 
 def test_rosenbrock_in_ten_dimensions():
-    result = scaled_conjugate_gradient(lambda t: (float(rosen(t)), rosen_der(t)), np.zeros(10), iterations=5000)
+    result = scaled_conjugate_gradient(
+        lambda t: (float(rosen(t)), rosen_der(t)), np.zeros(10), iterations=5000
+    )
     np.testing.assert_allclose(result.theta, np.ones(10), atol=1e-4)
 
 
@@ -43,7 +49,10 @@ def test_quadratic_takes_about_one_step_a_dimension():
 
 def test_monitor_keeps_its_best_point_and_stops_by_patience():
     result = scaled_conjugate_gradient(
-        lambda t: (float(t @ t), 2 * t), np.array([3.0, 1.0]), monitor=lambda t: -float(t @ t), patience=1
+        lambda t: (float(t @ t), 2 * t),
+        np.array([3.0, 1.0]),
+        monitor=lambda t: -float(t @ t),
+        patience=1,
     )
     assert result.reason == "patience"
     assert result.score == -10.0

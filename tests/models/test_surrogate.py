@@ -1,4 +1,5 @@
-"""The film network as a graph: symmetry, dissipation, domain, parity of the file, and the shipped artifact's bars."""
+"""The film network as a graph: symmetry, dissipation, domain, parity of the file, and the shipped
+artifact's bars."""
 
 import json
 
@@ -53,7 +54,10 @@ def test_symmetry_bars_see_a_film_that_lacks_it(film):
         force, *rest = film(state)
         return [force + 1e-6 * np.abs(force), *rest]
 
-    rows = {bar.name.split("_")[0]: bar.passed for bar in symmetry(skew, SHAPE, np.random.default_rng(0), 500)}
+    rows = {
+        bar.name.split("_")[0]: bar.passed
+        for bar in symmetry(skew, SHAPE, np.random.default_rng(0), 500)
+    }
     assert rows == {"rotation": False, "mirror": False, "homogeneity": True}
 
 
@@ -107,10 +111,14 @@ def test_one_file_answers_like_the_module_and_is_always_finite(module, tmp_path)
     )  # fmt: skip
     path = tmp_path / "surrogate.onnx"
     example = torch.from_numpy(states(2))
-    export.export(module, example, path, input_name="state", output_names=metadata.outputs, metadata=metadata)
+    export.export(
+        module, example, path, input_name="state", output_names=metadata.outputs, metadata=metadata
+    )
     assert [p.name for p in tmp_path.iterdir()] == ["surrogate.onnx"]
     assert export.parity(module, path, states()) <= 1e-6
-    assert all(np.isfinite(answer).all() for answer in export.session(path).run(None, {"state": states()}))
+    assert all(
+        np.isfinite(answer).all() for answer in export.session(path).run(None, {"state": states()})
+    )
     for stored, linear in zip(layers_of_file(path), module.net.layers, strict=True):
         np.testing.assert_array_equal(stored[1:].T, linear.weight.detach().numpy())
 

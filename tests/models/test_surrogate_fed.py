@@ -1,4 +1,5 @@
-"""The fed film network: symmetry, the unfed film far from any supply, the file, and the fed film that judges it."""
+"""The fed film network: symmetry, the unfed film far from any supply, the file, and the fed film
+that judges it."""
 
 import numpy as np
 import pytest
@@ -36,7 +37,10 @@ def turned(state, angle):
     c, s = np.cos(angle), np.sin(angle)
     changed = state.copy()
     for k in (0, 2):
-        changed[:, k], changed[:, k + 1] = c * state[:, k] - s * state[:, k + 1], s * state[:, k] + c * state[:, k + 1]
+        changed[:, k], changed[:, k + 1] = (
+            c * state[:, k] - s * state[:, k + 1],
+            s * state[:, k] + c * state[:, k + 1],
+        )
     changed[:, 10] += angle
     return changed, np.array([[c, s], [-s, c]])
 
@@ -76,7 +80,9 @@ def test_reduced_points_are_the_film_of_any_bearing():
     expected = film.force_N @ back.T / (mu * radius * length**3 / c**2 * (rate + feed))
     np.testing.assert_allclose(reduced.force[0], expected, rtol=1e-6, atol=1e-9)
     np.testing.assert_allclose(
-        reduced.side_flow[0], film.side_flow_m3_s / (2 * radius * length * c * (rate + feed)), rtol=1e-6
+        reduced.side_flow[0],
+        film.side_flow_m3_s / (2 * radius * length * c * (rate + feed)),
+        rtol=1e-6,
     )
 
 
@@ -86,12 +92,20 @@ def test_a_table_answers_like_the_film_and_a_thinned_one_worse():
     state = states(3)
     state[:, :2] *= 0.5
     films = [fed_film(row, (120, 24)) for row in state]
-    force, flow = np.array([film.force_N for film in films]), np.array([film.side_flow_m3_s for film in films])
+    force, flow = (
+        np.array([film.force_N for film in films]),
+        np.array([film.side_flow_m3_s for film in films]),
+    )
     errors = []
     tables = fed_table.tables(SHAPE)
     for table in (tables["shipped"], tables["smallest"]):
         answer = fed_table.model(table)(state)
-        errors.append([np.abs(answer[0] - force).max() / np.abs(force).max(), np.abs(answer[2][:, 0] / flow - 1).max()])
+        errors.append(
+            [
+                np.abs(answer[0] - force).max() / np.abs(force).max(),
+                np.abs(answer[2][:, 0] / flow - 1).max(),
+            ]
+        )
     assert max(errors[0]) < 0.05
     assert np.all(np.array(errors[1]) > 3 * np.array(errors[0]))
 
@@ -114,4 +128,8 @@ def test_smoke_training_makes_a_whole_run(tmp_path):
     run = Run(tmp_path, "surrogate_fed", 0, settings, smoke=True)
     report = train(run, settings)
     assert report["export_parity"] <= 1e-6
-    assert {p.name for p in run.folder.iterdir()} >= {"surrogate_fed.onnx", "surrogate_fed.json", "surrogate_fed.md"}
+    assert {p.name for p in run.folder.iterdir()} >= {
+        "surrogate_fed.onnx",
+        "surrogate_fed.json",
+        "surrogate_fed.md",
+    }

@@ -32,7 +32,12 @@ def test_a_training_without_points_is_refused(tmp_path, capsys):
     from models.train import main
 
     (tmp_path / "none.toml").write_text("train_points = 0\n")
-    assert main(["surrogate", "--config", str(tmp_path / "none.toml"), "--out", str(tmp_path / "runs")]) == 2
+    assert (
+        main(
+            ["surrogate", "--config", str(tmp_path / "none.toml"), "--out", str(tmp_path / "runs")]
+        )
+        == 2
+    )
     assert "train_points" in capsys.readouterr().err
     assert not (tmp_path / "runs").exists()
 

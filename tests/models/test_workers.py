@@ -13,7 +13,9 @@ def test_answers_come_in_the_order_of_the_items(workers: int) -> None:
     assert list(map_in_order(abs, items, workers)) == [3, 1, 7, 5, 2]
 
 
-def test_each_process_computes_with_one_thread_unless_the_user_says_otherwise(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_each_process_computes_with_one_thread_unless_the_user_says_otherwise(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     for name in THREADS:
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv("MKL_NUM_THREADS", "3")

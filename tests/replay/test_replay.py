@@ -1,4 +1,5 @@
-"""Replay of recordings made by the whole device: the same decisions, the same diagnoses, or a named difference."""
+"""Replay of recordings made by the whole device: the same decisions, the same diagnoses, or a named
+difference."""
 
 from __future__ import annotations
 
@@ -40,19 +41,28 @@ SESSION = 0xC0FFEE
 
 
 class Flight:
-    """A short flight: arm, go to auto, lose the brain and get it back, with an unbalance on the way."""
+    """A short flight: arm, go to auto, lose the brain and get it back, with an unbalance on the
+    way."""
 
     def __init__(self, listener: Callable[[Recordable, int], None]) -> None:
         codec = codec_for(BENCH)
         rig_data = load_rig("bench")
         models = load_models(BENCH)
         self.loop = ClosedLoop(
-            Rig(rig_data, codec, node_limits(rig_data, BENCH), 7), GuardCore(BENCH, codec, SESSION),
-            lambda: BrainCore(BENCH, models, cpu_features()), [listener], START_NS)
+            Rig(rig_data, codec, node_limits(rig_data, BENCH), 7),
+            GuardCore(BENCH, codec, SESSION),
+            lambda: BrainCore(BENCH, models, cpu_features()),
+            [listener],
+            START_NS,
+        )
 
     def run(self) -> None:
-        events = {2500: lambda: self.loop.command("mode", mode=2), 2600: lambda: self.loop.command("arm"),
-                  3500: self.loop.kill_brain, 3800: self.loop.start_brain}
+        events = {
+            2500: lambda: self.loop.command("mode", mode=2),
+            2600: lambda: self.loop.command("arm"),
+            3500: self.loop.kill_brain,
+            3800: self.loop.start_brain,
+        }
         for millisecond in range(7_000):
             events.get(millisecond, lambda: None)()
             self.loop.step()
@@ -123,16 +133,24 @@ def third(data: bytes, share: float) -> int:
 DAMAGES = {
     "the last blocks came back as zeros": lambda d: d[: len(d) * 2 // 3] + bytes(65_536),
     "zeros in the middle": lambda d: d[: len(d) // 2] + bytes(8192) + d[len(d) // 2 + 8192 :],
-    "junk in the middle": lambda d: d[: len(d) // 2] + bytes(range(256)) * 32 + d[len(d) // 2 + 8192 :],
+    "junk in the middle": lambda d: (
+        d[: len(d) // 2] + bytes(range(256)) * 32 + d[len(d) // 2 + 8192 :]
+    ),
     "a hole": lambda d: d[: len(d) // 2] + d[len(d) // 2 + 20_000 :],
-    "a flipped bit": lambda d: d[: third(d, 0.4)] + bytes([d[third(d, 0.4)] ^ 4]) + d[third(d, 0.4) + 1 :],
+    "a flipped bit": lambda d: (
+        d[: third(d, 0.4)] + bytes([d[third(d, 0.4)] ^ 4]) + d[third(d, 0.4) + 1 :]
+    ),
     "junk appended": lambda d: d + bytes(range(256)) * 32,
-    "two places": lambda d: bytes(64) + d[64 : third(d, 0.3)] + bytes(500) + d[third(d, 0.3) + 500 :],
+    "two places": lambda d: (
+        bytes(64) + d[64 : third(d, 0.3)] + bytes(500) + d[third(d, 0.3) + 500 :]
+    ),
 }
 
 
 @pytest.mark.parametrize("name", DAMAGES)
-def test_what_is_whole_in_a_damaged_recording_is_replayed_with_a_note(flown, tmp_path, capsys, name):
+def test_what_is_whole_in_a_damaged_recording_is_replayed_with_a_note(
+    flown, tmp_path, capsys, name
+):
     path = record(flown, tmp_path)
     path.write_bytes(DAMAGES[name](path.read_bytes()))
     assert main([str(path), "--json"]) == 0
@@ -147,9 +165,13 @@ def test_what_is_whole_in_a_damaged_recording_is_replayed_with_a_note(flown, tmp
         assert report.decisions.cycles_missing > 0
 
 
-@pytest.mark.parametrize(("kept", "cause"), [
-    (lambda item: not isinstance(item, CycleRecord), "no guard cycle is in it"),
-    (lambda item: not isinstance(item, Snapshot), "follows a snapshot")])
+@pytest.mark.parametrize(
+    ("kept", "cause"),
+    [
+        (lambda item: not isinstance(item, CycleRecord), "no guard cycle is in it"),
+        (lambda item: not isinstance(item, Snapshot), "follows a snapshot"),
+    ],
+)
 def test_a_recording_in_which_nothing_can_be_replayed_is_exit_code_2(flown, tmp_path, kept, cause):
     path = record([(item, t) for item, t in flown[:6000] if kept(item)], tmp_path)
     with pytest.raises(RecordingError, match=cause) as refused:
@@ -180,7 +202,9 @@ def test_one_changed_bit_in_a_sent_frame_is_found_and_named(flown, tmp_path, cap
         if isinstance(item, CycleRecord) and item.frames_out:
             seen += 1
             if seen == sending // 2:
-                item = msgspec.structs.replace(item, frames_out=[flip(item.frames_out[0]), *item.frames_out[1:]])
+                item = msgspec.structs.replace(
+                    item, frames_out=[flip(item.frames_out[0]), *item.frames_out[1:]]
+                )
         told.append((item, now_ns))
     path = record(told, tmp_path)
     assert main([str(path)]) == 1
@@ -191,7 +215,12 @@ def test_one_changed_bit_in_a_sent_frame_is_found_and_named(flown, tmp_path, cap
 
 
 def test_a_changed_diagnosis_is_found(flown, tmp_path):
-    told = changed(flown, Diagnosis, lambda d: msgspec.structs.replace(d, probability=d.probability + 1e-12), which=12)
+    told = changed(
+        flown,
+        Diagnosis,
+        lambda d: msgspec.structs.replace(d, probability=d.probability + 1e-12),
+        which=12,
+    )
     report = replay(record(told, tmp_path))
     assert not report.ok
     assert report.diagnoses is not None
@@ -222,5 +251,7 @@ def test_the_flight_was_eventful(flown):
 
 def test_cycles_are_stored_exactly(flown, tmp_path):
     path = record(flown, tmp_path)
-    stored = [decode_exact(m, CycleRecord) for m in Recording(path).messages() if m.topic == "guard/cycle"]
+    stored = [
+        decode_exact(m, CycleRecord) for m in Recording(path).messages() if m.topic == "guard/cycle"
+    ]
     assert stored == [r for r, _ in flown if isinstance(r, CycleRecord)]

@@ -19,15 +19,28 @@ ROOT = Path(__file__).resolve().parents[2]
 
 @pytest.mark.slow
 def test_a_live_recording_of_a_killed_gate_replays_bit_by_bit(tmp_path):
-    text = (config.SHIPPED / "bench.toml").read_text().replace('"orbitd0"', f'"replay{time.monotonic_ns()}"')
+    text = (
+        (config.SHIPPED / "bench.toml")
+        .read_text()
+        .replace('"orbitd0"', f'"replay{time.monotonic_ns()}"')
+    )
     (tmp_path / "bench.toml").write_text(text)
     options = ["--config", str(tmp_path / "bench.toml"), "--runtime-dir", str(tmp_path)]
 
     def start(*words: str) -> subprocess.Popen[bytes]:
-        return subprocess.Popen([sys.executable, "-m", "firmware_py", *words, *options], cwd=ROOT,
-                                stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        return subprocess.Popen(
+            [sys.executable, "-m", "firmware_py", *words, *options],
+            cwd=ROOT,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
 
-    processes = [start("gate", "--record", str(tmp_path / "recordings")), start("hil"), start("guard"), start("brain")]
+    processes = [
+        start("gate", "--record", str(tmp_path / "recordings")),
+        start("hil"),
+        start("guard"),
+        start("brain"),
+    ]
     try:
         wait_for_diagnoses(tmp_path)
         processes[0].kill()

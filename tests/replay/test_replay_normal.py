@@ -22,9 +22,17 @@ from .test_replay import BENCH, SESSION, START_NS, record
 MODELS = models(fleet=True)
 assert MODELS.classifier is not None
 NORMAL = Normal(
-    belongs=belonging(MODELS.classifier, BENCH), minutes=1.0, decisions=24, points=6,
-    ranges={"speed_rad_s": (100.0, 1300.0)}, offset=[3.0, 5.0], variance=[1.2, 1.1], scale=[1.0, 1.1], quiet=[0.0] * 4,
-    baseline=Baseline([6.5, 6e-5, 0.3], [0.5, 2e-5, 0.2], [(1.0, -2.0)] * 5, 0.2))
+    belongs=belonging(MODELS.classifier, BENCH),
+    minutes=1.0,
+    decisions=24,
+    points=6,
+    ranges={"speed_rad_s": (100.0, 1300.0)},
+    offset=[3.0, 5.0],
+    variance=[1.2, 1.1],
+    scale=[1.0, 1.1],
+    quiet=[0.0] * 4,
+    baseline=Baseline([6.5, 6e-5, 0.3], [0.5, 2e-5, 0.2], [(1.0, -2.0)] * 5, 0.2),
+)
 
 
 @pytest.fixture(scope="module")
@@ -38,8 +46,13 @@ def told():
         brains.append(BrainCore(BENCH, MODELS, cpu_features()))
         return brains[-1]
 
-    loop = ClosedLoop(Rig(rig, codec, node_limits(rig, BENCH), 7), GuardCore(BENCH, codec, SESSION), make_brain,
-                      [lambda item, now_ns: found.append((item, now_ns))], START_NS)
+    loop = ClosedLoop(
+        Rig(rig, codec, node_limits(rig, BENCH), 7),
+        GuardCore(BENCH, codec, SESSION),
+        make_brain,
+        [lambda item, now_ns: found.append((item, now_ns))],
+        START_NS,
+    )
     for millisecond in range(4_000):
         if millisecond == 2_000:
             found.append((NORMAL, loop.now_ns))
@@ -57,7 +70,9 @@ def test_decisions_come_back_bit_by_bit_across_the_change(told, tmp_path):
     names = [item.normal for item, _ in told if isinstance(item, WindowRecord)]
     assert names[0] == ""
     assert names[-1] != ""
-    assert "normal_floating" in [item for item, _ in told if isinstance(item, Diagnosis)][-1].evidence
+    assert (
+        "normal_floating" in [item for item, _ in told if isinstance(item, Diagnosis)][-1].evidence
+    )
     report = command.replay(record(told, tmp_path)).diagnoses
     assert report is not None
     assert report.ok, report
@@ -71,4 +86,6 @@ def test_another_state_in_the_recording_is_found(told, tmp_path):
     report = command.replay(record(swapped, tmp_path)).diagnoses
     assert report is not None
     judged_by_it = sum(item.normal != "" for item, _ in told if isinstance(item, WindowRecord))
-    assert report.set_aside == judged_by_it, "its name is not the recorded one: nothing to judge with"
+    assert report.set_aside == judged_by_it, (
+        "its name is not the recorded one: nothing to judge with"
+    )

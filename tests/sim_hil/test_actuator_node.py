@@ -12,7 +12,9 @@ LIMITS = NodeLimits(50.0, 1.0, (40.0, 160.0), (0.5, 3.0), 100, 50.0)
 MS = 1000
 
 
-def command(counter: int = 1, session: int = 7, echo_us: int = 0, um: float = 80.0, bar: float = 2.0) -> Command:
+def command(
+    counter: int = 1, session: int = 7, echo_us: int = 0, um: float = 80.0, bar: float = 2.0
+) -> Command:
     return Command(counter, session, echo_us, um, bar)
 
 
@@ -23,7 +25,12 @@ def heartbeat(session: int = 7, permit: bool = True, trip: bool = False) -> Devi
 def test_boots_safe() -> None:
     node = Node(LIMITS)
     node.expire(0)
-    assert (node.mode, node.clearance_um, node.pressure_bar, node.session) == (NodeMode.SAFE, 50.0, 1.0, 0)
+    assert (node.mode, node.clearance_um, node.pressure_bar, node.session) == (
+        NodeMode.SAFE,
+        50.0,
+        1.0,
+        0,
+    )
 
 
 def test_obeys_a_good_command_until_it_expires() -> None:
@@ -45,7 +52,9 @@ def test_only_the_newest_waiting_command_is_judged() -> None:
     assert node.refused["range"] == 1
 
 
-@pytest.mark.parametrize(("age_us", "obeyed"), [(100 * MS, True), (100 * MS + 1, False), (-1, False)])
+@pytest.mark.parametrize(
+    ("age_us", "obeyed"), [(100 * MS, True), (100 * MS + 1, False), (-1, False)]
+)
 def test_staleness_in_the_nodes_own_clock(age_us: int, obeyed: bool) -> None:
     node = Node(LIMITS)
     now = 2**32 + 5  # the tick has wrapped
@@ -55,7 +64,8 @@ def test_staleness_in_the_nodes_own_clock(age_us: int, obeyed: bool) -> None:
 
 
 @pytest.mark.parametrize(
-    ("counter", "obeyed"), [(11, True), (10, False), (9, False), (10 + 32767, True), (10 + 32768, False)]
+    ("counter", "obeyed"),
+    [(11, True), (10, False), (9, False), (10 + 32767, True), (10 + 32768, False)],
 )
 def test_counter_must_be_newer(counter: int, obeyed: bool) -> None:
     node = Node(LIMITS)
@@ -85,7 +95,13 @@ def test_another_session_waits_until_the_present_one_is_silent_for_a_second() ->
 
 @pytest.mark.parametrize(
     ("um", "bar", "obeyed"),
-    [(40.0, 0.5, True), (160.0, 3.0, True), (39.99, 1.0, False), (160.01, 1.0, False), (80.0, 3.01, False)],
+    [
+        (40.0, 0.5, True),
+        (160.0, 3.0, True),
+        (39.99, 1.0, False),
+        (160.01, 1.0, False),
+        (80.0, 3.01, False),
+    ],
 )
 def test_targets_must_lie_in_the_actuators_range(um: float, bar: float, obeyed: bool) -> None:
     node = Node(LIMITS)
@@ -113,9 +129,13 @@ def test_drive_ignores_silence_until_somebody_granted_the_run() -> None:
 
 @pytest.mark.parametrize("limit_s", [None, 0.5, 5.0])
 @pytest.mark.parametrize(("beyond_us", "coasting"), [(0, False), (1, True)])
-def test_drive_coasts_when_its_session_falls_silent(limit_s: float | None, beyond_us: int, coasting: bool) -> None:
-    d = drive() if limit_s is None else Drive(
-        load_rig("bench").drive, Duty.hold(6000, 100), heartbeat_limit_s=limit_s
+def test_drive_coasts_when_its_session_falls_silent(
+    limit_s: float | None, beyond_us: int, coasting: bool
+) -> None:
+    d = (
+        drive()
+        if limit_s is None
+        else Drive(load_rig("bench").drive, Duty.hold(6000, 100), heartbeat_limit_s=limit_s)
     )
     silence_us = round((limit_s or 3.0) * 1000) * MS + beyond_us
     d.hear(heartbeat(), 0)
@@ -125,12 +145,16 @@ def test_drive_coasts_when_its_session_falls_silent(limit_s: float | None, beyon
 
 
 @pytest.mark.parametrize("limit_s", [0.0, 0.49, 5.01, -1.0, float("nan"), float("inf")])
-def test_a_heartbeat_limit_that_protects_nothing_or_stops_everything_is_refused(limit_s: float) -> None:
+def test_a_heartbeat_limit_that_protects_nothing_or_stops_everything_is_refused(
+    limit_s: float,
+) -> None:
     with pytest.raises(ValueError, match=r"0\.5 \.\. 5 s"):
         Drive(load_rig("bench").drive, Duty.hold(6000, 100), heartbeat_limit_s=limit_s)
 
 
-def test_a_session_that_withdraws_its_permit_stops_the_machine_and_one_that_never_granted_does_not() -> None:
+def test_a_session_that_withdraws_its_permit_stops_the_machine_and_one_that_never_granted_does_not() -> (
+    None
+):
     d = drive()
     d.hear(heartbeat(), 0)
     d.hear(heartbeat(session=9, permit=False), 0)

@@ -1,4 +1,5 @@
-"""The machine on the film that is fed from its groove: the supply pressure carries load, and costs pump power."""
+"""The machine on the film that is fed from its groove: the supply pressure carries load, and costs
+pump power."""
 
 import math
 
@@ -70,7 +71,9 @@ def test_a_rig_without_a_groove_has_no_fed_film() -> None:
 
 
 def test_the_rotor_alone_rests_where_the_machine_does_and_pumps_as_much() -> None:
-    run = simulate(RIG, Duty.hold(3000.0, 100.0, 0.4), clearance=60e-6, thermal=False, pressure=3e5, fed=True).last(0.1)
+    run = simulate(
+        RIG, Duty.hold(3000.0, 100.0, 0.4), clearance=60e-6, thermal=False, pressure=3e5, fed=True
+    ).last(0.1)
     row = settled(True, 3e5)
     np.testing.assert_allclose(run.position_m.mean(axis=0), row[7:9], atol=0.2e-6)
     assert run.pump_power_W(0.6).mean() == pytest.approx(pump_power_W(RIG, row[None])[0], rel=0.02)

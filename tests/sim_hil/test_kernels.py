@@ -39,7 +39,9 @@ simulate(load_rig("bench"), Duty.hold(6000.0, 60.0), clearance=60e-6, seconds=0.
 def _kernels() -> list[Dispatcher]:
     found = []
     for package in SIMULATOR:
-        for info in pkgutil.iter_modules([str(Path(sim_hil.__file__).parent / package)], f"sim_hil.{package}."):
+        for info in pkgutil.iter_modules(
+            [str(Path(sim_hil.__file__).parent / package)], f"sim_hil.{package}."
+        ):
             members = vars(importlib.import_module(info.name)).values()
             found += [member for member in members if isinstance(member, Dispatcher)]
     return found
@@ -59,8 +61,14 @@ def test_what_is_compiled_first_does_not_change_a_bit(tmp_path: Path) -> None:
     def said(cache: str, *programs: str) -> str:
         environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / cache)}
         for program in programs:
-            done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True,
-                                  check=True, timeout=300)
+            done = subprocess.run(
+                [sys.executable, "-c", program],
+                env=environment,
+                capture_output=True,
+                text=True,
+                check=True,
+                timeout=300,
+            )
         return done.stdout
 
     assert said("machine", MACHINE) == said("rotor", ROTOR_ON_FED_FILM_FIRST, MACHINE)

@@ -22,11 +22,21 @@ class Follow:
     """The true trajectory of a machine that follows a duty."""
 
     def __init__(
-        self, rig: RigData, duty: Duty, *, clearance: float, thermal: bool = True, build: Build | None = None,
+        self,
+        rig: RigData,
+        duty: Duty,
+        *,
+        clearance: float,
+        thermal: bool = True,
+        build: Build | None = None,
         dt_s: float = MAX_STEP_S,
     ) -> None:
         machine = Machine(
-            rig, Build.nominal(rig) if build is None else build, 0, clearance_m=clearance, thermal=thermal,
+            rig,
+            Build.nominal(rig) if build is None else build,
+            0,
+            clearance_m=clearance,
+            thermal=thermal,
             max_step_s=dt_s,
         )
         self.truth = run(machine, duty, duty.seconds, clearance=clearance).truth
@@ -48,7 +58,10 @@ def test_minimum_film_is_not_monotone_in_clearance(bench: RigData) -> None:
     still = dataclasses.replace(Build.nominal(bench), unbalance_kg_m=0.0)
     clearances = np.array([40, 60, 80, 100, 160]) * 1e-6
     duty = Duty.hold(3000, 100, 0.6)
-    figures = [last_half(Follow(bench, duty, clearance=c, build=still, thermal=False)) for c in clearances.tolist()]
+    figures = [
+        last_half(Follow(bench, duty, clearance=c, build=still, thermal=False))
+        for c in clearances.tolist()
+    ]
     film = [figure.column("min_film_m").min() * 1e6 for figure in figures]
     np.testing.assert_allclose(film, [26.2, 28.1, 28.2, 27.6, 25.2], atol=0.15)
     assert (np.diff([figure.mean_power_W for figure in figures]) < 0).all()
@@ -61,8 +74,12 @@ def test_power_of_the_fastest_lightest_point(bench: RigData) -> None:
 
 
 @pytest.mark.parametrize(("clearance_um", "whirls"), [(60, False), (70, True)])
-def test_half_order_whirl_sets_in_between_60_and_70_um(bench: RigData, clearance_um: int, whirls: bool) -> None:
-    result = last_half(Follow(bench, Duty.hold(12000, 30, 2.4), clearance=clearance_um * 1e-6, thermal=False))
+def test_half_order_whirl_sets_in_between_60_and_70_um(
+    bench: RigData, clearance_um: int, whirls: bool
+) -> None:
+    result = last_half(
+        Follow(bench, Duty.hold(12000, 30, 2.4), clearance=clearance_um * 1e-6, thermal=False)
+    )
     x = result.column("eccentricity_x_m") - result.column("eccentricity_x_m").mean()
     order = np.fft.rfftfreq(len(x), 1 / 5000) / 200
     energy = np.abs(np.fft.rfft(x * np.hanning(len(x)))) ** 2
@@ -72,7 +89,9 @@ def test_half_order_whirl_sets_in_between_60_and_70_um(bench: RigData, clearance
 
 def test_more_unbalance_quenches_whirl(bench: RigData) -> None:
     heavy = dataclasses.replace(Build.nominal(bench), unbalance_kg_m=6e-5)
-    result = last_half(Follow(bench, Duty.hold(12000, 30, 1.5), clearance=70e-6, thermal=False, build=heavy))
+    result = last_half(
+        Follow(bench, Duty.hold(12000, 30, 1.5), clearance=70e-6, thermal=False, build=heavy)
+    )
     x = result.column("eccentricity_x_m") - result.column("eccentricity_x_m").mean()
     order = np.fft.rfftfreq(len(x), 1 / 5000) / 200
     energy = np.abs(np.fft.rfft(x * np.hanning(len(x)))) ** 2
@@ -85,12 +104,18 @@ def test_halving_the_step_changes_nothing_that_matters(
 ) -> None:
     """Stiffest corner and fastest corner: position and orbit within 0.5 % of the clearance."""
     coarse, fine = (
-        last_half(Follow(bench, Duty.hold(rpm, load_N, 0.6), clearance=clearance_um * 1e-6, dt_s=dt_s))
+        last_half(
+            Follow(bench, Duty.hold(rpm, load_N, 0.6), clearance=clearance_um * 1e-6, dt_s=dt_s)
+        )
         for dt_s in (40e-6, 20e-6)
     )
     for name in ("eccentricity_x_m", "eccentricity_y_m"):
-        assert coarse.column(name).mean() == pytest.approx(fine.column(name).mean(), abs=0.005 * clearance_um * 1e-6)
-        assert np.ptp(coarse.column(name)) == pytest.approx(np.ptp(fine.column(name)), abs=0.005 * clearance_um * 1e-6)
+        assert coarse.column(name).mean() == pytest.approx(
+            fine.column(name).mean(), abs=0.005 * clearance_um * 1e-6
+        )
+        assert np.ptp(coarse.column(name)) == pytest.approx(
+            np.ptp(fine.column(name)), abs=0.005 * clearance_um * 1e-6
+        )
     assert coarse.mean_power_W == pytest.approx(fine.mean_power_W, rel=0.005)
 
 

@@ -8,7 +8,13 @@ import pytest
 
 from sim_hil.build import Build, unbalance_of_grade
 from sim_hil.duty import Duty
-from sim_hil.faults import MACHINE_FAULTS, SENSOR_FAULTS, UnknownFault, apply_machine_faults, check_fault
+from sim_hil.faults import (
+    MACHINE_FAULTS,
+    SENSOR_FAULTS,
+    UnknownFault,
+    apply_machine_faults,
+    check_fault,
+)
 from sim_hil.faults.machine import loosen, worn_bore
 from sim_hil.machine import Machine
 from sim_hil.rigs import load_rig
@@ -24,12 +30,18 @@ VERTICAL, HORIZONTAL, MOTOR, PRESSURE, CONTACT = 2, 3, 4, 6, 7
 
 
 @cache
-def recorded(faults: tuple[tuple[str, float], ...] = (), rpm: float = 6000, load_N: float = 100) -> Recording:
+def recorded(
+    faults: tuple[tuple[str, float], ...] = (), rpm: float = 6000, load_N: float = 100
+) -> Recording:
     duty = Duty.hold(rpm, load_N)
-    return record(RIG, BUILD, duty, 2.0, clearance=60e-6, seed=11, faults=dict(faults), rate_hz=RATE)
+    return record(
+        RIG, BUILD, duty, 2.0, clearance=60e-6, seed=11, faults=dict(faults), rate_hz=RATE
+    )
 
 
-def measured(faults: Mapping[str, float] | None = None, rpm: float = 6000, load_N: float = 100) -> Floats:
+def measured(
+    faults: Mapping[str, float] | None = None, rpm: float = 6000, load_N: float = 100
+) -> Floats:
     return units(recorded(tuple((faults or {}).items()), rpm, load_N).counts)
 
 
@@ -42,7 +54,8 @@ def order(signal: Floats, number: float, rpm: float = 6000) -> float:
 
 
 def whirl(y: Floats, number: float, rpm: float = 6000) -> tuple[float, float]:
-    """Amplitudes of the forward and the backward turning part of one order of the probes' orbit, m."""
+    """Amplitudes of the forward and the backward turning part of one order of the probes' orbit,
+    m."""
     orbit = y[:, 0] + 1j * y[:, 1]
     window = np.hanning(len(orbit)) / np.hanning(len(orbit)).sum()
     wave = np.exp(-2j * np.pi * number * rpm / 60 * np.arange(len(orbit)) / RATE)
@@ -51,7 +64,8 @@ def whirl(y: Floats, number: float, rpm: float = 6000) -> tuple[float, float]:
 
 
 def joined(y: Floats) -> float:
-    """Vertical-horizontal correlation of the housing between 250 and 900 Hz: its modes' common motion."""
+    """Vertical-horizontal correlation of the housing between 250 and 900 Hz: its modes' common
+    motion."""
     spectrum = np.fft.rfft(y - y.mean(axis=0), axis=0)
     hz = np.fft.rfftfreq(len(y), 1 / RATE)
     v, h = spectrum[(hz > 250) & (hz < 900)][:, [VERTICAL, HORIZONTAL]].T
@@ -90,7 +104,10 @@ def test_a_loose_bolt_joins_vertical_and_lateral_motion_with_the_sign_of_its_sid
 
 
 def test_the_effect_of_a_bolt_grows_as_its_preload_goes() -> None:
-    steps = [abs(joined(measured({"pedestal_bolt": left})) - joined(measured())) for left in (75.0, 25.0, 0.0)]
+    steps = [
+        abs(joined(measured({"pedestal_bolt": left})) - joined(measured()))
+        for left in (75.0, 25.0, 0.0)
+    ]
     assert steps[0] < steps[1] < steps[2]
 
 
@@ -109,7 +126,9 @@ def test_motor_bolt_shows_at_the_motor_not_at_the_pedestal() -> None:
 def test_pedestal_and_motor_bolt_is_both() -> None:
     plant = assemble(RIG, BUILD, 1e-5)
     both = apply_machine_faults(plant, RIG, BUILD, {"pedestal_and_motor_bolt": 25.0})
-    assert both.pedestal == apply_machine_faults(plant, RIG, BUILD, {"pedestal_bolt": 25.0}).pedestal
+    assert (
+        both.pedestal == apply_machine_faults(plant, RIG, BUILD, {"pedestal_bolt": 25.0}).pedestal
+    )
     assert both.motor == apply_machine_faults(plant, RIG, BUILD, {"motor_bolt": 25.0}).motor
 
 
@@ -135,7 +154,9 @@ def test_misalignment_shows_at_twice_the_speed_and_loads_the_side() -> None:
 
 
 def test_misalignment_grows_with_its_severity() -> None:
-    twofold = [order(measured({"misalignment": s})[:, HORIZONTAL], 2) for s in (0.0, 0.25, 0.5, 1.0)]
+    twofold = [
+        order(measured({"misalignment": s})[:, HORIZONTAL], 2) for s in (0.0, 0.25, 0.5, 1.0)
+    ]
     assert (np.diff(twofold) > 0).all()
 
 
@@ -144,10 +165,15 @@ def test_rub_truncates_the_wave_and_turns_the_orbit_backward() -> None:
     healthy, rubbing = ({"unbalance": 16.0, **rub} for rub in ({}, {"rub": 0.8}))
     free, touched = (measured(f, 9000, 60) for f in (healthy, rubbing))
     for number in (3, 5, 6):
-        assert order(touched[:, VERTICAL], number, 9000) > 10 * order(free[:, VERTICAL], number, 9000)
+        assert order(touched[:, VERTICAL], number, 9000) > 10 * order(
+            free[:, VERTICAL], number, 9000
+        )
     assert whirl(touched, 1, 9000)[1] > 1.1 * whirl(free, 1, 9000)[1]
     assert whirl(touched, 1, 9000)[0] < whirl(free, 1, 9000)[0]
-    power = [recorded(tuple(f.items()), 9000, 60).column("shaft_power_W").mean() for f in (healthy, rubbing)]
+    power = [
+        recorded(tuple(f.items()), 9000, 60).column("shaft_power_W").mean()
+        for f in (healthy, rubbing)
+    ]
     assert power[1] > power[0] + 20
 
 
@@ -189,9 +215,12 @@ def test_worn_bore_has_mean_and_first_order_of_the_profile() -> None:
 
 
 def test_oil_whirl_arises_by_itself_at_half_the_speed_and_turns_forward() -> None:
-    """No fault: a wide clearance under a light load.  A narrow one at the same point stays quiet."""
+    """No fault: a wide clearance under a light load.  A narrow one at the same point stays
+    quiet."""
     quiet, whirling = (
-        units(record(RIG, BUILD, Duty.hold(12000, 30), 2.0, clearance=c, seed=11, settle_s=1.0).counts)
+        units(
+            record(RIG, BUILD, Duty.hold(12000, 30), 2.0, clearance=c, seed=11, settle_s=1.0).counts
+        )
         for c in (50e-6, 100e-6)
     )
     numbers = np.arange(0.40, 0.52, 0.005)
@@ -231,7 +260,12 @@ def test_healthy_end_of_every_severity_is_nearly_healthy(name: str) -> None:
     [
         ("gain", lambda y, h: y.std() == pytest.approx(0.5 * h.std(), rel=0.05)),
         ("offset", lambda y, h: y.mean() - h.mean() == pytest.approx(40.0, rel=0.01)),
-        ("drift", lambda y, h: y[-500:].mean() - y[:500].mean() == pytest.approx(40.0 * 0.9 / 60, rel=0.1)),
+        (
+            "drift",
+            lambda y, h: (
+                y[-500:].mean() - y[:500].mean() == pytest.approx(40.0 * 0.9 / 60, rel=0.1)
+            ),
+        ),
         ("stuck", lambda y, h: y.std() == 0.0),
         ("dropout", lambda y, h: 0.15 < np.mean(y == 0.0) < 0.25),
         ("clipping", lambda y, h: np.abs(y).max() <= 1.0 + 1e-9),

@@ -1,4 +1,5 @@
-"""The rotor alone as a stranger calls it: maps, targets as functions of time, oil, either sense of rotation."""
+"""The rotor alone as a stranger calls it: maps, targets as functions of time, oil, either sense of
+rotation."""
 
 import numpy as np
 import pytest
@@ -24,19 +25,29 @@ def test_the_map_is_the_same_in_either_sense_of_rotation():
 
 def test_targets_may_be_functions_of_time():
     run = simulate(
-        BENCH, Duty.hold(3000, 100, 1.0), clearance=lambda t: 60e-6 + 20e-6 * t, pressure=lambda t: 1e5, thermal=False
+        BENCH,
+        Duty.hold(3000, 100, 1.0),
+        clearance=lambda t: 60e-6 + 20e-6 * t,
+        pressure=lambda t: 1e5,
+        thermal=False,
     )
     assert run.column("clearance_m")[-1] == pytest.approx(60e-6 + 20e-6 * (1 - 0.05), abs=1e-6)
 
 
 def test_a_function_of_time_is_read_every_millisecond():
     asked = []
-    simulate(BENCH, Duty.hold(3000, 100, 0.01), clearance=lambda t: asked.append(t) or 60e-6, rate_hz=10000)
+    simulate(
+        BENCH,
+        Duty.hold(3000, 100, 0.01),
+        clearance=lambda t: asked.append(t) or 60e-6,
+        rate_hz=10000,
+    )
     np.testing.assert_allclose(asked, np.arange(10) * COMMAND_S)
 
 
 def test_warm_oil_costs_less():
     cold, warm = (
-        simulate(BENCH, Duty.hold(6000, 100, 0.1), clearance=60e-6, inlet_C=inlet).power_W.mean() for inlet in (35, 45)
+        simulate(BENCH, Duty.hold(6000, 100, 0.1), clearance=60e-6, inlet_C=inlet).power_W.mean()
+        for inlet in (35, 45)
     )
     assert warm / cold == pytest.approx(np.exp(-0.03 * 10), rel=0.1)

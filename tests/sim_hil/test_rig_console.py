@@ -68,7 +68,9 @@ def test_faults_come_and_go(served: Served) -> None:
         ([1, 2], "bad request"),
     ],
 )
-def test_bad_requests_are_answered_with_their_reason(served: Served, request_: dict[str, object], why: str) -> None:
+def test_bad_requests_are_answered_with_their_reason(
+    served: Served, request_: dict[str, object], why: str
+) -> None:
     with pytest.raises(ConsoleError, match=why):
         ask(served.folder, request_)
     assert ask(served.folder, {"verb": "status"})["faults"] == {}
@@ -91,7 +93,10 @@ def test_truth_in_pieces(served: Served) -> None:
 
 def test_duties_and_operating_points(served: Served) -> None:
     assert ask(served.folder, {"verb": "duty", "name": "published"})["seconds"] == 66
-    assert ask(served.folder, {"verb": "duty", "name": "random", "seed": 1, "seconds": 30})["seconds"] >= 30
+    assert (
+        ask(served.folder, {"verb": "duty", "name": "random", "seed": 1, "seconds": 30})["seconds"]
+        >= 30
+    )
     ask(served.folder, {"verb": "operating", "speed_rpm": 3000, "load_N": 200, "ramp_s": 1})
     ask(served.folder, {"verb": "start"})
     ask(served.folder, {"verb": "quit"})

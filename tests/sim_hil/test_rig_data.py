@@ -1,4 +1,5 @@
-"""Rigs, builds, duties: the shipped data is the reference data, and the spread is the declared one."""
+"""Rigs, builds, duties: the shipped data is the reference data, and the spread is the declared
+one."""
 
 import json
 import math

@@ -83,11 +83,15 @@ def test_sample_ticks_follow_without_a_gap_and_marks_are_in_order() -> None:
     b = Bench()
     b.run(300)
     frames = b.samples()
-    assert {(later.tick_us - earlier.tick_us) % 2**32 for earlier, later in pairwise(frames)} == {600}
+    assert {(later.tick_us - earlier.tick_us) % 2**32 for earlier, later in pairwise(frames)} == {
+        600
+    }
     valid = [f for f in frames if f.flags & SampleFlag.MARK_VALID]
     assert len(valid) > 400
     for f in valid:
-        assert 0 <= (f.tick_us + 400 - f.mark_tick_us) % 2**32 <= 10_500  # within one turn of the last instant
+        assert (
+            0 <= (f.tick_us + 400 - f.mark_tick_us) % 2**32 <= 10_500
+        )  # within one turn of the last instant
     assert [f.turn_count for f in valid] == sorted(f.turn_count for f in valid)
 
 
@@ -218,7 +222,9 @@ def test_status_errors_are_within_the_data_sheet() -> None:
         assert isinstance(status, RigStatus)
         errors.append(status.shaft_power_W - truth.power_W)
         assert abs(status.oil_outlet_C - truth.oil_C) <= 1.05
-        assert abs(status.clearance_actual_um - truth.clearance_um + b.rig.machine.wear_m * 1e6) < 1.5
+        assert (
+            abs(status.clearance_actual_um - truth.clearance_um + b.rig.machine.wear_m * 1e6) < 1.5
+        )
     assert max(map(abs, errors)) <= 5.5
     assert np.std(errors) > 0.1
 
@@ -247,7 +253,8 @@ def test_seed_rig_runs_too() -> None:
 
 
 def test_the_nodes_clock_drifts_within_its_data_sheet() -> None:
-    """Node time after 8 s of host time: at most 50 ppm off (to one period of 0.2 ms), and each node in its own way."""
+    """Node time after 8 s of host time: at most 50 ppm off (to one period of 0.2 ms), and each node
+    in its own way."""
     node_s = []
     for seed in (0, 2):
         b = Bench(seed)

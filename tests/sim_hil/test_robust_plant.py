@@ -1,4 +1,5 @@
-"""The machine where films break down: standstill, reversal, contact, whirl, loose bolts; and bad input."""
+"""The machine where films break down: standstill, reversal, contact, whirl, loose bolts; and bad
+input."""
 
 import dataclasses
 import math
@@ -51,7 +52,9 @@ def drive_through(
     rows = []
     for i in range(chunks):
         share = (i + np.arange(n + 1) / n) / chunks
-        drive = np.column_stack([[rpm(float(s)) * math.pi / 30 for s in share], np.full(n + 1, load_N)])
+        drive = np.column_stack(
+            [[rpm(float(s)) * math.pi / 30 for s in share], np.full(n + 1, load_N)]
+        )
         rows.append(machine.advance(drive, clearance(i / chunks), RIG.supply.nominal_Pa).truth)
     truth = np.concatenate(rows)
     assert np.isfinite(truth).all()
@@ -95,7 +98,11 @@ def test_standstill_carries_the_load_at_any_step() -> None:
 def test_coast_to_standstill_and_up_again_returns_to_where_it_was() -> None:
     machine = Machine(RIG, Build.of_seed(RIG, 1), 1, clearance_m=50e-6, thermal=False)
     truth = drive_through(
-        machine, 4.0, 100.0, lambda s: 6000 * min(1.0, max(0.0, 3.5 * abs(s - 0.5) - 0.6)), lambda _: 50e-6
+        machine,
+        4.0,
+        100.0,
+        lambda s: 6000 * min(1.0, max(0.0, 3.5 * abs(s - 0.5) - 0.6)),
+        lambda _: 50e-6,
     )
     assert truth.beyond_film_m() < 1e-6
     middle = len(truth.power_W) // 2
@@ -106,7 +113,9 @@ def test_coast_to_standstill_and_up_again_returns_to_where_it_was() -> None:
 
 def test_reversal_mirrors_the_power() -> None:
     forward, backward = hold(6000.0, 100.0), hold(-6000.0, 100.0)
-    assert backward.power_W[-1000:].mean() == pytest.approx(forward.power_W[-1000:].mean(), rel=0.01)
+    assert backward.power_W[-1000:].mean() == pytest.approx(
+        forward.power_W[-1000:].mean(), rel=0.01
+    )
     machine = Machine(RIG, Build.of_seed(RIG, 1), 1)
     truth = drive_through(machine, 1.5, 100.0, lambda s: 6000 * (1 - 2 * s), lambda _: 60e-6)
     assert truth.beyond_film_m() < 0
@@ -126,7 +135,13 @@ def test_whirl_and_the_worst_unbalance_stay_bounded(seed: int) -> None:
     for truth in (
         hold(12000.0, 30.0, 160e-6, seed=seed),
         hold(12000.0, 30.0, 160e-6, seed=seed, faults=WORST),
-        hold(12000.0, 30.0, 40e-6, seed=seed, faults={**WORST, "pedestal_two_bolts": 0.0, "motor_bolt": 0.0}),
+        hold(
+            12000.0,
+            30.0,
+            40e-6,
+            seed=seed,
+            faults={**WORST, "pedestal_two_bolts": 0.0, "motor_bolt": 0.0},
+        ),
     ):
         assert truth.beyond_film_m() < 2e-6
         assert 0.0 < truth.power_W.min() < truth.power_W.max() < 2000.0
@@ -134,7 +149,11 @@ def test_whirl_and_the_worst_unbalance_stay_bounded(seed: int) -> None:
 
 @pytest.mark.parametrize(
     "faults",
-    [{"pedestal_two_bolts": 0.0}, {"rub": 1.0, "unbalance": 100.0}, {"starvation": 1.0, "pressure_loss": 1.0}],
+    [
+        {"pedestal_two_bolts": 0.0},
+        {"rub": 1.0, "unbalance": 100.0},
+        {"starvation": 1.0, "pressure_loss": 1.0},
+    ],
 )
 @pytest.mark.parametrize("rpm", [0.0, 300.0, 6000.0])
 def test_faults_at_their_worst_under_three_times_the_load(faults: FaultSet, rpm: float) -> None:
@@ -145,10 +164,14 @@ def test_faults_at_their_worst_under_three_times_the_load(faults: FaultSet, rpm:
 
 def test_clearance_steps_at_the_rate_limit() -> None:
     machine = Machine(RIG, Build.of_seed(RIG, 1), 1, clearance_m=160e-6)
-    truth = drive_through(machine, 3.0, MAX_LOAD_N, lambda _: 3000.0, lambda s: 40e-6 if s < 0.8 else 160e-6)
+    truth = drive_through(
+        machine, 3.0, MAX_LOAD_N, lambda _: 3000.0, lambda s: 40e-6 if s < 0.8 else 160e-6
+    )
     assert truth.clearance_m.min() < 45e-6
     assert truth.beyond_film_m() < 0
-    still = drive_through(machine, 3.0, MAX_LOAD_N, lambda _: 0.0, lambda s: 40e-6 if s < 0.8 else 160e-6)
+    still = drive_through(
+        machine, 3.0, MAX_LOAD_N, lambda _: 0.0, lambda s: 40e-6 if s < 0.8 else 160e-6
+    )
     # the closing wall carries the resting journal along
     assert still.beyond_film_m() < 1.2 * MAX_LOAD_N / CONTACT_STIFFNESS_N_M
 
@@ -157,8 +180,12 @@ def test_clearance_steps_at_the_rate_limit() -> None:
 def test_film_between_a_resting_journal_and_a_closing_wall(eps: float) -> None:
     c, rate = 60e-6, -50e-6
     film = DirectFilm.make(256, 8)
-    table = table_force(FilmTable.load(0.5).coefficients, 0.0, -eps * c, 0.0, 0.0, 0.0, c, 0.01, 0.02, 0.02, rate)
-    solved = direct_force(film.ring, film.axial, film.work, 0.0, -eps * c, 0.0, 0.0, 0.0, c, 0.01, 0.02, 0.02, rate)
+    table = table_force(
+        FilmTable.load(0.5).coefficients, 0.0, -eps * c, 0.0, 0.0, 0.0, c, 0.01, 0.02, 0.02, rate
+    )
+    solved = direct_force(
+        film.ring, film.axial, film.work, 0.0, -eps * c, 0.0, 0.0, 0.0, c, 0.01, 0.02, 0.02, rate
+    )
     assert table[1] == pytest.approx(solved[1], rel=0.02)
     assert table[1] > 0
 

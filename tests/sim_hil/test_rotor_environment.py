@@ -7,7 +7,14 @@ from gymnasium.utils.env_checker import check_env
 
 from sim_hil.build import Build
 from sim_hil.duty import Duty
-from sim_hil.environment import CONTROL_S, ENVIRONMENT_ID, OBSERVATIONS, RotorEnv, shaft_xy, subsynchronous_share
+from sim_hil.environment import (
+    CONTROL_S,
+    ENVIRONMENT_ID,
+    OBSERVATIONS,
+    RotorEnv,
+    shaft_xy,
+    subsynchronous_share,
+)
 from sim_hil.rigs import load_rig
 
 RIG = load_rig("bench")
@@ -77,8 +84,12 @@ def test_episode_ends_after_its_time() -> None:
 
 
 def test_probe_geometry_and_half_order_share() -> None:
-    np.testing.assert_allclose(shaft_xy(np.array([[np.sqrt(0.5), np.sqrt(0.5)]])), [[0.0, 1.0]], atol=1e-12)
-    np.testing.assert_allclose(shaft_xy(np.array([[np.sqrt(0.5), -np.sqrt(0.5)]])), [[1.0, 0.0]], atol=1e-12)
+    np.testing.assert_allclose(
+        shaft_xy(np.array([[np.sqrt(0.5), np.sqrt(0.5)]])), [[0.0, 1.0]], atol=1e-12
+    )
+    np.testing.assert_allclose(
+        shaft_xy(np.array([[np.sqrt(0.5), -np.sqrt(0.5)]])), [[1.0, 0.0]], atol=1e-12
+    )
     t = np.arange(2000) / 5000
     wave = np.column_stack([np.sin(2 * np.pi * 50 * t), np.cos(2 * np.pi * 50 * t)])
     assert subsynchronous_share(wave, 5000, 2 * np.pi * 100) > 0.95

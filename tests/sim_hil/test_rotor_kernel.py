@@ -30,7 +30,12 @@ def free_plant() -> Plant:
 
 
 def one_step(
-    plant: Plant, state: State, omega: float = 0.0, alpha: float = 0.0, load: float = 0.0, dt: float = DT
+    plant: Plant,
+    state: State,
+    omega: float = 0.0,
+    alpha: float = 0.0,
+    load: float = 0.0,
+    dt: float = DT,
 ) -> State:
     film = plant.film
     substep(
@@ -50,7 +55,9 @@ def test_gravity_and_load_act_at_their_places() -> None:
     assert state.a[1] * RIG.rotor.mass_kg == pytest.approx(-RIG.rotor.gravity_share_N, rel=1e-6)
     more = one_step(free_plant(), rest(), load=RIG.rotor.gravity_share_N + 60.0)
     assert (more.a[1] - state.a[1]) * RIG.rotor.mass_kg == pytest.approx(-60.0)
-    assert (more.a[3] - state.a[3]) * RIG.rotor.diametral_inertia_kg_m2 == pytest.approx(-60.0 * 0.25)
+    assert (more.a[3] - state.a[3]) * RIG.rotor.diametral_inertia_kg_m2 == pytest.approx(
+        -60.0 * 0.25
+    )
     assert pytest.approx(9.81) == GRAVITY
 
 
@@ -92,7 +99,8 @@ def test_run_up_turns_a_standing_tilt() -> None:
 
 
 def test_moments_are_those_of_forces_at_their_lever() -> None:
-    """Coupling at -0.25 m, bearing at +0.25 m: the same force turns the rotor in opposite senses."""
+    """Coupling at -0.25 m, bearing at +0.25 m: the same force turns the rotor in opposite
+    senses."""
     plant = free_plant()
     spring = plant._replace(shaft=plant.shaft._replace(coupling_stiffness=1e6, unbalance=0.0))
     state, base = rest(), rest()
@@ -130,12 +138,16 @@ def test_joint_is_clamped_then_free_then_stopped_by_the_bolt() -> None:
     assert normal_force(-1e-6, k, clamp, gap, k_bolt) == pytest.approx(50.0)
     assert normal_force(lift_off, k, clamp, gap, k_bolt) == pytest.approx(-clamp)
     assert normal_force(lift_off + 0.99 * gap, k, clamp, gap, k_bolt) == -clamp
-    assert normal_force(lift_off + gap + 1e-6, k, clamp, gap, k_bolt) == pytest.approx(-clamp - 20.0)
+    assert normal_force(lift_off + gap + 1e-6, k, clamp, gap, k_bolt) == pytest.approx(
+        -clamp - 20.0
+    )
     assert normal_force(1e-6, k, 0.0, gap, k_bolt) == 0.0
 
 
 def test_foot_slips_at_the_friction_limit_and_returns_with_a_permanent_set() -> None:
-    foot = assemble(RIG, Build.nominal(RIG), DT).pedestal._replace(clamp=(100.0,) * 4, damping=(0.0,) * 4)
+    foot = assemble(RIG, Build.nominal(RIG), DT).pedestal._replace(
+        clamp=(100.0,) * 4, damping=(0.0,) * 4
+    )
     slip = np.zeros(8)
     limit = 4 * foot.friction * 100.0
     force, _, _ = foot_forces(foot, 1e-3, 0.0, 0.0, 0.0, 0.0, 0.0, slip, 0)
@@ -148,14 +160,18 @@ def test_foot_slips_at_the_friction_limit_and_returns_with_a_permanent_set() -> 
 
 def test_equal_feet_do_not_join_lift_and_roll_but_one_soft_foot_does() -> None:
     foot = assemble(RIG, Build.nominal(RIG), DT).pedestal
-    assert foot_forces(foot, 0.0, 1e-6, 0.0, 0.0, 0.0, 0.0, np.zeros(8), 0)[2] == pytest.approx(0.0, abs=1e-9)
+    assert foot_forces(foot, 0.0, 1e-6, 0.0, 0.0, 0.0, 0.0, np.zeros(8), 0)[2] == pytest.approx(
+        0.0, abs=1e-9
+    )
     soft = foot._replace(stiffness=(2e7, 5e7, 5e7, 5e7))
     assert foot_forces(soft, 0.0, 1e-6, 0.0, 0.0, 0.0, 0.0, np.zeros(8), 0)[2] < -1.0
 
 
 def test_rub_is_one_sided_and_drags_against_the_sliding() -> None:
     """A ring of 100 um gap that leaves 10 um above the shaft."""
-    excite = free_plant().excite._replace(rub_stiffness=1e6, rub_gap=1e-5, rub_clearance=1e-4, rub_friction=0.2)
+    excite = free_plant().excite._replace(
+        rub_stiffness=1e6, rub_gap=1e-5, rub_clearance=1e-4, rub_friction=0.2
+    )
     assert rub_force(excite, 0.0, 0.9e-5, 0.0, 0.0, 10.0) == (0.0, 0.0, 0.0)
     assert rub_force(excite, 0.0, -9e-5, 0.0, 0.0, 10.0) == (0.0, 0.0, 0.0)
     assert rub_force(excite, 0.0, 2e-5, 0.0, 0.0, 10.0) == pytest.approx((2.0, -10.0, 2.0))
@@ -184,7 +200,11 @@ def test_misaligned_coupling_turns_twice_a_turn_and_pushes_aside() -> None:
 def test_narrow_film_bears_less_shears_less_and_sheds_less() -> None:
     film = free_plant().film
     full, half = (
-        np.array(bearing_force(TABLE, film, Oil(0.01, s, s**2.5, 0.0), 1e-5, -3e-5, 0.0, 0.0, 600.0, 6e-5, 0.0))
+        np.array(
+            bearing_force(
+                TABLE, film, Oil(0.01, s, s**2.5, 0.0), 1e-5, -3e-5, 0.0, 0.0, 600.0, 6e-5, 0.0
+            )
+        )
         for s in (1.0, 0.5)
     )
     assert half[:2] == pytest.approx(full[:2] * 0.5**2.5)
@@ -199,7 +219,9 @@ def test_oil_thins_with_heat_and_fills_with_pressure() -> None:
     assert oil_now(film, scalar) == pytest.approx((0.01, 1.0, 1.0, 1e5))
     scalar[OIL] = 60.0
     scalar[PRESSURE] = 0.6 * film.pressure_needed
-    assert oil_now(film, scalar) == pytest.approx((0.01 * math.exp(-0.6), 0.6, 0.6**2.5, 0.6 * film.pressure_needed))
+    assert oil_now(film, scalar) == pytest.approx(
+        (0.01 * math.exp(-0.6), 0.6, 0.6**2.5, 0.6 * film.pressure_needed)
+    )
 
 
 def test_actuator_keeps_its_rate_and_its_backlash() -> None:

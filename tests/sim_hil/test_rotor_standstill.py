@@ -1,4 +1,5 @@
-"""The rotor alone where its film is not smooth: standstill, a closing wall, stop and start, reversal."""
+"""The rotor alone where its film is not smooth: standstill, a closing wall, stop and start,
+reversal."""
 
 import numpy as np
 import pytest
@@ -28,8 +29,12 @@ def test_a_resting_journal_sinks_onto_the_asperities(load_N: float, dt_s: float)
 
 @pytest.mark.parametrize("dt_s", [50e-6, 25e-6])
 def test_a_closing_wall_carries_the_resting_journal_along(dt_s: float) -> None:
-    run = simulate(RIG, Duty.hold(0.0, 100.0, 2.0), clearance=lambda t: 160e-6 if t < 0.3 else 40e-6, dt_s=dt_s)
-    assert run.position_m[-1, 1] == pytest.approx(-EPS_TABLE * run.column("clearance_m")[-1], abs=1e-6)
+    run = simulate(
+        RIG, Duty.hold(0.0, 100.0, 2.0), clearance=lambda t: 160e-6 if t < 0.3 else 40e-6, dt_s=dt_s
+    )
+    assert run.position_m[-1, 1] == pytest.approx(
+        -EPS_TABLE * run.column("clearance_m")[-1], abs=1e-6
+    )
     assert beyond_film_m(run) < 1.2 * 100.0 / CONTACT_STIFFNESS_N_M
     assert abs(run.position_m[:, 0]).max() < 1e-9
 
@@ -53,7 +58,9 @@ def test_backward_rotation_is_the_mirror_image() -> None:
 
 
 def test_reversal_passes_through_zero() -> None:
-    run = simulate(RIG, Duty((0.0, 0.6, 0.8), (3000.0, -3000.0, -3000.0), (200.0,) * 3), clearance=NOMINAL_M)
+    run = simulate(
+        RIG, Duty((0.0, 0.6, 0.8), (3000.0, -3000.0, -3000.0), (200.0,) * 3), clearance=NOMINAL_M
+    )
     assert run.position_m[-1, 0] < -20e-6
     assert run.min_film_m.min() > 0
     assert run.power_W.min() > -1.0

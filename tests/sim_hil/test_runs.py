@@ -15,7 +15,15 @@ RIG = load_rig("bench")
 
 def test_recording_follows_speed_load_and_clearance() -> None:
     duty = Duty((0.0, 2.0), (3000.0, 6000.0), (50.0, 150.0))
-    r = record(RIG, Build.of_seed(RIG, 1), duty, 2.0, clearance=lambda t: 60e-6 + 20e-6 * t, seed=3, pressure=2e5)
+    r = record(
+        RIG,
+        Build.of_seed(RIG, 1),
+        duty,
+        2.0,
+        clearance=lambda t: 60e-6 + 20e-6 * t,
+        seed=3,
+        pressure=2e5,
+    )
     assert r.counts.shape == (10000, 8)
     assert r.counts.dtype == np.int16
     assert r.status.shape == (40, 5)
@@ -28,7 +36,15 @@ def test_recording_follows_speed_load_and_clearance() -> None:
 
 def test_recording_repeats() -> None:
     first, again = (
-        record(RIG, Build.of_seed(RIG, 1), Duty.hold(6000, 100), 0.3, clearance=60e-6, seed=3, faults={"rub": 0.9})
+        record(
+            RIG,
+            Build.of_seed(RIG, 1),
+            Duty.hold(6000, 100),
+            0.3,
+            clearance=60e-6,
+            seed=3,
+            faults={"rub": 0.9},
+        )
         for _ in range(2)
     )
     np.testing.assert_array_equal(first.counts, again.counts)
@@ -39,7 +55,9 @@ def followed(duty: Duty, **faults: float) -> dict[str, np.ndarray]:
     machine = Machine(RIG, Build.nominal(RIG), 0, clearance_m=60e-6)
     for name, severity in faults.items():
         machine.inject(name, severity)
-    return dict(zip(TRUTH_COLUMNS, run(machine, duty, duty.seconds, clearance=60e-6).truth.T, strict=True))
+    return dict(
+        zip(TRUTH_COLUMNS, run(machine, duty, duty.seconds, clearance=60e-6).truth.T, strict=True)
+    )
 
 
 @pytest.mark.parametrize("speed_rpm", [0.0, -3000.0])
@@ -52,5 +70,7 @@ def test_standstill_and_backward_rotation_stay_finite(speed_rpm: float) -> None:
 
 
 def test_faults_change_the_power() -> None:
-    healthy, worn = (followed(Duty.hold(9000, 100, 0.4), **faults) for faults in ({}, {"wear": 1.0}))
+    healthy, worn = (
+        followed(Duty.hold(9000, 100, 0.4), **faults) for faults in ({}, {"wear": 1.0})
+    )
     assert worn["shaft_power_W"].mean() < 0.95 * healthy["shaft_power_W"].mean()

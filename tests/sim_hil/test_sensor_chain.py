@@ -30,7 +30,8 @@ def test_filter_is_60_dB_down_from_nyquist_and_flat_below(rate: int, substeps: i
 
 
 def tone(hz: float, rate_hz: int) -> Floats:
-    """What the motor's accelerometer gives, m/s2, when a force of that frequency shakes the motor; with its times."""
+    """What the motor's accelerometer gives, m/s2, when a force of that frequency shakes the motor;
+    with its times."""
     shaken = dataclasses.replace(RIG.excitation, line_hz=hz, line_force_N=3000.0, tooth_force_N=0.0)
     machine = Machine(dataclasses.replace(RIG, excitation=shaken), NOMINAL, 1, rate_hz=rate_hz)
     counts = run(machine, Duty.hold(3000, 100), 1.2, clearance=60e-6).counts
@@ -46,7 +47,10 @@ def amplitude(y: Floats, hz: float, rate_hz: int) -> float:
 @pytest.mark.parametrize("hz", [2503.0, 2700.0, 4100.0])
 def test_a_tone_above_nyquist_is_gone_through_the_whole_machine(hz: float) -> None:
     """Seen at 10 kHz, it must not come back folded at 5 kHz: 60 dB down."""
-    seen, folded = amplitude(tone(hz, 10_000), hz, 10_000), amplitude(tone(hz, 5000), 5000 - hz, 5000)
+    seen, folded = (
+        amplitude(tone(hz, 10_000), hz, 10_000),
+        amplitude(tone(hz, 5000), 5000 - hz, 5000),
+    )
     assert seen > 20.0 if hz < 4000 else seen > 5.0
     assert folded < 1e-3 * seen + 0.004  # and the noise of 5000 samples
 
@@ -71,7 +75,9 @@ def test_contact_voltage_falls_as_the_film_thins_and_ends_at_zero() -> None:
 def chain_output(build: Build, signals: Floats, seed: int = 0) -> Floats:
     n = len(signals)
     normal = np.random.default_rng(seed).standard_normal((n, 8))
-    return units(SensorChain(build).counts(signals, normal, np.zeros((n, 8)), np.zeros(n), np.zeros(n), {}))
+    return units(
+        SensorChain(build).counts(signals, normal, np.zeros((n, 8)), np.zeros(n), np.zeros(n), {})
+    )
 
 
 def test_noise_of_each_channel_is_that_of_its_data_sheet() -> None:
@@ -106,7 +112,9 @@ def test_quantisation_is_that_of_the_wire() -> None:
 
 def first_order_phase(recording_rate: int) -> float:
     """Phase of the first order of disp_x against the marks, degrees."""
-    r = record(RIG, NOMINAL, Duty.hold(6000, 100), 1.0, clearance=60e-6, seed=4, rate_hz=recording_rate)
+    r = record(
+        RIG, NOMINAL, Duty.hold(6000, 100), 1.0, clearance=60e-6, seed=4, rate_hz=recording_rate
+    )
     turns = np.interp(r.time_s, r.mark_s, np.arange(len(r.mark_s)))
     inside = (r.time_s > r.mark_s[0]) & (r.time_s < r.mark_s[-1])
     y = units(r.counts)[inside, 0]
@@ -137,7 +145,9 @@ def test_runout_is_seen_by_the_probe_only() -> None:
     runout[0, 1] = 5e-6
     build = dataclasses.replace(NOMINAL, runout_m=runout)
     duty = Duty.hold(6000, 100)
-    with_runout, without = (record(RIG, b, duty, 0.4, clearance=60e-6, seed=2) for b in (build, NOMINAL))
+    with_runout, without = (
+        record(RIG, b, duty, 0.4, clearance=60e-6, seed=2) for b in (build, NOMINAL)
+    )
     np.testing.assert_array_equal(with_runout.truth, without.truth)
     difference = units(with_runout.counts)[:, 0] - units(without.counts)[:, 0]
     assert np.ptp(difference) == pytest.approx(10e-6, rel=0.02)
@@ -145,7 +155,9 @@ def test_runout_is_seen_by_the_probe_only() -> None:
 
 def test_machine_repeats_bit_for_bit_and_differs_by_seed() -> None:
     duty = Duty((0.0, 0.3), (3000.0, 6000.0), (50.0, 200.0))
-    first, again, other = (run(Machine(RIG, NOMINAL, s), duty, 0.3, clearance=70e-6) for s in (5, 5, 6))
+    first, again, other = (
+        run(Machine(RIG, NOMINAL, s), duty, 0.3, clearance=70e-6) for s in (5, 5, 6)
+    )
     np.testing.assert_array_equal(first.counts, again.counts)
     np.testing.assert_array_equal(first.truth, again.truth)
     assert (first.counts != other.counts).any()

@@ -84,7 +84,9 @@ def test_it_agrees_with_the_whole_machine_on_the_same_episode(seed: int) -> None
         observation, reward, *_, info = one.step(action)
         others, rewards, _, _, infos = many.step(action[None])
         single.append((info["power_W"], info["min_film_m"], info["peak_to_peak_m"], reward))
-        fleet.append((infos["power_W"][0], infos["min_film_m"][0], infos["peak_to_peak_m"][0], rewards[0]))
+        fleet.append(
+            (infos["power_W"][0], infos["min_film_m"][0], infos["peak_to_peak_m"][0], rewards[0])
+        )
         seen.append(others[0] - observation)
     power, film, swing, reward = (np.array(fleet) - np.array(single)).T
     assert abs(power).max() < 0.005 * np.mean([row[0] for row in single])
@@ -118,9 +120,13 @@ def test_pressure_is_a_second_action_and_its_pump_counts() -> None:
     envs.reset(seed=0)
     for _ in range(8):
         seen, reward, *_, infos = envs.step(np.array([[-0.5, 1.0]], np.float32))
-    assert seen[0, INDEX["supply_pressure_bar"]] == pytest.approx(RIG.supply.max_Pa * 1e-5, rel=0.01)
+    assert seen[0, INDEX["supply_pressure_bar"]] == pytest.approx(
+        RIG.supply.max_Pa * 1e-5, rel=0.01
+    )
     assert infos["pump_power_W"][0] > 0.1
-    assert infos["power_W"][0] == pytest.approx(infos["shaft_power_W"][0] + infos["pump_power_W"][0])
+    assert infos["power_W"][0] == pytest.approx(
+        infos["shaft_power_W"][0] + infos["pump_power_W"][0]
+    )
     assert reward[0] < -infos["shaft_power_W"][0] / infos["power_W"][0] * infos["power_share"][0]
 
 
@@ -133,12 +139,16 @@ def test_a_fed_journal_rests_where_the_fine_steps_of_a_run_put_it(clearance_um: 
     envs.reset(seed=0)
     for _ in range(15):
         *_, infos = envs.step(actions_of(RIG, np.full((4, 2), setting)))
-    fine = simulate(RIG, duty, clearance=setting[0], pressure=setting[1], seconds=1.5, fed=True, dt_s=25e-6)
+    fine = simulate(
+        RIG, duty, clearance=setting[0], pressure=setting[1], seconds=1.5, fed=True, dt_s=25e-6
+    )
     assert infos["min_film_m"] == pytest.approx(fine.min_film_m[-1], rel=0.02)
 
 
 def test_developing_faults_and_drifting_oil_arrive() -> None:
-    envs = RotorVectorEnv(6, episode_s=2.0, disturbances=Disturbances(developing=1.0, unbalance_G=(15.0, 16.0)))
+    envs = RotorVectorEnv(
+        6, episode_s=2.0, disturbances=Disturbances(developing=1.0, unbalance_G=(15.0, 16.0))
+    )
     envs.reset(seed=0)
     last = np.array([e.unbalance_kg_m.at(2.0) + e.wear_m.at(2.0) for e in envs.episodes])
     assert (last > 0).all()

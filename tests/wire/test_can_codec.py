@@ -1,4 +1,5 @@
-"""The codec and `orbitd.dbc` are the same interface; decoding is total; the CRC catches what it must."""
+"""The codec and `orbitd.dbc` are the same interface; decoding is total; the CRC catches what it
+must."""
 
 from __future__ import annotations
 
@@ -69,7 +70,9 @@ def random_values(message: Any, rng: np.random.Generator) -> dict[str, float]:
     values = {}
     for signal in message.signals:
         low, high = round(signal.minimum / signal.scale), round(signal.maximum / signal.scale)
-        raw = int(rng.choice([low, high, rng.integers(low, high, endpoint=True)], p=[0.1, 0.1, 0.8]))
+        raw = int(
+            rng.choice([low, high, rng.integers(low, high, endpoint=True)], p=[0.1, 0.1, 0.8])
+        )
         values[signal.name] = raw * signal.scale
     return values
 
@@ -78,7 +81,9 @@ def record_of(name: str, values: dict[str, float]) -> WireMessage:
     """The record that carries the DBC's ``values``."""
     if name == "SAMPLES":
         raw = [
-            round(values[f"{c}_{i}"] / MESSAGES[FrameId.SAMPLES].get_signal_by_name(f"{c}_{i}").scale)
+            round(
+                values[f"{c}_{i}"] / MESSAGES[FrameId.SAMPLES].get_signal_by_name(f"{c}_{i}").scale
+            )
             for i in range(3)
             for c in CHANNELS
         ]
@@ -133,7 +138,8 @@ def test_the_dbc_says_all_that_a_stranger_needs(frame_id: FrameId) -> None:
 
 
 def test_the_crc_is_the_published_one() -> None:
-    """The catalogue's check value of CRC-16/CCITT-FALSE ("123456789" -> 0x29B1), computed bit by bit."""
+    """The catalogue's check value of CRC-16/CCITT-FALSE ("123456789" -> 0x29B1), computed bit by
+    bit."""
 
     def bitwise(data: bytes) -> int:
         register = 0xFFFF
@@ -156,14 +162,22 @@ def test_sample_scales_are_those_of_the_shipped_configuration() -> None:
         assert signal.scale * si_per_unit[signal.unit] == pytest.approx(channel.scale, rel=1e-12)
 
 
-@given(frame_id=st.sampled_from([*map(int, FrameId), 0, 0x7FF, 0x800000C0]), data=st.binary(max_size=70))
+@given(
+    frame_id=st.sampled_from([*map(int, FrameId), 0, 0x7FF, 0x800000C0]),
+    data=st.binary(max_size=70),
+)
 def test_any_bytes_give_a_record_or_a_rejection(frame_id: int, data: bytes) -> None:
     result = CODEC.decode(RawFrame(0, frame_id, data))
-    assert isinstance(result, Rejected | SampleFrame | RigStatus | NodeState | NodeInfo | Command | DeviceHeartbeat)
+    assert isinstance(
+        result,
+        Rejected | SampleFrame | RigStatus | NodeState | NodeInfo | Command | DeviceHeartbeat,
+    )
 
 
 @given(st.sampled_from(list(FrameId)), st.data())
-def test_any_protected_payload_gives_a_record_or_range(frame_id: FrameId, data: st.DataObject) -> None:
+def test_any_protected_payload_gives_a_record_or_range(
+    frame_id: FrameId, data: st.DataObject
+) -> None:
     size = MESSAGES[frame_id].length
     body = data.draw(st.binary(min_size=size - 2, max_size=size - 2))
     seed = protection.seed(MESSAGES[frame_id].dbc.attributes["DataId"].value)
@@ -179,14 +193,20 @@ def test_every_flipped_bit_is_caught(frame_id: FrameId) -> None:
     for bit in range(8 * len(EXAMPLES[frame_id])):
         data = bytearray(EXAMPLES[frame_id])
         data[bit // 8] ^= 1 << bit % 8
-        assert CODEC.decode(RawFrame(0, int(frame_id), bytes(data))) == Rejected("crc", int(frame_id))
+        assert CODEC.decode(RawFrame(0, int(frame_id), bytes(data))) == Rejected(
+            "crc", int(frame_id)
+        )
 
 
 def test_a_payload_under_another_identifier_is_caught() -> None:
-    pairs = [(i, j) for i in FrameId for j in FrameId if i != j and len(EXAMPLES[i]) == len(EXAMPLES[j])]
+    pairs = [
+        (i, j) for i in FrameId for j in FrameId if i != j and len(EXAMPLES[i]) == len(EXAMPLES[j])
+    ]
     assert len(pairs) == 6  # three messages of 24 bytes
     for claimed, real in pairs:
-        assert CODEC.decode(RawFrame(0, int(claimed), EXAMPLES[real])) == Rejected("crc", int(claimed))
+        assert CODEC.decode(RawFrame(0, int(claimed), EXAMPLES[real])) == Rejected(
+            "crc", int(claimed)
+        )
 
 
 def test_lengths_and_identifiers_are_checked() -> None:
@@ -205,7 +225,9 @@ def test_lengths_and_identifiers_are_checked() -> None:
         (FrameId.NODE_STATE, 15, 2),
     ],
 )
-def test_enumerations_beyond_their_last_value_are_refused(frame_id: FrameId, offset: int, value: int) -> None:
+def test_enumerations_beyond_their_last_value_are_refused(
+    frame_id: FrameId, offset: int, value: int
+) -> None:
     seed = protection.seed(MESSAGES[frame_id].dbc.attributes["DataId"].value)
     for good, expected in ((value - 1, False), (value, True), (255, True)):
         data = bytearray(EXAMPLES[frame_id])
@@ -222,7 +244,9 @@ def test_a_clearance_that_does_not_fit_is_refused(clearance: float) -> None:
 
 @pytest.mark.parametrize("clearance", [0.0, 655.35])
 def test_the_ends_of_the_clearance_fit(clearance: float) -> None:
-    assert CODEC.decode(CODEC.encode(Command(0, 1, 2, clearance, 1.0))) == Command(0, 1, 2, clearance, 1.0)
+    assert CODEC.decode(CODEC.encode(Command(0, 1, 2, clearance, 1.0))) == Command(
+        0, 1, 2, clearance, 1.0
+    )
 
 
 @pytest.mark.parametrize(

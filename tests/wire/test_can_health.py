@@ -51,10 +51,23 @@ def link(bus: ScriptedBus) -> CanLink:
     return CanLink(lambda wait_s: bus)  # type: ignore[arg-type, return-value]
 
 
-@pytest.mark.parametrize(("classes", "controller", "words"), [
-    (0x040, 0, "bus-off"), (0x004, 0x10, "error-passive"), (0x004, 0x20, "error-passive"), (0x004, 0x04, "warning"),
-    (0x004, 0x08, "warning"), (0x004, 0x01, "lost frames"), (0x004, 0x02, "lost frames"), (0x020, 0, "acknowledges"),
-    (0x001, 0, "could not send"), (0x008, 0, "bus errors"), (0x080, 0, "bus errors"), (0x010, 0, "transceiver")])
+@pytest.mark.parametrize(
+    ("classes", "controller", "words"),
+    [
+        (0x040, 0, "bus-off"),
+        (0x004, 0x10, "error-passive"),
+        (0x004, 0x20, "error-passive"),
+        (0x004, 0x04, "warning"),
+        (0x004, 0x08, "warning"),
+        (0x004, 0x01, "lost frames"),
+        (0x004, 0x02, "lost frames"),
+        (0x020, 0, "acknowledges"),
+        (0x001, 0, "could not send"),
+        (0x008, 0, "bus errors"),
+        (0x080, 0, "bus errors"),
+        (0x010, 0, "transceiver"),
+    ],
+)
 def test_each_error_is_named_with_what_to_look_at(bus, link, classes, controller, words):
     bus.waiting = [error_frame(classes, controller)]
     assert link.receive(1) == []
@@ -76,8 +89,9 @@ def test_a_full_queue_is_named_until_sends_succeed_for_a_while(bus, link):
     assert link.fault == ""
 
 
-@pytest.mark.parametrize("sign", [GOOD, error_frame(0x100), error_frame(0x004, 0x40)],
-                         ids=["frame", "restart", "active"])
+@pytest.mark.parametrize(
+    "sign", [GOOD, error_frame(0x100), error_frame(0x004, 0x40)], ids=["frame", "restart", "active"]
+)
 def test_bus_off_lasts_until_the_controller_takes_part_again(bus, link, sign):
     bus.waiting = [error_frame(0x040)]
     link.receive(1)

@@ -123,7 +123,9 @@ class Stamped:
         return [frame.arrival_ns for frame in self.link.receive(self.now_ns)]
 
 
-@pytest.mark.parametrize("step_ms", [20, 50, 1000, 3_600_000, 10**9, -1, -50, -3_600_000, -1_699_999_999_000])
+@pytest.mark.parametrize(
+    "step_ms", [20, 50, 1000, 3_600_000, 10**9, -1, -50, -3_600_000, -1_699_999_999_000]
+)
 @pytest.mark.parametrize(("before_ms", "waits_ms"), [(1, 1), (1, 40), (30, 10)])
 def test_a_step_of_the_calendar_while_frames_wait_makes_none_older_or_younger_than_it_can_be(
     monkeypatch: pytest.MonkeyPatch, step_ms: int, before_ms: int, waits_ms: int
@@ -141,7 +143,9 @@ def test_a_step_of_the_calendar_while_frames_wait_makes_none_older_or_younger_th
     s.wait(3)
     s.put()
     s.wait(2)
-    assert s.read() == [pytest.approx(s.now_ns - 2 * MS, abs=1000)], "believed again once the queue was empty"
+    assert s.read() == [pytest.approx(s.now_ns - 2 * MS, abs=1000)], (
+        "believed again once the queue was empty"
+    )
 
 
 def test_what_waits_in_a_new_queue_has_no_age(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -155,7 +159,9 @@ def test_what_waits_in_a_new_queue_has_no_age(monkeypatch: pytest.MonkeyPatch) -
 
 
 @pytest.mark.parametrize("step_ms", [50, 3_600_000, -50])
-def test_a_step_while_nothing_waits_costs_nothing(monkeypatch: pytest.MonkeyPatch, step_ms: int) -> None:
+def test_a_step_while_nothing_waits_costs_nothing(
+    monkeypatch: pytest.MonkeyPatch, step_ms: int
+) -> None:
     s = Stamped(monkeypatch)
     s.calendar_ns += step_ms * MS
     s.wait(1)
@@ -178,7 +184,9 @@ def test_more_than_a_batch_with_stamps_from_before_a_step(monkeypatch: pytest.Mo
     assert s.link.counters["stamps_refused"] == BATCH + 10
 
 
-def test_a_calendar_that_is_set_again_and_again_never_ages_a_frame(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_calendar_that_is_set_again_and_again_never_ages_a_frame(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     s = Stamped(monkeypatch)
     for k in range(100):
         s.wait(1)
@@ -200,7 +208,9 @@ def test_a_frame_without_a_usable_stamp_arrives_when_it_is_read(
 def test_a_29_bit_identifier_never_passes_for_an_11_bit_one(pair: tuple[CanLink, CanLink]) -> None:
     _, there = pair
     with OrbitdHubBus("t") as stranger:
-        stranger.send(can.Message(arbitration_id=0x0C0, is_extended_id=True, is_fd=True, data=bytes(64)))
+        stranger.send(
+            can.Message(arbitration_id=0x0C0, is_extended_id=True, is_fd=True, data=bytes(64))
+        )
         (frame,) = receive_until(there, 1, 0)
     assert frame.frame_id == 0x8000_00C0
 
@@ -216,7 +226,9 @@ def test_error_and_remote_frames_are_counted_and_kept_away(pair: tuple[CanLink, 
     assert there.counters["error_frames"] == 2
 
 
-def test_a_killed_hub_takes_the_link_down_and_a_new_one_brings_it_back(pair: tuple[CanLink, CanLink]) -> None:
+def test_a_killed_hub_takes_the_link_down_and_a_new_one_brings_it_back(
+    pair: tuple[CanLink, CanLink],
+) -> None:
     here, there = pair
     kill_hub(here)
     while here.up or there.up:

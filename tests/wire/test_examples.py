@@ -1,4 +1,5 @@
-"""The example programs against each other on a real bus, as real processes that know the DBC alone."""
+"""The example programs against each other on a real bus, as real processes that know the DBC
+alone."""
 
 from __future__ import annotations
 
@@ -27,7 +28,9 @@ def directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def start(program: str, *options: str) -> subprocess.Popen[str]:
-    return subprocess.Popen([sys.executable, str(EXAMPLES / program), *options], stdout=subprocess.PIPE, text=True)
+    return subprocess.Popen(
+        [sys.executable, str(EXAMPLES / program), *options], stdout=subprocess.PIPE, text=True
+    )
 
 
 def result(process: subprocess.Popen[str]) -> dict[str, object]:
@@ -38,7 +41,9 @@ def result(process: subprocess.Popen[str]) -> dict[str, object]:
 
 def test_rig_and_device_that_know_only_the_dbc_work_together() -> None:
     rig = start("play_rig.py", "--seconds", "60")
-    seen = result(start("play_device.py", "--seconds", "2", "--clearance", "62.5", "--pressure", "1.5"))
+    seen = result(
+        start("play_device.py", "--seconds", "2", "--clearance", "62.5", "--pressure", "1.5")
+    )
     time.sleep(4)  # longer than any expiry: command 0.1 s, heartbeat 3 s
     rig.send_signal(signal.SIGINT)
     played = result(rig)
@@ -46,7 +51,9 @@ def test_rig_and_device_that_know_only_the_dbc_work_together() -> None:
     assert seen["speed_rpm"] == pytest.approx(3000, rel=1e-3)
     assert seen["states_following"] > seen["states"] / 2
     assert 52 < seen["status"]["clearance_actual"] <= 62.5
-    assert seen["peak_to_peak_um"] == pytest.approx(0.2 * seen["status"]["clearance_actual"], rel=0.1)
+    assert seen["peak_to_peak_um"] == pytest.approx(
+        0.2 * seen["status"]["clearance_actual"], rel=0.1
+    )
     assert seen["info"]["boot_clearance"] == 50.0
     assert {k for k, n in {**seen["bus"], **played["bus"]}.items() if n} <= {"frames"}
     # The device has left: its last command expired, and so did its heartbeat.
@@ -71,13 +78,20 @@ def test_the_echo_client_answers_every_ping() -> None:
 @pytest.mark.parametrize("program", sorted(p.name for p in EXAMPLES.glob("*.py")))
 def test_the_examples_import_nothing_of_the_project(program: str) -> None:
     tree = ast.parse((EXAMPLES / program).read_text())
-    modules = {alias.name for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names}
+    modules = {
+        alias.name
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Import)
+        for alias in node.names
+    }
     modules |= {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
     assert not {m.partition(".")[0] for m in modules if m} & {"firmware_py", "sim_hil", "models"}
 
 
 def test_the_worked_example_of_the_node_specification_is_right() -> None:
-    (line,) = re.findall(r"^ +frame 0x060 +([0-9A-F ]+)$", (DEPLOY / "NODE.md").read_text(), re.MULTILINE)
+    (line,) = re.findall(
+        r"^ +frame 0x060 +([0-9A-F ]+)$", (DEPLOY / "NODE.md").read_text(), re.MULTILINE
+    )
     command = CanCodec().decode(RawFrame(0, 0x060, bytes.fromhex(line)))
     assert (command.counter, command.session, command.echo_tick_us) == (258, 0x1234ABCD, 5_000_000)
     assert (command.clearance_um, command.pressure_bar) == (62.5, 1.5)

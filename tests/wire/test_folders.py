@@ -1,4 +1,5 @@
-"""Who could put a socket in our place is kept out, and a server of another user is not talked to."""
+"""Who could put a socket in our place is kept out, and a server of another user is not talked
+to."""
 
 from __future__ import annotations
 
@@ -20,14 +21,18 @@ STRANGER = 12345
 needs_root = pytest.mark.skipif(os.geteuid() != 0, reason="needs root")
 
 
-@pytest.mark.parametrize(("mode", "cause"), [(0o700, ""), (0o755, ""), (0o777, "everybody"), (0o1777, "everybody")])
+@pytest.mark.parametrize(
+    ("mode", "cause"), [(0o700, ""), (0o755, ""), (0o777, "everybody"), (0o1777, "everybody")]
+)
 def test_the_last_folder_is_closed_to_others(tmp_path, mode, cause):
     (tmp_path / "a").mkdir()
     (tmp_path / "a").chmod(mode)
     assert (cause in unsafe(tmp_path / "a")) if cause else unsafe(tmp_path / "a") == ""
 
 
-@pytest.mark.parametrize(("mode", "safe"), [(0o755, True), (0o1777, True), (0o777, False), (0o757, False)])
+@pytest.mark.parametrize(
+    ("mode", "safe"), [(0o755, True), (0o1777, True), (0o777, False), (0o757, False)]
+)
 def test_every_folder_on_the_way_counts_and_a_sticky_one_is_no_danger(tmp_path, mode, safe):
     (tmp_path / "a" / "b" / "c").mkdir(parents=True)
     (tmp_path / "a").chmod(mode)
@@ -55,7 +60,9 @@ def test_the_group_may_not_write_to_a_users_folder(tmp_path, monkeypatch):
     assert unsafe(tmp_path / "a") == ""
 
 
-@pytest.mark.parametrize("name", ["../evil", "", "..", ".", "a/b", "x" * 33, "Umlaut\u00e4", "a b", "a\n", "\x00", "A"])
+@pytest.mark.parametrize(
+    "name", ["../evil", "", "..", ".", "a/b", "x" * 33, "Umlaut\u00e4", "a b", "a\n", "\x00", "A"]
+)
 def test_an_instance_is_a_name_wherever_it_enters(tmp_path, name):
     with pytest.raises(RoomError, match="a name of 1 to 32"):
         runtime_dir(name, tmp_path)
@@ -80,8 +87,10 @@ def test_a_client_does_not_talk_to_another_users_server(tmp_path):
 
 @needs_root
 def test_a_server_of_another_user_is_trusted_only_where_the_folder_is_shared(tmp_path, monkeypatch):
-    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as listener, \
-            socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as sock:
+    with (
+        socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as listener,
+        socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as sock,
+    ):
         path = tmp_path / "guard.sock"
         listener.bind(str(path))
         listener.listen(1)
@@ -167,5 +176,8 @@ def test_the_hub_listens_again_and_old_and_new_nodes_hear_each_other(tmp_path, r
 def test_a_hub_whose_place_was_taken_sends_its_nodes_to_the_other(tmp_path):
     with OrbitdHubBus("t", directory=tmp_path) as old:
         (tmp_path / "t.sock").unlink()
-        with OrbitdHubBus("t", directory=tmp_path), pytest.raises(can.CanOperationError, match="hub lost"):
+        with (
+            OrbitdHubBus("t", directory=tmp_path),
+            pytest.raises(can.CanOperationError, match="hub lost"),
+        ):
             old.recv(10.0)

@@ -90,7 +90,9 @@ def send_patiently(sender: OrbitdHubBus, count: int) -> None:
         can.Message(arbitration_id=0x1, is_extended_id=True, is_error_frame=True),
     ],
 )
-def test_a_frame_reaches_all_others_unchanged(bus: Callable[[], OrbitdHubBus], message: can.Message) -> None:
+def test_a_frame_reaches_all_others_unchanged(
+    bus: Callable[[], OrbitdHubBus], message: can.Message
+) -> None:
     sender, first, second = bus(), bus(), bus()
     before = time.time()
     sender.send(message)
@@ -123,7 +125,8 @@ def test_filters_apply(bus: Callable[[], OrbitdHubBus]) -> None:
 
 
 def test_a_stopped_listener_costs_the_others_nothing(bus: Callable[[], OrbitdHubBus]) -> None:
-    """20 000 frames pass a stopped process; another gets all, the stopped one is told what it lost."""
+    """20 000 frames pass a stopped process; another gets all, the stopped one is told what it
+    lost."""
     sender, receiver = bus(), bus()
     stopped = subprocess.Popen([sys.executable, "-c", LISTENER], stdout=subprocess.PIPE, text=True)
     assert stopped.stdout is not None
@@ -147,7 +150,8 @@ def test_a_stopped_listener_costs_the_others_nothing(bus: Callable[[], OrbitdHub
 
 
 def finish(listener: subprocess.Popen[str], sender: OrbitdHubBus) -> tuple[int, int, int]:
-    """Send closing frames until ``listener`` has seen one; frames that it received, lost, and the closing ones."""
+    """Send closing frames until ``listener`` has seen one; frames that it received, lost, and the
+    closing ones."""
     assert listener.stdout is not None
     closing = 0
     while listener.poll() is None:
@@ -188,7 +192,8 @@ def test_the_death_of_the_hub_is_an_unplugged_adapter(bus: Callable[[], OrbitdHu
 
 def test_many_that_come_first_start_one_hub(bus: Callable[[], OrbitdHubBus]) -> None:
     listeners = [
-        subprocess.Popen([sys.executable, "-c", LISTENER], stdout=subprocess.PIPE, text=True) for _ in range(4)
+        subprocess.Popen([sys.executable, "-c", LISTENER], stdout=subprocess.PIPE, text=True)
+        for _ in range(4)
     ]
     for each in listeners:
         assert each.stdout is not None
@@ -212,7 +217,9 @@ def test_the_hub_leaves_when_all_have_left(bus: Callable[[], OrbitdHubBus], tmp_
     assert bus().recv(0) is None  # and the next one starts another
 
 
-def test_a_client_that_sends_no_frames_is_put_out(bus: Callable[[], OrbitdHubBus], tmp_path: Path) -> None:
+def test_a_client_that_sends_no_frames_is_put_out(
+    bus: Callable[[], OrbitdHubBus], tmp_path: Path
+) -> None:
     sender, receiver = bus(), bus()
     for junk in (b"x", bytes(hub.HEADER.size - 1) + b"\x05", bytes(500)):
         with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as client:

@@ -44,8 +44,11 @@ def entries(dialect: Any) -> dict[str, int]:
 
 def test_standard_enumerations_are_the_standard_ones() -> None:
     theirs = entries(common)
-    ours = {name: value for name, value in entries(mav_dialect).items()
-            if name.startswith("MAV_") and not name.endswith("_ENUM_END")}
+    ours = {
+        name: value
+        for name, value in entries(mav_dialect).items()
+        if name.startswith("MAV_") and not name.endswith("_ENUM_END")
+    }
     assert len(ours) > 20
     assert ours == {name: theirs[name] for name in ours}
 
@@ -61,6 +64,11 @@ def test_codec_knows_the_crc_extra_of_every_message() -> None:
 
 
 def test_runtime_codec_needs_no_dialect_module() -> None:
-    source = ("import sys, firmware_py.wire.mav_codec, firmware_py.wire.serial_link\n"
-              "sys.exit(any('pymavlink' in name or 'mav_dialect' in name for name in sys.modules))")
-    assert subprocess.run([sys.executable, "-c", source], cwd=WIRE.parents[1], check=False).returncode == 0
+    source = (
+        "import sys, firmware_py.wire.mav_codec, firmware_py.wire.serial_link\n"
+        "sys.exit(any('pymavlink' in name or 'mav_dialect' in name for name in sys.modules))"
+    )
+    assert (
+        subprocess.run([sys.executable, "-c", source], cwd=WIRE.parents[1], check=False).returncode
+        == 0
+    )

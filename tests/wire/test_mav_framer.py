@@ -1,4 +1,5 @@
-"""Packets in a stream of bytes: whatever else is in it, the intact ones come out, and the rest is counted."""
+"""Packets in a stream of bytes: whatever else is in it, the intact ones come out, and the rest is
+counted."""
 
 from __future__ import annotations
 
@@ -34,7 +35,9 @@ def test_any_cutting_gives_the_same_packets(cuts: list[int]) -> None:
 
 @given(parts=st.lists(st.one_of(st.sampled_from(PACKETS), st.binary(max_size=40)), max_size=20))
 @settings(deadline=None)
-def test_every_intact_packet_survives_garbage_and_every_other_byte_is_counted(parts: list[bytes]) -> None:
+def test_every_intact_packet_survives_garbage_and_every_other_byte_is_counted(
+    parts: list[bytes],
+) -> None:
     framer = Framer()
     # The tail releases whatever an invented header at the end of the garbage waits for.
     found = [p for part in [*parts, *PACKETS[-8:]] for p in out(framer, part)]

@@ -45,8 +45,12 @@ def test_losses_repeats_and_rejects_are_counted_apart() -> None:
 
 def test_messages_stand_in_the_order_of_their_identifiers() -> None:
     seen = Monitor(CONFIG, CODEC)
-    seen.take([CODEC.encode(SampleFrame(0, 0, 0, 0, 0, b"\xe2\x04" + bytes(46))),
-               CODEC.encode(DeviceHeartbeat(0, 1, 0, 0, False, False))])
+    seen.take(
+        [
+            CODEC.encode(SampleFrame(0, 0, 0, 0, 0, b"\xe2\x04" + bytes(46))),
+            CODEC.encode(DeviceHeartbeat(0, 1, 0, 0, False, False)),
+        ]
+    )
     report = seen.report(1.0)
     assert [m["id"] for m in report["messages"]] == [0x050, 0x0C0]
     assert report["messages"][1]["last"]["disp_x"] == pytest.approx(12.5e-6)
@@ -59,8 +63,10 @@ def test_the_load_of_a_full_sample_frame_is_that_of_the_standard() -> None:
 
 @pytest.mark.parametrize("watch", [monitor, dump])
 def test_a_live_bus_is_shown(watch: object, capsys: pytest.CaptureFixture[str]) -> None:
-    rig = subprocess.Popen([sys.executable, str(ROOT / "deploy" / "examples" / "play_rig.py"), "--seconds", "60"],
-                           stdout=subprocess.DEVNULL)
+    rig = subprocess.Popen(
+        [sys.executable, str(ROOT / "deploy" / "examples" / "play_rig.py"), "--seconds", "60"],
+        stdout=subprocess.DEVNULL,
+    )
     try:
         while watch(CONFIG, 1.0, True) == 3:  # type: ignore[operator]
             capsys.readouterr()  # the rig was still starting

@@ -16,7 +16,16 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from firmware_py.records import Block, CommandRequest, Event, EventAck, Hello, RoomRecord, Snapshot, encode
+from firmware_py.records import (
+    Block,
+    CommandRequest,
+    Event,
+    EventAck,
+    Hello,
+    RoomRecord,
+    Snapshot,
+    encode,
+)
 from firmware_py.wire.room_socket import MAX_RECORD_BYTES, RoomBusyError, RoomError
 from firmware_py.wire.rooms import (
     HELLO_WITHIN_NS,
@@ -86,7 +95,9 @@ from firmware_py.wire.rooms import RoomClient
 client = RoomClient(Path({str(server.path)!r}), {role!r})
 client.poll(0)
 """ + textwrap.dedent(body)
-    peer = subprocess.Popen([sys.executable, "-c", source], env={**os.environ, "PYTHONPATH": str(ROOT)})
+    peer = subprocess.Popen(
+        [sys.executable, "-c", source], env={**os.environ, "PYTHONPATH": str(ROOT)}
+    )
     until(lambda: server.poll(0) == [] and server.connected(role), f"{role} connects")
     return peer
 
@@ -173,7 +184,9 @@ def test_wrong_user_is_refused(tmp_path: Path) -> None:
     room.close()
 
 
-@pytest.mark.parametrize("packet", [b"\xff" * 40, encode(EventAck(seq=1)), b""], ids=["garbage", "other", "empty"])
+@pytest.mark.parametrize(
+    "packet", [b"\xff" * 40, encode(EventAck(seq=1)), b""], ids=["garbage", "other", "empty"]
+)
 def test_first_packet_must_be_hello(server: RoomServer, packet: bytes) -> None:
     raw_peer(server, packet).close()
     assert server.counters["refused_hello"] == 1
@@ -229,7 +242,9 @@ def test_endless_nesting_is_counted_and_survived(server: RoomServer) -> None:
 
 
 @given(data=st.binary(min_size=1, max_size=300))
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=200, deadline=None)
+@settings(
+    suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=200, deadline=None
+)
 def test_any_bytes_are_a_record_or_counted(server: RoomServer, data: bytes) -> None:
     peer = raw_peer(server, hello())
     before = server.counters["malformed_brain"]
@@ -304,7 +319,9 @@ def test_socket_left_by_a_killed_server_is_taken_over(tmp_path: Path) -> None:
         f"room = RoomServer(Path({str(path)!r}), {{}}); print('up', flush=True); time.sleep(60)"
     )
     first = subprocess.Popen(
-        [sys.executable, "-c", source], env={**os.environ, "PYTHONPATH": str(ROOT)}, stdout=subprocess.PIPE
+        [sys.executable, "-c", source],
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        stdout=subprocess.PIPE,
     )
     assert first.stdout
     assert first.stdout.readline() == b"up\n"
@@ -342,7 +359,9 @@ def test_runtime_directory_is_made_or_refused(tmp_path: Path) -> None:
 
 def test_records_of_every_size_keep_their_borders(server: RoomServer) -> None:
     client = joined(server, "gate")
-    events: list[RoomRecord] = [Event(seq=n, t_ns=n, severity=0, name="x" * n, text="") for n in range(0, 4000, 97)]
+    events: list[RoomRecord] = [
+        Event(seq=n, t_ns=n, severity=0, name="x" * n, text="") for n in range(0, 4000, 97)
+    ]
     assert all(server.send("gate", event) for event in events)
     assert client.poll(0) == events
     client.close()

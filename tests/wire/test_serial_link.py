@@ -120,7 +120,9 @@ def test_one_call_gives_a_bounded_number(link: SerialLink, terminal: Terminal) -
     assert sum(got) == 800
 
 
-def test_full_output_queue_refuses_and_never_tears_a_packet(link: SerialLink, terminal: Terminal) -> None:
+def test_full_output_queue_refuses_and_never_tears_a_packet(
+    link: SerialLink, terminal: Terminal
+) -> None:
     taken = 0
     while link.send(samples(taken % 60_000)):
         taken += 1
@@ -139,7 +141,10 @@ def test_absent_port_is_named_and_found_later(tmp_path: Path) -> None:
     path = tmp_path / "port"
     link = SerialLink(str(path), BAUD)
     assert not link.up
-    assert link.fault == f"serial port {path}: no such port; plug the adapter in or correct bus.serial_port"
+    assert (
+        link.fault
+        == f"serial port {path}: no such port; plug the adapter in or correct bus.serial_port"
+    )
     assert link.fileno() == -1
     assert not link.send(samples(1))
     assert link.counters["send_failed"] == 1
@@ -174,7 +179,9 @@ def test_something_that_is_no_port_is_named(tmp_path: Path) -> None:
 
 @pytest.fixture
 def cable(tmp_path: Path) -> Iterator[Path]:
-    process = subprocess.Popen([sys.executable, "-m", "firmware_py.wire.pty_cable", str(tmp_path)], cwd=ROOT)
+    process = subprocess.Popen(
+        [sys.executable, "-m", "firmware_py.wire.pty_cable", str(tmp_path)], cwd=ROOT
+    )
     until(lambda: ends(tmp_path)[1].exists(), "the cable is laid")
     yield tmp_path
     process.terminate()
@@ -188,7 +195,9 @@ def test_the_cable_carries_both_ways(cable: Path) -> None:
     assert device.send(command)
     for counter in range(20):
         assert rig.send(samples(counter))
-    assert [frame.data for frame in collect(device, 20)] == [samples(counter).data for counter in range(20)]
+    assert [frame.data for frame in collect(device, 20)] == [
+        samples(counter).data for counter in range(20)
+    ]
     assert collect(rig, 1)[0].data == command.data
     device.close()
     rig.close()
@@ -230,7 +239,9 @@ def test_the_cable_wants_a_directory(capsys: pytest.CaptureFixture[str]) -> None
     assert "DIRECTORY" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(("sent", "words"), [(b"", "no data"), (b"\x00\x55" * 40, "bytes but no whole packet")])
+@pytest.mark.parametrize(
+    ("sent", "words"), [(b"", "no data"), (b"\x00\x55" * 40, "bytes but no whole packet")]
+)
 def test_a_line_without_packets_is_named_by_what_comes(sent, words) -> None:
     controller, port = os.openpty()
     link = SerialLink(os.ttyname(port), 115200)

@@ -16,7 +16,8 @@ from firmware_py.guard.target import Target
 from firmware_py.records import Alarm, NodeInfo, NodeState
 
 REPORTS_NS: Final = 100_000_000
-"""NODE_STATE and RIG_STATUS come every 50 ms: a target is reported, and its effect measured, up to so much later."""
+"""NODE_STATE and RIG_STATUS come every 50 ms: a target is reported, and its effect measured, up to
+so much later."""
 
 LAGS: Final = 3
 """Time constants after which a first-order actuator has arrived within 5 %."""
@@ -45,7 +46,8 @@ class Measured(NamedTuple):
 
 
 class Heard(NamedTuple):
-    """What one cycle brought from the node, and what is known of it; ``measured`` is None without a RIG_STATUS.
+    """What one cycle brought from the node, and what is known of it; ``measured`` is None without a
+    RIG_STATUS.
 
     ``resting``: the shaft stands and nothing is commanded, so that the pump may be off.
     """
@@ -76,18 +78,36 @@ class Supervision:
         self._boot = Target(a.safe_radial_clearance_um, a.safe_pressure_bar)
         self._watch = NodeWatch(config, session)
         lasting_ns = round(a.following_time_s * 1e9)
-        self._clearance = Following(Quantity(
-            "clearance_not_following", "um", "measured radial clearance", a.following_error_um, a.rate_um_s,
-            REPORTS_NS + round(_lags(a) * a.time_constant_s * 1e9), lasting_ns))
-        self._pressure = Following(Quantity(
-            "pressure_not_following", "bar", "measured supply pressure", a.following_error_bar, UNLIMITED,
-            REPORTS_NS + round(LAGS * a.pressure_time_constant_s * 1e9), lasting_ns))
+        self._clearance = Following(
+            Quantity(
+                "clearance_not_following",
+                "um",
+                "measured radial clearance",
+                a.following_error_um,
+                a.rate_um_s,
+                REPORTS_NS + round(_lags(a) * a.time_constant_s * 1e9),
+                lasting_ns,
+            )
+        )
+        self._pressure = Following(
+            Quantity(
+                "pressure_not_following",
+                "bar",
+                "measured supply pressure",
+                a.following_error_bar,
+                UNLIMITED,
+                REPORTS_NS + round(LAGS * a.pressure_time_constant_s * 1e9),
+                lasting_ns,
+            )
+        )
         self._two_senders = Supervised("two_senders")
 
     @property
     def state(self) -> SupervisionState:
         """The stage's memory."""
-        return SupervisionState(self._watch.state, self._clearance.state, self._pressure.state, self._two_senders)
+        return SupervisionState(
+            self._watch.state, self._clearance.state, self._pressure.state, self._two_senders
+        )
 
     @state.setter
     def state(self, state: SupervisionState) -> None:
@@ -116,8 +136,12 @@ class Supervision:
         return [c.record() for c in self._conditions() if c.standing]
 
     def _conditions(self) -> list[Supervised]:
-        return [*self._watch.state.conditions.values(), self._clearance.state.alarm, self._pressure.state.alarm,
-                self._two_senders]
+        return [
+            *self._watch.state.conditions.values(),
+            self._clearance.state.alarm,
+            self._pressure.state.alarm,
+            self._two_senders,
+        ]
 
     @property
     def doubts(self) -> dict[str, str]:
@@ -130,14 +154,22 @@ class Supervision:
         self._pressure.reset()
 
     def _follow(self, heard: Heard, measured: Measured, boot: Target, now_ns: int) -> list[Notice]:
-        """Hold a reading against where the actuator may be; a node's own target counts beside the commanded one.
+        """Hold a reading against where the actuator may be; a node's own target counts beside the
+        commanded one.
 
-        Where those two differ, that is an alarm of its own, and the actuator is right to follow the node's.
+        Where those two differ, that is an alarm of its own, and the actuator is right to follow the
+        node's.
         """
         node, commanded = heard.node, self._watch.commanded(now_ns, boot)
-        told = commanded if node is None else Target(node.target_clearance_um, node.target_pressure_bar)
+        told = (
+            commanded
+            if node is None
+            else Target(node.target_clearance_um, node.target_pressure_bar)
+        )
         remark = " (boot value: nothing is commanded)" if commanded is boot else ""
-        remark += " (the node says that it has arrived)" if node is not None and node.at_target else ""
+        remark += (
+            " (the node says that it has arrived)" if node is not None and node.at_target else ""
+        )
         notices = []
         for following, value, wanted, reported in (
             (self._clearance, measured.clearance_um, commanded.clearance_um, told.clearance_um),
@@ -146,23 +178,33 @@ class Supervision:
             following.target(wanted, now_ns)
             following.target(reported, now_ns)
             excused = heard.resting and following is self._pressure
-            notices += [] if value is None else following.step(value, wanted, now_ns, remark, excused)
+            notices += (
+                [] if value is None else following.step(value, wanted, now_ns, remark, excused)
+            )
         return notices
 
     def _senders(self, streams: list[str], now_ns: int) -> list[Notice]:
         """Two senders of one stream."""
         two = self._two_senders
         if streams and not two.standing:
-            return [two.begin(now_ns, (
-                f"two senders of {', '.join(streams)} on this bus (counters that do not continue each other); "
-                "disconnect the other node or stop the playback"))]
+            return [
+                two.begin(
+                    now_ns,
+                    (
+                        f"two senders of {', '.join(streams)} on this bus (counters that do not "
+                        f"continue each other); "
+                        "disconnect the other node or stop the playback"
+                    ),
+                )
+            ]
         return [two.end(now_ns)] if two.standing and not streams else []
 
 
 def _lags(actuator: Actuator) -> int:
     """Time constants by which the clearance may come later than a ramp at the slowest rate.
 
-    Behind a ramp the lag leaves a distance of rate times time constant; the tolerance takes half of itself of that.
+    Behind a ramp the lag leaves a distance of rate times time constant; the tolerance takes half of
+    itself of that.
     """
     count, left_um = 1, actuator.rate_um_s * actuator.time_constant_s
     while left_um > 0.5 * actuator.following_error_um:

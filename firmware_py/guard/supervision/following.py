@@ -1,10 +1,12 @@
-"""Following error: does the measured value go where the actuator is sent, in the time that it declares?
+"""Following error: does the measured value go where the actuator is sent, in the time that it
+declares?
 
-The admissible position is a band.  Its edges lie at the targets of the last while where those call the actuator away
-from the edge's side at once (the fastest response), and else run towards them no faster than the slowest admissible
-actuator (:data:`SLOWEST_SHARE` of the declared rate, after the allowed delay).  A measurement outside the band by more
-than the tolerance is a following error.  It becomes an alarm when it lasts, when it is gross, when the actuator moves
-too slowly, or when it comes again and again.  The same test sees movement that nobody commanded: without a command the
+The admissible position is a band.  Its edges lie at the targets of the last while where those call
+the actuator away from the edge's side at once (the fastest response), and else run towards them no
+faster than the slowest admissible actuator (:data:`SLOWEST_SHARE` of the declared rate, after the
+allowed delay).  A measurement outside the band by more than the tolerance is a following error.  It
+becomes an alarm when it lasts, when it is gross, when the actuator moves too slowly, or when it
+comes again and again.  The same test sees movement that nobody commanded: without a command the
 target is the boot value.
 """
 
@@ -27,23 +29,25 @@ GROSS_NS: Final = 500_000_000
 
 SLOW_SHARES: Final = (0.1, 0.75)
 SLOW_NS: Final = 500_000_000
-"""Outside the band for this long and moving home at a share of the declared rate between these two: a slow actuator.
-Below them it stands still, above them it catches up."""
+"""Outside the band for this long and moving home at a share of the declared rate between these two:
+a slow actuator. Below them it stands still, above them it catches up."""
 
 EXCURSIONS: Final = 3
 EXCURSION_READINGS: Final = 2
 EXCURSIONS_NS: Final = 60_000_000_000
-"""So many short errors, of so many readings in a row each, within a minute: it sticks or overshoots now and then."""
+"""So many short errors, of so many readings in a row each, within a minute: it sticks or overshoots
+now and then."""
 
 CLEAR_NS: Final = 1_000_000_000
 """An alarm ends after this long inside the band."""
 
 AGAIN_NS: Final = 600_000_000_000
-"""A second alarm within ten minutes stands until somebody resets it: at the retreat value even a stuck actuator is
-where it should be, so that being inside the band proves little."""
+"""A second alarm within ten minutes stands until somebody resets it: at the retreat value even a
+stuck actuator is where it should be, so that being inside the band proves little."""
 
 GAP_NS: Final = 500_000_000
-"""Readings further apart than this (ten periods) do not belong to one error: the time between them is unknown."""
+"""Readings further apart than this (ten periods) do not belong to one error: the time between them
+is unknown."""
 
 
 class Quantity(msgspec.Struct, frozen=True):
@@ -94,8 +98,14 @@ class Following:
         """The actuator is, or may be, sent to ``value`` from now on."""
         note(self.state.targets, now_ns, value, self._q.delay_ns)
 
-    def step(self, measured: float, commanded: float, now_ns: int, remark: str = "",
-             excused: bool = False) -> list[Notice]:
+    def step(
+        self,
+        measured: float,
+        commanded: float,
+        now_ns: int,
+        remark: str = "",
+        excused: bool = False,
+    ) -> list[Notice]:
         """Judge one reading.
 
         Parameters
@@ -115,7 +125,9 @@ class Following:
             s.alarm.text = f"{s.text}; now {measured:.4g} {self._q.unit}, commanded {commanded:.4g}"
         return notices
 
-    def _judge(self, measured: float, commanded: float, now_ns: int, remark: str, excused: bool) -> list[Notice]:
+    def _judge(
+        self, measured: float, commanded: float, now_ns: int, remark: str, excused: bool
+    ) -> list[Notice]:
         s, q = self.state, self._q
         joined = s.last_ns >= 0 and now_ns - s.last_ns <= GAP_NS
         self._move_band(measured, now_ns)
@@ -169,7 +181,11 @@ class Following:
             return f"for {lasted_ns * 1e-9:.1f} s"
         if s.gross_ns >= 0 and now_ns - s.gross_ns >= GROSS_NS:
             return f"by more than {GROSS:g} tolerances for {(now_ns - s.gross_ns) * 1e-9:.1f} s"
-        if lasted_ns >= SLOW_NS and could >= 2 * q.tolerance and SLOW_SHARES[0] < home / could < SLOW_SHARES[1]:
+        if (
+            lasted_ns >= SLOW_NS
+            and could >= 2 * q.tolerance
+            and SLOW_SHARES[0] < home / could < SLOW_SHARES[1]
+        ):
             return f"moving at {100 * home / could:.0f} % of the declared rate"
         return ""
 
@@ -189,10 +205,18 @@ class Following:
         """Many short errors."""
         s, q = self.state, self._q
         count, s.excursions_ns, s.inside_ns = len(s.excursions_ns), [], now_ns
-        return self._stand((
-            f"{q.measured} left the band of its target {count} times within {EXCURSIONS_NS * 1e-9:g} s, at last with "
-            f"{s.alarm.value:.4g} {q.unit} beyond {s.alarm.limit:.4g} (tolerance {q.tolerance:g}); look at the "
-            "actuator: it sticks, overshoots, or its position sensor is noisy"), s.alarm.value, s.alarm.limit, now_ns)
+        return self._stand(
+            (
+                f"{q.measured} left the band of its target {count} times within "
+                f"{EXCURSIONS_NS * 1e-9:g} s, at last with "
+                f"{s.alarm.value:.4g} {q.unit} beyond {s.alarm.limit:.4g} (tolerance "
+                f"{q.tolerance:g}); look at the "
+                "actuator: it sticks, overshoots, or its position sensor is noisy"
+            ),
+            s.alarm.value,
+            s.alarm.limit,
+            now_ns,
+        )
 
     def _end_excursion(self, now_ns: int) -> None:
         """A short error is over: remember it, unless it has become an alarm."""
@@ -200,15 +224,26 @@ class Following:
         if s.readings >= EXCURSION_READINGS and not s.alarm.standing:
             s.excursions_ns.append(now_ns)
 
-    def _begin(self, why: str, measured: float, commanded: float, limit: float, now_ns: int) -> list[Notice]:
+    def _begin(
+        self, why: str, measured: float, commanded: float, limit: float, now_ns: int
+    ) -> list[Notice]:
         """The error is an alarm; nothing new when it is one already."""
         s, q = self.state, self._q
         if s.alarm.standing:
             return []
-        return [self._stand((
-            f"{q.measured} {measured:.4g} {q.unit}, commanded {commanded:.4g}: beyond the nearest admissible "
-            f"{limit:.4g} by {abs(measured - limit):.3g} (tolerance {q.tolerance:g}) {why}; look at the actuator"),
-            measured, limit, now_ns)]
+        return [
+            self._stand(
+                (
+                    f"{q.measured} {measured:.4g} {q.unit}, commanded {commanded:.4g}: beyond the "
+                    f"nearest admissible "
+                    f"{limit:.4g} by {abs(measured - limit):.3g} (tolerance {q.tolerance:g}) "
+                    f"{why}; look at the actuator"
+                ),
+                measured,
+                limit,
+                now_ns,
+            )
+        ]
 
     def _stand(self, text: str, measured: float, limit: float, now_ns: int) -> Notice:
         s = self.state

@@ -1,4 +1,5 @@
-"""Does the node do what it is told, and nothing else?  Judged on each NODE_STATE, confirmed by several."""
+"""Does the node do what it is told, and nothing else?  Judged on each NODE_STATE, confirmed by
+several."""
 
 from __future__ import annotations
 
@@ -14,8 +15,8 @@ from firmware_py.guard.target import Target
 from firmware_py.records import NodeMode, NodeState
 
 LATENCY_NS: Final = 250_000_000
-"""Longest honest time from sending a command to hearing of it: bus, the node's cycle of 10 ms, NODE_STATE every 50 ms,
-and three of those lost."""
+"""Longest honest time from sending a command to hearing of it: bus, the node's cycle of 10 ms,
+NODE_STATE every 50 ms, and three of those lost."""
 
 CONFIRM_REPORTS: Final = 3
 CONFIRM_NS: Final = 150_000_000
@@ -36,8 +37,14 @@ _TICKS: Final = 1 << 32
 _COUNTERS: Final = 1 << 16
 _REFUSED: Final = ("stale", "check", "session", "range")
 
-CONDITIONS: Final = ("node_elsewhere", "node_not_expired", "node_not_following", "node_target_differs", "node_refuses",
-                     "node_state_frozen")
+CONDITIONS: Final = (
+    "node_elsewhere",
+    "node_not_expired",
+    "node_not_following",
+    "node_target_differs",
+    "node_refuses",
+    "node_state_frozen",
+)
 """What is judged, by the name of its alarm."""
 
 
@@ -65,7 +72,8 @@ class NodeWatchState(msgspec.Struct):
 
 
 class Surroundings(NamedTuple):
-    """What else a NODE_STATE is judged by: the node's boot values, and the newest sample's tick where it is fresh."""
+    """What else a NODE_STATE is judged by: the node's boot values, and the newest sample's tick
+    where it is fresh."""
 
     boot: Target
     tick_us: int | None
@@ -87,8 +95,10 @@ class NodeWatch:
         self._ttl_ns = config.actuator.time_to_live_ms * 1_000_000
         self._window_ns = self._ttl_ns + LATENCY_NS
         self.state = NodeWatchState(
-            {name: Supervised(name) for name in CONDITIONS}, {name: Confirmation() for name in CONDITIONS},
-            {name: Confirmation() for name in CONDITIONS})
+            {name: Supervised(name) for name in CONDITIONS},
+            {name: Confirmation() for name in CONDITIONS},
+            {name: Confirmation() for name in CONDITIONS},
+        )
 
     def sent(self, counter: int, target: Target, now_ns: int) -> None:
         """This device has just sent a command."""
@@ -137,51 +147,73 @@ class NodeWatch:
         s = self.state
         doubts: dict[str, str] = {}
         active = s.sent_ns >= 0 and now_ns - s.sent_ns <= self._window_ns
-        commanding = active and now_ns - s.sent_ns < self._ttl_ns // 2  # later its time to live may be over
+        commanding = (
+            active and now_ns - s.sent_ns < self._ttl_ns // 2
+        )  # later its time to live may be over
         following = node.mode == NodeMode.FOLLOWING
         if following and (strange := self._never_sent(node)):
             doubts["node_elsewhere"] = strange
         elif following and not active:
             doubts["node_not_expired"] = (
-                f"node follows this device's last command for more than {self._window_ns * 1e-6:.0f} ms after it: "
-                f"its time to live ({self._ttl_ns * 1e-6:.0f} ms) does not work; repair the node before arming")
+                f"node follows this device's last command for more than "
+                f"{self._window_ns * 1e-6:.0f} ms after it: "
+                f"its time to live ({self._ttl_ns * 1e-6:.0f} ms) does not work; repair the node "
+                f"before arming"
+            )
         elif not following and commanding and now_ns - s.since_ns > self._window_ns:
             doubts["node_not_following"] = (
-                f"node stays SAFE while this device has commanded for {(now_ns - s.since_ns) * 1e-9:.1f} s; refused: "
-                f"{_counts(node)}; look at the node and its clock")
+                f"node stays SAFE while this device has commanded for "
+                f"{(now_ns - s.since_ns) * 1e-9:.1f} s; refused: "
+                f"{_counts(node)}; look at the node and its clock"
+            )
         else:
             self._hold_against(node, around.boot, doubts)
         if active and (grown := self._grown(node, now_ns)):
             doubts["node_refuses"] = (
-                f"node refused {grown} commands of this device within {REFUSALS_NS * 1e-9:g} s (limit "
-                f"{REFUSALS - 1}); stale: clock or link delay, check: bus errors, session: another device, "
-                "range: the actuator's own range")
+                f"node refused {grown} commands of this device within {REFUSALS_NS * 1e-9:g} s "
+                f"(limit "
+                f"{REFUSALS - 1}); stale: clock or link delay, check: bus errors, session: another "
+                f"device, "
+                "range: the actuator's own range"
+            )
         if around.tick_us is not None:
             age_us = (around.tick_us - node.tick_us + _TICKS // 2) % _TICKS - _TICKS // 2
             if abs(age_us) > TICK_AGE_MAX_US:
                 doubts["node_state_frozen"] = (
-                    f"NODE_STATE speaks of an instant {age_us * 1e-6:.3f} s before the newest sample (limit "
-                    f"{TICK_AGE_MAX_US * 1e-6:g}); restart the node")
+                    f"NODE_STATE speaks of an instant {age_us * 1e-6:.3f} s before the newest "
+                    f"sample (limit "
+                    f"{TICK_AGE_MAX_US * 1e-6:g}); restart the node"
+                )
         return doubts
 
     def _never_sent(self, node: NodeState) -> str:
         """Why the node cannot follow this device's commands; empty when it may.
 
-        A command counter of 0 is taken for none: a node that has just begun to follow may not report it yet.
+        A command counter of 0 is taken for none: a node that has just begun to follow may not
+        report it yet.
         """
         if node.session != self._session:
-            return (f"node follows session {node.session:#010x}, not this device's {self._session:#010x}; wait until "
-                    "it lets go or disconnect the other device")
+            return (
+                f"node follows session {node.session:#010x}, not this device's "
+                f"{self._session:#010x}; wait until "
+                "it lets go or disconnect the other device"
+            )
         s, counter = self.state, node.command_counter
         if counter and (s.counter - counter) % _COUNTERS >= min(s.count, _COUNTERS // 2):
-            return (f"node follows command {counter} of this device's session; the newest that was sent is "
-                    f"{s.counter}; somebody else commands in its name: disconnect the other sender")
+            return (
+                f"node follows command {counter} of this device's session; the newest that was "
+                f"sent is "
+                f"{s.counter}; somebody else commands in its name: disconnect the other sender"
+            )
         return ""
 
     def _hold_against(self, node: NodeState, boot: Target, doubts: dict[str, str]) -> None:
         """Compare the reported target with what was sent, or with the boot value in mode SAFE."""
         s = self.state
-        clearances, pressures = (boot.clearance_um, boot.clearance_um), (boot.pressure_bar, boot.pressure_bar)
+        clearances, pressures = (
+            (boot.clearance_um, boot.clearance_um),
+            (boot.pressure_bar, boot.pressure_bar),
+        )
         if node.mode == NodeMode.FOLLOWING:
             clearances, pressures = extremes(s.clearances), extremes(s.pressures)
         for what, unit, told, (low, high), step in (
@@ -192,8 +224,10 @@ class NodeWatch:
                 wanted = f"{low:.4g}" if low == high else f"{low:.4g} .. {high:.4g}"
                 doubts["node_target_differs"] = (
                     f"node reports a target {what} of {told:.4g} {unit}, commanded {wanted}"
-                    f"{'' if node.mode else ' (boot value, mode SAFE)'}; compare the node's own range with "
-                    "the configuration")
+                    f"{'' if node.mode else ' (boot value, mode SAFE)'}; compare the node's own "
+                    f"range with "
+                    "the configuration"
+                )
 
     def _grown(self, node: NodeState, now_ns: int) -> str:
         """Refusal counters that have grown too much lately, in words; empty when none has."""
@@ -203,17 +237,25 @@ class NodeWatch:
             del s.refusals[0]
         if not s.refusals:
             s.refusals.append(Refusals(now_ns, counts))
-        growth = [(new - old) % _COUNTERS for new, old in zip(counts, s.refusals[0].counts, strict=True)]
-        if max(growth) >= _COUNTERS // 2:  # counters that fell: another node, or the same after a restart
+        growth = [
+            (new - old) % _COUNTERS for new, old in zip(counts, s.refusals[0].counts, strict=True)
+        ]
+        if (
+            max(growth) >= _COUNTERS // 2
+        ):  # counters that fell: another node, or the same after a restart
             s.refusals = [Refusals(now_ns, counts)]
             return ""
         if now_ns - s.refusals[-1].t_ns >= REFUSALS_NS // 8:
             s.refusals.append(Refusals(now_ns, counts))
         if sum(growth) < REFUSALS:
             return ""
-        return ", ".join(f"{count} {name}" for name, count in zip(_REFUSED, growth, strict=True) if count)
+        return ", ".join(
+            f"{count} {name}" for name, count in zip(_REFUSED, growth, strict=True) if count
+        )
 
 
 def _counts(node: NodeState) -> str:
-    return (f"{node.refused_stale} stale, {node.refused_check} check, {node.refused_session} session, "
-            f"{node.refused_range} range")
+    return (
+        f"{node.refused_stale} stale, {node.refused_check} check, {node.refused_session} session, "
+        f"{node.refused_range} range"
+    )

@@ -7,11 +7,13 @@ from typing import Final
 import msgspec
 
 ENTRIES: Final = 8
-"""Entries that one window is divided into; the range may look back one entry too far, never too little."""
+"""Entries that one window is divided into; the range may look back one entry too far, never too
+little."""
 
 
 class Span(msgspec.Struct, array_like=True, gc=False):
-    """Lowest and highest value from ``since_ns`` until the next entry begins; ``value`` is the last one."""
+    """Lowest and highest value from ``since_ns`` until the next entry begins; ``value`` is the last
+    one."""
 
     since_ns: int
     low: float
@@ -22,7 +24,8 @@ class Span(msgspec.Struct, array_like=True, gc=False):
 def note(spans: list[Span], now_ns: int, value: float, window_ns: int) -> None:
     """The value is ``value`` from ``now_ns`` on; what ended before the window is forgotten.
 
-    To be called again and again, also when the value stays: a change within one entry is forgotten that way too.
+    To be called again and again, also when the value stays: a change within one entry is forgotten
+    that way too.
     """
     while len(spans) > 1 and spans[1].since_ns <= now_ns - window_ns:
         del spans[0]
@@ -36,5 +39,6 @@ def note(spans: list[Span], now_ns: int, value: float, window_ns: int) -> None:
 
 
 def extremes(spans: list[Span]) -> tuple[float, float]:
-    """Lowest and highest value of the window that :func:`note` kept (it holds one entry at least)."""
+    """Lowest and highest value of the window that :func:`note` kept (it holds one entry at
+    least)."""
     return min(span.low for span in spans), max(span.high for span in spans)

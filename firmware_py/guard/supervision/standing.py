@@ -29,12 +29,21 @@ class Supervised(msgspec.Struct):
         """It no longer stands."""
         self.standing = False
         lasted_s = (now_ns - self.since_ns) * 1e-9
-        return Notice(Severity.INFO, f"{self.name}_ended", f"{self.name} stood for {lasted_s:.1f} s")
+        return Notice(
+            Severity.INFO, f"{self.name}_ended", f"{self.name} stood for {lasted_s:.1f} s"
+        )
 
     def record(self) -> Alarm:
         """The alarm as it is published."""
-        return Alarm(self.name, int(Severity.FAULT), self.since_ns, self.value, self.limit, self.latched,
-                     self.text)
+        return Alarm(
+            self.name,
+            int(Severity.FAULT),
+            self.since_ns,
+            self.value,
+            self.limit,
+            self.latched,
+            self.text,
+        )
 
 
 class Confirmation(msgspec.Struct, array_like=True):

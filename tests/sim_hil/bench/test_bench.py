@@ -1,4 +1,5 @@
-"""The bench measures what it says: the yardstick solves, the orbits converge, figures are judged rightly."""
+"""The bench measures what it says: the yardstick solves, the orbits converge, figures are judged
+rightly."""
 
 import json
 
@@ -37,7 +38,9 @@ def test_the_whole_rig_is_timed(monkeypatch):
 
 def test_rotors_and_reference_gain_from_threads_alike(monkeypatch):
     monkeypatch.setattr(rotors, "ROUNDS", 1)
-    assert all(gain > 0 for gain in rotors.speed_ups(2, 2, 0.002))  # by the wall clock: other work may stand beside it
+    assert all(
+        gain > 0 for gain in rotors.speed_ups(2, 2, 0.002)
+    )  # by the wall clock: other work may stand beside it
 
 
 def test_training_is_timed(monkeypatch):
@@ -67,10 +70,14 @@ def test_an_empty_loop_wakes_after_its_points():
 def test_the_real_rig_runs_beside_an_empty_loop():
     found = rig_beside_empty(1.0)
     assert found["rig"]["cpu_share"] > found["empty"]["cpu_share"]
-    assert all(0 <= loop["missed_share"] <= 1 and loop["late_max_us"] > 0 for loop in found.values())
+    assert all(
+        0 <= loop["missed_share"] <= 1 and loop["late_max_us"] > 0 for loop in found.values()
+    )
 
 
-@pytest.mark.parametrize(("value", "at_least", "passed"), [(6, True, True), (4, True, False), (4, False, True)])
+@pytest.mark.parametrize(
+    ("value", "at_least", "passed"), [(6, True, True), (4, True, False), (4, False, True)]
+)
 def test_a_figure_is_judged_by_its_limit(value, at_least, passed):
     assert Figure("f", value, "x", 5, at_least).passed is passed
     assert Figure("f", value, "x").passed is None

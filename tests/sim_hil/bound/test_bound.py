@@ -1,4 +1,5 @@
-"""The bound: limits are judged as written, the dynamic program finds the cheapest path, causality holds."""
+"""The bound: limits are judged as written, the dynamic program finds the cheapest path, causality
+holds."""
 
 import dataclasses
 import itertools
@@ -32,7 +33,13 @@ def made_map(cells=6, bins=6, seed=3, blocked=0.2, pressures=1):
     open_ = np.where(rng.random((pressures, cells, bins)) < blocked, -1.0, 1.0)
     open_[:, 0] = 1.0
     power = rng.uniform(50, 100, (pressures, cells, bins))
-    return Map(1e5 * np.arange(pressures), (40 + np.arange(cells)) * 1e-6, power, open_, np.ones(open_.shape))
+    return Map(
+        1e5 * np.arange(pressures),
+        (40 + np.arange(cells)) * 1e-6,
+        power,
+        open_,
+        np.ones(open_.shape),
+    )
 
 
 def circling(radius_m, turns=60.0, centre_m=0.0, rate_hz=10000.0, speed_hz=100.0):
@@ -70,7 +77,9 @@ def test_a_window_sees_twenty_turns_back_and_none_ahead():
     run = circling(1e-6)
     run.rows[3050, 0] += 20e-6  # turn 30
     share = orbit_share(run)
-    seen = np.unique(np.floor((run.column("angle_rad")[share > 0.3] - run.column("angle_rad")[0]) / (2 * np.pi)))
+    seen = np.unique(
+        np.floor((run.column("angle_rad")[share > 0.3] - run.column("angle_rad")[0]) / (2 * np.pi))
+    )
     assert (seen.min(), seen.max()) == (30, 49)
 
 
@@ -83,7 +92,9 @@ def test_present_clearance_counts():
 def test_the_published_duty_file_is_the_published_duty():
     assert duty_of(read_json("duty_bench.json")) == Duty.published()
     limits = Limits.of(read_json("duty_bench.json"))
-    assert (limits.min_film_m, limits.rate_m_s) == pytest.approx((LIMITS.min_film_m, LIMITS.rate_m_s))
+    assert (limits.min_film_m, limits.rate_m_s) == pytest.approx(
+        (LIMITS.min_film_m, LIMITS.rate_m_s)
+    )
 
 
 @pytest.mark.parametrize(("seed", "pressures"), [(0, 1), (1, 1), (2, 2), (3, 2)])
@@ -108,13 +119,18 @@ def test_preview_is_the_cheapest_of_all_paths(seed, pressures):
 def test_a_given_start_is_kept():
     found = made_map(20, 12, blocked=0.0)
     ready = np.ones((20, 12), dtype=bool)
-    for plan in (preview(found, NO_MARGIN, RATE, 0.0, 55e-6), causal(found, 0, ready, [], RATE, 55e-6)):
+    for plan in (
+        preview(found, NO_MARGIN, RATE, 0.0, 55e-6),
+        causal(found, 0, ready, [], RATE, 55e-6),
+    ):
         assert plan.clearance_m[0] == pytest.approx(55e-6)
 
 
 def test_causal_uses_nothing_of_the_future():
     found = made_map(8, 12, blocked=0.0, pressures=2)
-    later = dataclasses.replace(found, power_W=found.power_W.copy(), film_margin_m=found.film_margin_m.copy())
+    later = dataclasses.replace(
+        found, power_W=found.power_W.copy(), film_margin_m=found.film_margin_m.copy()
+    )
     later.power_W[..., 8:] = np.random.default_rng(9).uniform(50, 100, (2, 8, 4))
     later.film_margin_m[:, 6:, 9:] = -1
     ready = np.ones((8, 12), dtype=bool)
@@ -132,9 +148,12 @@ def test_an_announced_ramp_is_weathered_to_its_end_and_met_in_time():
 
 
 def test_ready_for_any_ramp_that_nobody_announces():
-    """Load may rise by 50 N/s from 100 to 200 N, where 20 cells are left, in 2 s; the actuator makes 5 um/s."""
+    """Load may rise by 50 N/s from 100 to 200 N, where 20 cells are left, in 2 s; the actuator
+    makes 5 um/s."""
     case = Case(load_rig("bench"), Duty.hold(3000, 100, 1.0), LIMITS, False)
-    around = Surroundings(np.array([3000.0, 3000.0]), np.array([100.0, 200.0]), np.zeros(2), np.array([100.0, 20.0]))
+    around = Surroundings(
+        np.array([3000.0, 3000.0]), np.array([100.0, 200.0]), np.zeros(2), np.array([100.0, 20.0])
+    )
     ready = around.ready(case, Disturbances(), 5e-6, 121)
     assert np.flatnonzero(ready[:, 0])[-1] == int(20 + 5 * (2 - 0.25))
     slower = around.ready(case, Disturbances(load_ramp_N_s=10.0), 5e-6, 121)
@@ -142,12 +161,16 @@ def test_ready_for_any_ramp_that_nobody_announces():
 
 
 def test_only_ramps_faster_than_declared_are_announced():
-    duty = Duty((0.0, 2.0, 4.0, 5.0, 6.0), (3000, 3000, 3000, 3000, 6000), (100, 100, 200, 300, 300))
+    duty = Duty(
+        (0.0, 2.0, 4.0, 5.0, 6.0), (3000, 3000, 3000, 3000, 6000), (100, 100, 200, 300, 300)
+    )
     assert Disturbances().announced(duty) == [(40, 50), (50, 60)]
 
 
 def test_a_step_is_announced():
-    assert Disturbances().announced(Duty((0.0, 1.0, 1.0), (3000, 3000, 3000), (100, 100, 101))) == [(10, 10)]
+    assert Disturbances().announced(Duty((0.0, 1.0, 1.0), (3000, 3000, 3000), (100, 100, 101))) == [
+        (10, 10)
+    ]
 
 
 def test_a_duty_is_cut():
@@ -193,38 +216,56 @@ def test_power_falls_and_film_shrinks_with_clearance_on_a_short_duty():
     assert narrow.power_W.size == 10
     assert narrow.power_W.mean() > wide.power_W.mean()
     assert narrow.min_film_m.min() > 10e-6 > wide.min_film_m.min()
-    assert (Verdict.of(narrow).violation_s, Verdict.of(wide).violation_s) == (0.0, pytest.approx(1.0))
+    assert (Verdict.of(narrow).violation_s, Verdict.of(wide).violation_s) == (
+        0.0,
+        pytest.approx(1.0),
+    )
 
 
 def test_the_pump_counts_in_a_fed_film():
     case = Case(load_rig("bench"), Duty.hold(12000, 30, 0.5), LIMITS, False, fed=True)
-    low, high = (case.profile(Plan.fixed(60e-6, pressure)).power_W.mean() for pressure in (0.5e5, 3e5))
+    low, high = (
+        case.profile(Plan.fixed(60e-6, pressure)).power_W.mean() for pressure in (0.5e5, 3e5)
+    )
     assert 5 < high - low < 20  # of which friction takes about six watts
 
 
 def test_supply_pressure_holds_off_whirl():
     case = Case(load_rig("bench"), Duty.hold(12000, 30, 0.5), LIMITS, False)
-    unfed, fed = (c.profile(Plan.fixed(80e-6, 1e5)) for c in (case, dataclasses.replace(case, fed=True)))
+    unfed, fed = (
+        c.profile(Plan.fixed(80e-6, 1e5)) for c in (case, dataclasses.replace(case, fed=True))
+    )
     assert Verdict.of(unfed).orbit_share > 1 > 0.5 > Verdict.of(fed).orbit_share
 
 
 def test_profiles_are_kept_under_what_decides_them(tmp_path, monkeypatch):
     monkeypatch.setattr("sim_hil.bound.kept._folder", lambda: tmp_path / "kept")
-    case, plan = Case(load_rig("bench"), Duty.hold(6000, 100, 0.3), LIMITS, False), Plan.fixed(60e-6, 1e5)
+    case, plan = (
+        Case(load_rig("bench"), Duty.hold(6000, 100, 0.3), LIMITS, False),
+        Plan.fixed(60e-6, 1e5),
+    )
     first = kept_profile(case, plan)
     path = next((tmp_path / "kept").iterdir())
     np.savez(path, profile=np.zeros((4, 3)))
     assert kept_profile(case, plan).power_W.max() == 0.0 < first.power_W.min()
-    assert kept_profile(dataclasses.replace(case, inlet_C=45.0), plan).power_W.max() < first.power_W.min()
+    assert (
+        kept_profile(dataclasses.replace(case, inlet_C=45.0), plan).power_W.max()
+        < first.power_W.min()
+    )
 
 
 @pytest.mark.slow
 def test_a_short_duty_is_bounded_in_order():
-    duty = Duty((0.0, 2.0, 5.0, 7.0, 10.0), (6000, 1500, 1500, 6000, 6000), (100, 300, 300, 100, 100))
+    duty = Duty(
+        (0.0, 2.0, 5.0, 7.0, 10.0), (6000, 1500, 1500, 6000, 6000), (100, 300, 300, 100, 100)
+    )
     case = Case(load_rig("bench"), duty, LIMITS, False)
     entries = {e.name: e.verdict for e in study(case, (10, 10))}
     assert all(v.feasible for name, v in entries.items() if name != "nominal fixed")
-    powers = [entries[n].mean_power_W for n in ("preview schedule", "causal schedule", "best feasible fixed")]
+    powers = [
+        entries[n].mean_power_W
+        for n in ("preview schedule", "causal schedule", "best feasible fixed")
+    ]
     assert powers == sorted(powers)
 
 
@@ -232,7 +273,15 @@ def test_a_short_duty_is_bounded_in_order():
 def test_references_of_a_build_from_where_it_stands():
     rig = load_rig("bench")
     duty = Duty((0.0, 3.0, 5.0), (9000, 9000, 4000), (60, 60, 100))
-    found = references(rig, duty, build=Build.of_seed(rig, 1), inlet_C=42.0, seconds=6.0, start_m=50e-6, spacing_um=12)
+    found = references(
+        rig,
+        duty,
+        build=Build.of_seed(rig, 1),
+        inlet_C=42.0,
+        seconds=6.0,
+        start_m=50e-6,
+        spacing_um=12,
+    )
     for way in (found.preview, found.causal):
         assert way is not None
         assert way.verdict.feasible

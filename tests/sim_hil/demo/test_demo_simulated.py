@@ -1,4 +1,5 @@
-"""The whole demo on the simulated clock: the story comes true over several seeds, the same way twice."""
+"""The whole demo on the simulated clock: the story comes true over several seeds, the same way
+twice."""
 
 from __future__ import annotations
 
@@ -42,7 +43,9 @@ def stories() -> dict[int, dict[str, Any]]:
 
 @pytest.mark.timeout(600)
 @pytest.mark.parametrize("seed", SEEDS)
-def test_nothing_is_lost_and_the_machine_stays_safe(stories: dict[int, dict[str, Any]], seed: int) -> None:
+def test_nothing_is_lost_and_the_machine_stays_safe(
+    stories: dict[int, dict[str, Any]], seed: int
+) -> None:
     result = stories[seed]
     assert set(result) == KEYS
     bus = result["bus"]
@@ -56,12 +59,15 @@ def test_nothing_is_lost_and_the_machine_stays_safe(stories: dict[int, dict[str,
 
 @pytest.mark.timeout(600)
 @pytest.mark.parametrize("seed", SEEDS)
-def test_the_unbalance_is_named_and_power_is_foreseen(stories: dict[int, dict[str, Any]], seed: int) -> None:
+def test_the_unbalance_is_named_and_power_is_foreseen(
+    stories: dict[int, dict[str, Any]], seed: int
+) -> None:
     result = stories[seed]
     first = result["faults"][0]
     assert (first["name"], first["named"]) == ("unbalance", "unbalance")
     assert result["forecast"]["scored"] > 50
-    # Relative: the reading error of the power channel weighs most where the rig burns least (3 W at 1500 rpm).
+    # Relative: the reading error of the power channel weighs most where the rig burns least (3 W at
+    # 1500 rpm).
     assert result["forecast"]["power_error_pct_p95"] < 30.0
 
 

@@ -6,7 +6,13 @@ import pytest
 
 from firmware_py.records import Diagnosis, Forecast, NodeState, RigReading, RigStatus
 from sim_hil.demo.observer import Observer, Truth
-from sim_hil.demo.scores import confirmed_names, score_faults, score_film, score_forecasts, score_kill
+from sim_hil.demo.scores import (
+    confirmed_names,
+    score_faults,
+    score_film,
+    score_forecasts,
+    score_kill,
+)
 from sim_hil.demo.story import Beat
 
 
@@ -14,26 +20,51 @@ def diagnosis(verdict: str, doubt: bool = False) -> Diagnosis:
     return Diagnosis(0, 0, 0, verdict, 0.9, {}, {}, doubt, False, {}, "")
 
 
-def truth(t_s: float, *, power_W: float = 50.0, film_um: float = 30.0, load_N: float = 100.0) -> Truth:
+def truth(
+    t_s: float, *, power_W: float = 50.0, film_um: float = 30.0, load_N: float = 100.0
+) -> Truth:
     return Truth(t_s, 600.0, load_N, 60.0, power_W, film_um, 10.0, 0.01)
 
 
-def forecast(power_W: float, peak_um: float, clearance_um: float = 60.0, quality: int = 0) -> Forecast:
+def forecast(
+    power_W: float, peak_um: float, clearance_um: float = 60.0, quality: int = 0
+) -> Forecast:
     exact = (0.0, 0.0, 0.0)
-    return Forecast(0, 0, quality, 2.0, "held", clearance_um, (0.0, peak_um, 0.0), (0.0, power_W, 0.0), exact, exact,
-                    exact, exact, exact, "")
+    return Forecast(
+        0,
+        0,
+        quality,
+        2.0,
+        "held",
+        clearance_um,
+        (0.0, peak_um, 0.0),
+        (0.0, power_W, 0.0),
+        exact,
+        exact,
+        exact,
+        exact,
+        exact,
+        "",
+    )
 
 
 def observed(*verdicts: str, start_s: float = 10.0) -> Observer:
     observer = Observer(0)
-    observer.beats = [(start_s, Beat(start_s, "inject", fault="unbalance", severity=16.0)),
-                      (start_s + 20, Beat(start_s + 20, "clear", fault="unbalance"))]
-    observer.diagnoses = [(start_s + i + 1.0, diagnosis(verdict)) for i, verdict in enumerate(verdicts)]
+    observer.beats = [
+        (start_s, Beat(start_s, "inject", fault="unbalance", severity=16.0)),
+        (start_s + 20, Beat(start_s + 20, "clear", fault="unbalance")),
+    ]
+    observer.diagnoses = [
+        (start_s + i + 1.0, diagnosis(verdict)) for i, verdict in enumerate(verdicts)
+    ]
     return observer
 
 
 def test_a_name_needs_three_equal_decisions_in_a_row() -> None:
-    seen = [(float(i), diagnosis(v)) for i, v in enumerate(["unbalance", "unbalance", "normal", "unbalance"])]
+    seen = [
+        (float(i), diagnosis(v))
+        for i, v in enumerate(["unbalance", "unbalance", "normal", "unbalance"])
+    ]
     assert confirmed_names(seen) == []
     seen += [(4.0, diagnosis("unbalance")), (5.0, diagnosis("unbalance"))]
     assert [t for t, _ in confirmed_names(seen)] == [5.0]
@@ -51,12 +82,21 @@ def test_verdicts_that_name_no_fault(quiet: str) -> None:
 
 def test_a_named_fault_with_its_delay() -> None:
     (score,) = score_faults(observed("normal", "unbalance", "unbalance", "unbalance"))
-    assert (score.named, score.delay_s, score.correct, score.also_named) == ("unbalance", 4.0, True, ())
+    assert (score.named, score.delay_s, score.correct, score.also_named) == (
+        "unbalance",
+        4.0,
+        True,
+        (),
+    )
 
 
 def test_a_wrong_name_is_listed_beside_the_last_one() -> None:
     (score,) = score_faults(observed(*["motor_bolt_loose"] * 3, *["unbalance"] * 3))
-    assert (score.named, score.correct, score.also_named) == ("unbalance", True, ("motor_bolt_loose",))
+    assert (score.named, score.correct, score.also_named) == (
+        "unbalance",
+        True,
+        ("motor_bolt_loose",),
+    )
 
 
 def test_unknown_is_told_beside_a_name_and_replaces_none() -> None:
@@ -90,7 +130,11 @@ def test_forecast_errors_are_those_one_horizon_later() -> None:
 def test_forecasts_across_a_change_are_set_apart() -> None:
     observer = Observer(0)
     observer.truth = [truth(0.1 * i, load_N=100.0 if i < 30 else 200.0) for i in range(60)]
-    observer.forecasts = [(1.5, forecast(50.0, 10.0)), (3.2, forecast(50.0, 10.0)), (0.2, forecast(50.0, 10.0, 80.0))]
+    observer.forecasts = [
+        (1.5, forecast(50.0, 10.0)),
+        (3.2, forecast(50.0, 10.0)),
+        (0.2, forecast(50.0, 10.0, 80.0)),
+    ]
     score = score_forecasts(observer)
     assert (score.scored, score.unannounced_apart) == (1, 2)
 
@@ -106,7 +150,12 @@ def test_forecasts_beyond_the_end_or_of_bad_quality_are_not_scored() -> None:
 def test_film_violation_counts_tenths_of_a_second_after_the_run_up() -> None:
     observer = Observer(0)
     standing = Truth(1.7, 10.0, 100.0, 60.0, 0.0, 0.5, 0.1, 0.01)
-    observer.truth = [truth(0.5, film_um=2.0), truth(1.5, film_um=9.9), truth(1.6, film_um=10.0), standing]
+    observer.truth = [
+        truth(0.5, film_um=2.0),
+        truth(1.5, film_um=9.9),
+        truth(1.6, film_um=10.0),
+        standing,
+    ]
     score = score_film(observer, 10.0, 1.0, 150.0)
     assert (score.min_um, score.violation_s) == (9.9, 0.1)
 
@@ -116,6 +165,8 @@ def test_kill_follows_the_nodes_own_target_and_the_clearance() -> None:
     observer.beats = [(5.0, Beat(5.0, "kill_brain"))]
     for t_s, target, actual in ((4.9, 80.0, 80.0), (5.1, 50.0, 78.0), (5.7, 50.0, 50.4)):
         node = NodeState(0, 0, 1, 1, 0, target, 1.0, True, 0, 0, 0, 0)
-        observer.readings.append((t_s, RigReading(0, 0, 0, RigStatus(0, 0, 50.0, 40.0, actual, 1.0), node)))
+        observer.readings.append(
+            (t_s, RigReading(0, 0, 0, RigStatus(0, 0, 50.0, 40.0, actual, 1.0), node))
+        )
     score = score_kill(observer, 50.0, 6.0)
     assert (score.target_safe_ms, score.arrived_safe_s, score.back_s) == (100.0, 0.7, 6.0)

@@ -1,4 +1,5 @@
-"""The story is drawn from the seed, keeps to the declared range, and leaves out acts only as it says."""
+"""The story is drawn from the seed, keeps to the declared range, and leaves out acts only as it
+says."""
 
 from __future__ import annotations
 
@@ -7,7 +8,13 @@ import itertools
 import pytest
 
 from firmware_py.config import SHIPPED, load
-from sim_hil.demo.story import BOLT_PRELOADS_PERCENT, FAULT_VERDICTS, UNBALANCE_GRADES_G, Story, draw
+from sim_hil.demo.story import (
+    BOLT_PRELOADS_PERCENT,
+    FAULT_VERDICTS,
+    UNBALANCE_GRADES_G,
+    Story,
+    draw,
+)
 
 OPERATING = load(SHIPPED / "bench.toml")[0].operating
 
@@ -27,8 +34,13 @@ def test_operating_points_keep_the_declared_range_and_ramps(seed: int) -> None:
     for before, after in itertools.pairwise(points):
         assert OPERATING.speed_min_rpm <= after.speed_rpm <= OPERATING.speed_max_rpm
         assert OPERATING.load_min_N <= after.load_N <= OPERATING.load_max_N
-        assert abs(after.speed_rpm - before.speed_rpm) <= OPERATING.speed_ramp_unannounced_rpm_s * after.ramp_s
-        assert abs(after.load_N - before.load_N) <= OPERATING.load_ramp_unannounced_N_s * after.ramp_s
+        assert (
+            abs(after.speed_rpm - before.speed_rpm)
+            <= OPERATING.speed_ramp_unannounced_rpm_s * after.ramp_s
+        )
+        assert (
+            abs(after.load_N - before.load_N) <= OPERATING.load_ramp_unannounced_N_s * after.ramp_s
+        )
         assert after.t_s >= before.t_s + before.ramp_s
 
 
@@ -52,7 +64,9 @@ def test_second_fault_can_be_chosen_and_has_a_required_severity(fault: str) -> N
     injected = [beat for beat in story(fault=fault).beats if beat.verb == "inject"]
     assert [beat.fault for beat in injected] == ["unbalance", fault]
     for beat in injected:
-        assert beat.severity in (UNBALANCE_GRADES_G if beat.fault == "unbalance" else BOLT_PRELOADS_PERCENT)
+        assert beat.severity in (
+            UNBALANCE_GRADES_G if beat.fault == "unbalance" else BOLT_PRELOADS_PERCENT
+        )
 
 
 def test_every_fault_is_cleared_before_the_next_act() -> None:

@@ -6,7 +6,13 @@ import pytest
 from sim_hil.film import Feed, FilmError, FilmMemory, equilibrium, film_force
 
 C = 60e-6
-OIL = {"radius_m": 0.02, "length_m": 0.02, "clearance_m": C, "viscosity_Pa_s": 0.01, "speed_rad_s": 300.0}
+OIL = {
+    "radius_m": 0.02,
+    "length_m": 0.02,
+    "clearance_m": C,
+    "viscosity_Pa_s": 0.01,
+    "speed_rad_s": 300.0,
+}
 GROOVE = Feed("groove", np.pi / 2, np.radians(20), 0.016, 1e5)
 E, REST = np.array([0.24, -0.55]) * C, (0.0, 0.0)
 MIRROR = np.array([-1.0, 1.0])
@@ -32,7 +38,8 @@ def test_film_between_flooded_ends_only_circulates():
 def test_steady_rupture_is_that_of_reynolds_behind_an_inlet_line():
     """The rupture condition is the same, the reformation is at the line in both."""
     conserving, reynolds = (
-        film_force(E, REST, inlet="groove_hmax", rupture=r, couette="filled", **OIL) for r in ("jfo", "reynolds")
+        film_force(E, REST, inlet="groove_hmax", rupture=r, couette="filled", **OIL)
+        for r in ("jfo", "reynolds")
     )
     np.testing.assert_allclose(conserving.force_N, reynolds.force_N, rtol=1e-9)
     assert conserving.friction_torque_N_m == pytest.approx(reynolds.friction_torque_N_m, rel=1e-3)
@@ -49,7 +56,8 @@ def test_pressure_and_void_exclude_each_other():
 
 
 def test_streamers_carry_their_oil_along():
-    """Between the port and the ends, fill x gap is constant downstream of rupture where no pressure acts."""
+    """Between the port and the ends, fill x gap is constant downstream of rupture where no pressure
+    acts."""
     film = film_force(E, REST, fields=True, **FED)
     gap = C - E[0] * np.cos(film.theta_rad) - E[1] * np.sin(film.theta_rad)
     middle = film.z_m.size // 2

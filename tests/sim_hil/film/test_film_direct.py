@@ -34,11 +34,15 @@ def test_follows_the_fine_film(eps, tolerance, stations):
         e = eps * C * np.array([np.cos(angle), np.sin(angle)])
         v = 0.1 * C * 300 * np.array([np.cos(whirl), np.sin(whirl)])
         c_rate = rate * 1e-5
-        fx, fy, torque = direct_force(film.ring, film.axial, film.work, *e, *v, 300.0, C, MU, R, L, c_rate)
+        fx, fy, torque = direct_force(
+            film.ring, film.axial, film.work, *e, *v, 300.0, C, MU, R, L, c_rate
+        )
         truth = film_force(
             e, v, radius_m=R, length_m=L, clearance_m=C, viscosity_Pa_s=MU, speed_rad_s=300.0,
             rupture="gumbel", clearance_rate_m_s=c_rate, grid=(320, 40),
         )  # fmt: skip
         allowed = tolerance if stations == 64 else 3e-3
-        assert np.hypot(fx - truth.force_N[0], fy - truth.force_N[1]) < allowed * np.hypot(*truth.force_N)
+        assert np.hypot(fx - truth.force_N[0], fy - truth.force_N[1]) < allowed * np.hypot(
+            *truth.force_N
+        )
         assert torque == pytest.approx(truth.friction_torque_N_m, rel=allowed)

@@ -6,7 +6,13 @@ import pytest
 from sim_hil.film import Feed, FilmError, equilibrium, film_force
 
 C = 60e-6
-OIL = {"radius_m": 0.02, "length_m": 0.02, "clearance_m": C, "viscosity_Pa_s": 0.01, "speed_rad_s": 300.0}
+OIL = {
+    "radius_m": 0.02,
+    "length_m": 0.02,
+    "clearance_m": C,
+    "viscosity_Pa_s": 0.01,
+    "speed_rad_s": 300.0,
+}
 COARSE = OIL | {"grid": (96, 12)}
 GROOVE = Feed("groove", np.pi / 2, np.radians(20), 0.016, 1e5)
 
@@ -28,7 +34,9 @@ def test_attitude_is_counted_with_the_rotation():
     forward = equilibrium(load_N=100.0, **COARSE)
     backward = equilibrium(load_N=100.0, **(COARSE | {"speed_rad_s": -300.0}))
     assert 0 < forward.attitude_rad < np.pi / 2
-    assert forward.position_m[0] > 0  # rotation from x to y carries the journal to the right of a downward load
+    assert (
+        forward.position_m[0] > 0
+    )  # rotation from x to y carries the journal to the right of a downward load
     assert backward.attitude_rad == pytest.approx(forward.attitude_rad, rel=1e-6)
     assert backward.position_m[0] == pytest.approx(-forward.position_m[0], rel=1e-6)
     np.testing.assert_allclose(backward.stiffness, forward.stiffness, rtol=1e-5)
@@ -46,7 +54,9 @@ def test_coefficients_predict_small_motions():
     x, v = np.array([3e-7, -2e-7]), np.array([1e-4, 5e-5])
     moved = film_force(state.position_m + axes.T @ x, axes.T @ v, **OIL).force_N
     change = axes @ (moved - state.film.force_N)
-    np.testing.assert_allclose(change, -state.stiffness_N_m @ x - state.damping_N_s_m @ v, rtol=0.03)
+    np.testing.assert_allclose(
+        change, -state.stiffness_N_m @ x - state.damping_N_s_m @ v, rtol=0.03
+    )
 
 
 def test_damping_of_the_reynolds_film_is_symmetric():
@@ -58,14 +68,18 @@ def test_numbers_without_unit_follow_from_those_with():
     state = equilibrium(load_N=100.0, **COARSE)
     np.testing.assert_allclose(state.stiffness, state.stiffness_N_m * C / 100.0, rtol=1e-6)
     np.testing.assert_allclose(state.damping, state.damping_N_s_m * C * 300 / 100.0, rtol=1e-6)
-    assert state.sommerfeld == pytest.approx(0.01 * 300 / (2 * np.pi) * 0.02 * 0.04 / 100 * (0.02 / C) ** 2, rel=1e-6)
+    assert state.sommerfeld == pytest.approx(
+        0.01 * 300 / (2 * np.pi) * 0.02 * 0.04 / 100 * (0.02 / C) ** 2, rel=1e-6
+    )
 
 
 def test_smallest_film_is_not_monotone_in_clearance():
     films = [
         1e6
         * float(
-            equilibrium(load_N=100.0, **(OIL | {"clearance_m": c * 1e-6, "speed_rad_s": np.pi * 100})).film.min_film_m
+            equilibrium(
+                load_N=100.0, **(OIL | {"clearance_m": c * 1e-6, "speed_rad_s": np.pi * 100})
+            ).film.min_film_m
         )
         for c in (40, 60, 80, 100, 160)
     ]
@@ -85,13 +99,20 @@ def test_batches_broadcast():
 
 
 def test_coefficients_do_not_show_the_grid():
-    """The rupture boundary jumps from cell to cell; neighbouring grids give the same damping all the same."""
-    damping = [equilibrium(eccentricity_ratio=0.8, **(OIL | {"grid": (n, 16)})).damping for n in (152, 155, 158, 161)]
+    """The rupture boundary jumps from cell to cell; neighbouring grids give the same damping all
+    the same."""
+    damping = [
+        equilibrium(eccentricity_ratio=0.8, **(OIL | {"grid": (n, 16)})).damping
+        for n in (152, 155, 158, 161)
+    ]
     assert np.ptp(damping, axis=0).max() < 2e-3 * np.max(damping)
 
 
 def test_a_load_beyond_the_film_is_refused():
-    still = COARSE | {"speed_rad_s": 0.0, "feed": [Feed("groove", -np.pi / 2, np.radians(20), 0.016, 1e4)]}
+    still = COARSE | {
+        "speed_rad_s": 0.0,
+        "feed": [Feed("groove", -np.pi / 2, np.radians(20), 0.016, 1e4)],
+    }
     with pytest.raises(FilmError, match=r"no equilibrium found for a load of 1e\+06 N"):
         equilibrium(load_N=1e6, **still)
 

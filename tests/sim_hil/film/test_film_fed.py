@@ -1,4 +1,5 @@
-"""The tabulated film with a groove against the solver that it was made with, at points that it has not seen."""
+"""The tabulated film with a groove against the solver that it was made with, at points that it has
+not seen."""
 
 import numpy as np
 import pytest
@@ -18,7 +19,15 @@ E, V = np.array([0.3, -0.4]) * C, np.array([1e-3, -5e-4])
 def solved(e, v, c, mu, omega, supply):
     groove = Feed("groove", np.pi / 2, WIDTH, SHARE * L, supply)
     return film_force(
-        e, v, radius_m=R, length_m=L, clearance_m=c, viscosity_Pa_s=mu, speed_rad_s=omega, feed=[groove], grid=(96, 14)
+        e,
+        v,
+        radius_m=R,
+        length_m=L,
+        clearance_m=c,
+        viscosity_Pa_s=mu,
+        speed_rad_s=omega,
+        feed=[groove],
+        grid=(96, 14),
     )
 
 
@@ -40,7 +49,8 @@ def drawn(rng, low, high):
 
 @pytest.mark.parametrize(("low", "high"), [(-np.pi, np.pi), (-np.pi / 2 - 0.3, 1.0 - np.pi / 2)])
 def test_unseen_states(low, high):
-    """Errors over the force of the unfed film plus supply pressure times projected area; of the flow, relative."""
+    """Errors over the force of the unfed film plus supply pressure times projected area; of the
+    flow, relative."""
     rng = np.random.default_rng(11)
     force_error, flow_error = [], []
     for _ in range(40):
@@ -79,7 +89,10 @@ def test_mirrored_and_turned_with_the_groove():
     one = tabulated(E, V)
     mirror = np.array([-1.0, 1.0])
     np.testing.assert_allclose(
-        tabulated(E * mirror, V * mirror, omega=-OMEGA), one * [-1, 1, 1, 1, 1], rtol=1e-9, atol=1e-12
+        tabulated(E * mirror, V * mirror, omega=-OMEGA),
+        one * [-1, 1, 1, 1, 1],
+        rtol=1e-9,
+        atol=1e-12,
     )
     turn = np.array([[0.0, -1.0], [1.0, 0.0]])
     turned = tabulated(turn @ E, turn @ V, law=TABLE.law(np.pi))
@@ -88,7 +101,8 @@ def test_mirrored_and_turned_with_the_groove():
 
 @pytest.mark.parametrize("angle", [0.0, np.pi / 2, np.pi, -np.pi / 2])
 def test_continuous_across_the_seams(angle):
-    """The angles wrap, the mirror plane lies through the groove, and the centre has no direction."""
+    """The angles wrap, the mirror plane lies through the groove, and the centre has no
+    direction."""
     near = [tabulated(polar(0.5 * C, angle + s), polar(1e-3, angle + s)) for s in (-1e-7, 1e-7)]
     np.testing.assert_allclose(near[0], near[1], rtol=1e-4, atol=1e-4 * np.abs(near[0]).max())
     centre, aside = tabulated((0.0, 0.0), V), tabulated(polar(1e-9, angle), V)
@@ -116,7 +130,9 @@ def test_a_small_table_saves_and_loads(tmp_path, monkeypatch):
     table = FedTable.build(0.5, WIDTH, SHARE, cells=(4, 4, 4, 4), grid=(24, 6))
     table.save(tmp_path)
     monkeypatch.setattr("sim_hil.film.fed._DATA", tmp_path)
-    np.testing.assert_allclose(FedTable.load(0.5, WIDTH, SHARE).groove, table.groove, rtol=1e-6, atol=1e-7)
+    np.testing.assert_allclose(
+        FedTable.load(0.5, WIDTH, SHARE).groove, table.groove, rtol=1e-6, atol=1e-7
+    )
 
 
 def test_no_table_for_another_groove():

@@ -6,7 +6,13 @@ import pytest
 from sim_hil.film import Feed, FilmError, JournalOutsideClearance, film_force
 
 C = 60e-6
-OIL = {"radius_m": 0.02, "length_m": 0.02, "clearance_m": C, "viscosity_Pa_s": 0.01, "speed_rad_s": 300.0}
+OIL = {
+    "radius_m": 0.02,
+    "length_m": 0.02,
+    "clearance_m": C,
+    "viscosity_Pa_s": 0.01,
+    "speed_rad_s": 300.0,
+}
 GROOVE = Feed("groove", np.pi / 2, np.radians(20), 0.016, 1e5)
 E, V = np.array([0.5, -0.4]) * C, np.array([1e-3, 2e-3])
 RULES = ["full", "gumbel", "reynolds"]
@@ -27,7 +33,13 @@ def test_rotation_symmetry(rupture, inlet, fed):
     one = film_force(E, V, feed=groove, **rules)
     two = film_force(turned(E, 1.1), turned(V, 1.1), feed=moved, **rules)
     np.testing.assert_allclose(two.force_N, turned(one.force_N, 1.1), rtol=1e-9)
-    for name in ("friction_torque_N_m", "side_flow_m3_s", "inflow_m3_s", "max_pressure_Pa", "min_film_m"):
+    for name in (
+        "friction_torque_N_m",
+        "side_flow_m3_s",
+        "inflow_m3_s",
+        "max_pressure_Pa",
+        "min_film_m",
+    ):
         assert getattr(two, name) == pytest.approx(getattr(one, name), rel=1e-9)
 
 
@@ -80,14 +92,18 @@ def test_unfed_film_opposes_the_effective_squeeze_velocity():
 
 
 def test_complementarity():
-    """Pressure nowhere below cavitation; rupture and full film both exist; Guembel differs, full film more so."""
+    """Pressure nowhere below cavitation; rupture and full film both exist; Guembel differs, full
+    film more so."""
     rules = OIL | {"cavitation_pressure_Pa": -5e4}
     film = film_force(E, V, fields=True, **rules)
     assert film.pressure_Pa.min() == pytest.approx(-5e4)
     ruptured = film.pressure_Pa <= -5e4 * (1 - 1e-9)
     assert 0.05 < ruptured.mean() < 0.8
     assert np.all(film.fill[~ruptured] == 1)
-    forces = [np.hypot(*film_force(E, V, rupture=r, **rules).force_N) for r in ("reynolds", "gumbel", "full")]
+    forces = [
+        np.hypot(*film_force(E, V, rupture=r, **rules).force_N)
+        for r in ("reynolds", "gumbel", "full")
+    ]
     assert len({round(f, 3) for f in forces}) == 3
 
 
@@ -124,7 +140,8 @@ def test_groove_over_the_whole_length_presses_over_the_whole_length():
 
 
 def test_guembel_draws_in_at_an_end_above_cavitation_pressure():
-    """Where no pressure falls below cavitation the cut-off film is the full film, and its net outflow zero."""
+    """Where no pressure falls below cavitation the cut-off film is the full film, and its net
+    outflow zero."""
     rules = OIL | {"end_pressure_Pa": (5e4, 5e4)}
     full, cut = (
         film_force(E, (0.0, 0.0), rupture=r, cavitation_pressure_Pa=p, **rules)
@@ -152,7 +169,11 @@ def test_feed_pressure_reaches_the_film_and_pushes():
     assert film.force_N[1] < 0
     assert abs(film.force_N[0]) < 1e-9 * abs(film.force_N[1])
     orifice = Feed("orifice", np.pi / 2, np.radians(20), 0.016, 1e5)
-    assert 0.6 < film_force((0.0, 0.0), (0.0, 0.0), feed=[orifice], **still).force_N[1] / film.force_N[1] < 1
+    assert (
+        0.6
+        < film_force((0.0, 0.0), (0.0, 0.0), feed=[orifice], **still).force_N[1] / film.force_N[1]
+        < 1
+    )
 
 
 def test_end_pressures():

@@ -1,4 +1,5 @@
-"""What a groove adds to the load: the bounds that the guard of a fed bearing declares, against the film solver."""
+"""What a groove adds to the load: the bounds that the guard of a fed bearing declares, against the
+film solver."""
 
 import pytest
 
@@ -15,16 +16,20 @@ MOST = 1e-6 * CONFIG.feed.groove_area_max_mm2 / PROJECTED_M2
 def test_where_whirl_decides_the_film_carries_the_smaller_area_at_least_and_whirls_no_earlier(
     eccentricity: float, pressure_share: float
 ) -> None:
-    """60 and 30 N at the least pressure; heavier rotors do not whirl in any clearance of this bearing.
+    """60 and 30 N at the least pressure; heavier rotors do not whirl in any clearance of this
+    bearing.
 
-    What whirls 0.7 % slower is within ``rotor.whirl_error_share`` and ``mass_error_share`` of a commissioned machine.
+    What whirls 0.7 % slower is within ``rotor.whirl_error_share`` and ``mass_error_share`` of a
+    commissioned machine.
     """
     found = groove_load(eccentricity, pressure_share, LEAST)
     assert found.area_share > LEAST
     assert found.whirl_share < 1.015
 
 
-@pytest.mark.parametrize(("eccentricity", "pressure_share"), [(0.92, 0.12), (0.92, 0.889), (0.42, 0.889), (0.55, 0.65)])
+@pytest.mark.parametrize(
+    ("eccentricity", "pressure_share"), [(0.92, 0.12), (0.92, 0.889), (0.42, 0.889), (0.55, 0.65)]
+)
 def test_anywhere_it_carries_the_larger_area_at_most_and_turns_no_further_than_declared(
     eccentricity: float, pressure_share: float
 ) -> None:

@@ -1,4 +1,5 @@
-"""A film model of someone else is tabulated once and moves a rotor; what is no film model is refused by name."""
+"""A film model of someone else is tabulated once and moves a rotor; what is no film model is
+refused by name."""
 
 from pathlib import Path
 
@@ -24,12 +25,15 @@ def reynolds(state):
 
 def test_a_model_that_is_the_table_becomes_the_table():
     shipped = FilmTable.load(0.5)
-    np.testing.assert_allclose(tabulate(reynolds, 0.5).coefficients, shipped.coefficients, rtol=0, atol=1e-3)
+    np.testing.assert_allclose(
+        tabulate(reynolds, 0.5).coefficients, shipped.coefficients, rtol=0, atol=1e-3
+    )
 
 
 def test_rotor_on_the_shipped_surrogate_stays_within_a_tenth_of_a_percent():
     ours, reference = (
-        simulate(BENCH, DUTY, clearance=60e-6, thermal=False, force=force) for force in (SURROGATE, "table")
+        simulate(BENCH, DUTY, clearance=60e-6, thermal=False, force=force)
+        for force in (SURROGATE, "table")
     )
     assert np.abs(ours.position_m - reference.position_m).max() < 0.001 * 60e-6
     assert ours.power_W.mean() == pytest.approx(reference.power_W.mean(), rel=1e-3)

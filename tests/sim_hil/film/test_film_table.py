@@ -63,7 +63,9 @@ def test_clearance_rate_is_followed_to_first_order(coefficients, rate):
     position, velocity = (0.7 * C, 0.1 * C), (0.0, 0.0)
     squeeze = 150.0 * math.hypot(*position)
     table = table_force(coefficients, *position, *velocity, 300.0, C, MU, R, L, rate * squeeze)
-    film = film_force(position, velocity, speed_rad_s=300.0, clearance_rate_m_s=rate * squeeze, **BEARING)
+    film = film_force(
+        position, velocity, speed_rad_s=300.0, clearance_rate_m_s=rate * squeeze, **BEARING
+    )
     still = film_force(position, velocity, speed_rad_s=300.0, **BEARING)
     effect = np.hypot(*(film.force_N - still.force_N))
     assert np.hypot(*(film.force_N - table[:2])) <= 0.1 * effect

@@ -8,14 +8,22 @@ from sim_hil.film.thermal import thermal_equilibrium
 from sim_hil.rigs import Oil
 
 OIL = Oil(0.01, 0.03, 40.0, 850.0, 2000.0, 40.0)
-FILM = {"radius_m": 0.02, "length_m": 0.02, "clearance_m": 60e-6, "speed_rad_s": 1256.0, "grid": (64, 8)}
+FILM = {
+    "radius_m": 0.02,
+    "length_m": 0.02,
+    "clearance_m": 60e-6,
+    "speed_rad_s": 1256.0,
+    "grid": (64, 8),
+}
 
 
 def test_friction_heats_what_flows_out():
     state = thermal_equilibrium(oil=OIL, load_N=100.0, jacket_flow_m3_s=1e-6, **FILM)
     carried = 850 * 2000 * (state.equilibrium.side_flow_m3_s + 1e-6) * (state.oil_C - 40)
     assert state.power_W == pytest.approx(carried, rel=1e-5)
-    assert state.power_W == pytest.approx(float(state.equilibrium.film.friction_torque_N_m) * 1256, rel=1e-12)
+    assert state.power_W == pytest.approx(
+        float(state.equilibrium.film.friction_torque_N_m) * 1256, rel=1e-12
+    )
     cold = equilibrium(load_N=100.0, viscosity_Pa_s=0.01, **FILM)
     assert state.oil_C > 41
     assert state.viscosity_Pa_s == pytest.approx(0.01 * np.exp(-0.03 * (state.oil_C - 40)))

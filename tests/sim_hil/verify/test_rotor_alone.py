@@ -43,7 +43,8 @@ def test_modes_take_plain_tuples_and_damping():
 
 
 @pytest.mark.parametrize(
-    ("mass", "polar", "supports"), [(0.0, 1.0, [(0.0, 1.0)]), (1.0, -1.0, [(0.0, 1.0)]), (1.0, 1.0, [])]
+    ("mass", "polar", "supports"),
+    [(0.0, 1.0, [(0.0, 1.0)]), (1.0, -1.0, [(0.0, 1.0)]), (1.0, 1.0, [])],
 )
 def test_modes_refuse_no_rotor(mass, polar, supports):
     with pytest.raises(ModesError):
@@ -65,12 +66,17 @@ def test_journal_without_unbalance_rests_at_its_equilibrium():
 
 
 def test_linear_film_agrees_for_a_small_orbit():
-    small = [hold(6000, 100, clearance=60e-6, force=f).last(0.1).peak_to_peak_m() for f in ("table", "linear")]
+    small = [
+        hold(6000, 100, clearance=60e-6, force=f).last(0.1).peak_to_peak_m()
+        for f in ("table", "linear")
+    ]
     assert small[1] == pytest.approx(small[0], rel=0.05)
 
 
 def test_direct_film_stays_near_the_table():
-    table, direct = (hold(10000, 100, clearance=60e-6, force=f).last(0.1) for f in ("table", "direct"))
+    table, direct = (
+        hold(10000, 100, clearance=60e-6, force=f).last(0.1) for f in ("table", "direct")
+    )
     assert direct.peak_to_peak_m() == pytest.approx(table.peak_to_peak_m(), rel=0.02)
     assert direct.power_W.mean() == pytest.approx(table.power_W.mean(), rel=0.01)
     assert hold(10000, 100, clearance=60e-6, force=FilmTable.load(0.5)).rows[-1, 0] == pytest.approx(hold(
@@ -78,7 +84,9 @@ def test_direct_film_stays_near_the_table():
 
 
 def test_reversed_rotation_mirrors_the_path():
-    forward, backward = (hold(rpm, 100, clearance=60e-6).last(0.1).position_m for rpm in (6000, -6000))
+    forward, backward = (
+        hold(rpm, 100, clearance=60e-6).last(0.1).position_m for rpm in (6000, -6000)
+    )
     assert backward[:, 0].mean() == pytest.approx(-forward[:, 0].mean(), rel=0.02)
     assert backward[:, 1].mean() == pytest.approx(forward[:, 1].mean(), rel=0.02)
 

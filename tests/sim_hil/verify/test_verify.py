@@ -14,7 +14,12 @@ from sim_hil.verify.row import Row, reference, residual
 
 @pytest.mark.parametrize(
     ("value", "expected", "absolute", "passed"),
-    [(1.01, 1.0, False, True), (1.03, 1.0, False, False), (-103.0, -100.0, False, False), (10.015, 10.0, True, True)],
+    [
+        (1.01, 1.0, False, True),
+        (1.03, 1.0, False, False),
+        (-103.0, -100.0, False, False),
+        (10.015, 10.0, True, True),
+    ],
 )
 def test_a_row_is_judged_by_its_tolerance(value, expected, absolute, passed):
     assert Row("q", value, expected, "s", 0.02, absolute).passed is passed
@@ -37,17 +42,24 @@ def test_everything_quick_is_within_tolerance(quick):
     code, report = quick
     assert (code, report["failed"]) == (0, 0)
     assert len(report["rows"]) > 120
-    assert {"quantity", "value", "reference", "source", "difference", "tolerance", "pass"} <= set(report["rows"][0])
+    assert {"quantity", "value", "reference", "source", "difference", "tolerance", "pass"} <= set(
+        report["rows"][0]
+    )
 
 
 def test_a_row_outside_its_tolerance_ends_with_one(monkeypatch, capsys):
-    monkeypatch.setattr(verify, "groups", lambda quick: {"g": lambda: iter([Row("q", 2.0, 1.0, "s", 0.1)])})
+    monkeypatch.setattr(
+        verify, "groups", lambda quick: {"g": lambda: iter([Row("q", 2.0, 1.0, "s", 0.1)])}
+    )
     assert verify.main([]) == 1
     assert "0 of 1 within tolerance" in capsys.readouterr().out
 
 
 def test_a_table_of_hundred_columns_shows_every_row_and_its_source(monkeypatch, capsys):
-    rows = [Row("minimum film, um", 26.2, 26.1, "a table", 0.02), Row("power, W", 9.0, 9.5, "another book", None)]
+    rows = [
+        Row("minimum film, um", 26.2, 26.1, "a table", 0.02),
+        Row("power, W", 9.0, 9.5, "another book", None),
+    ]
     monkeypatch.setattr(verify, "groups", lambda quick: {"Group": lambda: iter(rows)})
     assert verify.main([]) == 0
     lines = capsys.readouterr().out.splitlines()
