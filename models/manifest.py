@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from pathlib import Path
+
+from sim_hil.whole_file import whole_file
 
 
 def write_manifest(folder: Path) -> None:
@@ -23,6 +24,5 @@ def write_manifest(folder: Path) -> None:
 
 def write_whole(path: Path, content: bytes) -> None:
     """Replace ``path`` at once: an interrupted write leaves the old file."""
-    part = path.with_suffix(path.suffix + ".part")
-    part.write_bytes(content)
-    os.replace(part, path)
+    with whole_file(path) as stream:
+        stream.write(content)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from models import PHYSICS_VERSION
 from models.control.episodes import Board
 from models.control.rivals import PRESSURES_PA
+from models.manifest import write_whole
 from models.workers import map_in_order
 from sim_hil.bound import Reference, episode_references
 
@@ -58,7 +59,7 @@ def _kept(folder: Path, board: Board, seed: int) -> ReferencePower:
         pressures_Pa=PRESSURES_PA if board.pressure else None,
     )  # fmt: skip
     power = ReferencePower(_power(found.preview), _power(found.causal))
-    path.write_bytes(msgspec.json.encode(power))
+    write_whole(path, msgspec.json.encode(power))
     return power
 
 

@@ -24,6 +24,7 @@ from models.diagnosis import clearance_loops, recordings
 from models.diagnosis.dataset import DatasetError
 from models.diagnosis.recordings import Plan, Raw, record_build
 from models.workers import map_in_order
+from sim_hil.whole_file import whole_file
 
 
 def folder_of(out: Path, plan: Plan) -> Path:
@@ -85,6 +86,5 @@ def _make(folder: Path, plan: Plan, number: int) -> None:
         for i, raw in enumerate(recordings)
         for f in fields(Raw)
     }
-    part = folder / f"build-{number:05d}.part.npz"
-    np.savez(part, count=len(recordings), **columns)
-    part.replace(folder / f"build-{number:05d}.npz")
+    with whole_file(folder / f"build-{number:05d}.npz") as stream:
+        np.savez(stream, count=len(recordings), **columns)

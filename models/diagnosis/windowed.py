@@ -30,6 +30,7 @@ from models.diagnosis.dataset import WINDOWS_PER_DECISION, Dataset, DatasetError
 from models.diagnosis.recordings import Plan, Raw
 from models.runs import progress_bar
 from models.workers import map_in_order
+from sim_hil.whole_file import whole_file
 
 RAW_POINTS: Final = 800
 """Length of the paper's windows; at 5 kHz 0.16 s."""
@@ -66,10 +67,13 @@ def views_of(out: Path, plan: Plan, builds: int, workers: int, look: Look) -> Vi
         files = make_recordings(out, plan, builds, workers, bar)
     with progress_bar(f"features of {builds} builds", builds) as bar:
         views = _analysed(files, look, workers, bar)
-    part = path.with_suffix(".part.npz")
-    np.savez(part, **{f"{view.name}_{column.name}": getattr(getattr(views, view.name), column.name)
-                      for view in fields(Views) for column in fields(Dataset)})  # fmt: skip
-    part.replace(path)
+    columns = {
+        f"{view.name}_{column.name}": getattr(getattr(views, view.name), column.name)
+        for view in fields(Views)
+        for column in fields(Dataset)
+    }
+    with whole_file(path) as stream:
+        np.savez(stream, **columns)
     return views
 
 

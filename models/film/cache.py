@@ -14,6 +14,7 @@ import numpy as np
 
 from models import PHYSICS_VERSION
 from models.checkpoint import CheckpointError
+from sim_hil.whole_file import whole_file
 
 T = TypeVar("T")
 
@@ -45,7 +46,6 @@ def kept(folder: Path, name: str, key: object, kind: type[T], make: Callable[[],
             ) from error
     made = make()
     folder.mkdir(parents=True, exist_ok=True)
-    part = path.with_suffix(".part.npz")
-    np.savez(part, **{column: getattr(made, column) for column in columns})
-    part.replace(path)
+    with whole_file(path) as stream:
+        np.savez(stream, **{column: getattr(made, column) for column in columns})
     return made

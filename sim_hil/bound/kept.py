@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from sim_hil.bound.case import Case, Plan, Profile
+from sim_hil.whole_file import whole_file
 
 _SOURCES = Path(__file__).parent.parent
 _FOLDERS = (".", "bound", "film", "film/data", "rotor", "rigs")
@@ -32,9 +33,8 @@ def kept_profile(case: Case, plan: Plan) -> Profile:
     profile = case.profile(plan)
     with suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)
-        part = path.with_suffix(f".{os.getpid()}.npz")
-        np.savez(part, profile=np.stack(astuple(profile)))
-        part.replace(path)
+        with whole_file(path) as stream:
+            np.savez(stream, profile=np.stack(astuple(profile)))
     return profile
 
 

@@ -7,9 +7,11 @@ import os
 import pkgutil
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
+from numba.core.caching import IndexDataCacheFile
 from numba.core.dispatcher import Dispatcher
 
 import sim_hil
@@ -72,3 +74,15 @@ def test_what_is_compiled_first_does_not_change_a_bit(tmp_path: Path) -> None:
         return done.stdout
 
     assert said("machine", MACHINE) == said("rotor", ROTOR_ON_FED_FILM_FIRST, MACHINE)
+
+
+def test_kernels_that_are_compiled_at_the_same_time_are_kept_each_under_its_signature(
+    tmp_path: Path,
+) -> None:
+    def save(number: int) -> None:
+        IndexDataCacheFile(str(tmp_path), "kernel", "stamp").save(f"signature {number}", number)
+
+    with ThreadPoolExecutor(8) as pool:
+        list(pool.map(save, range(40)))
+    kept = IndexDataCacheFile(str(tmp_path), "kernel", "stamp")
+    assert [kept.load(f"signature {number}") for number in range(40)] == list(range(40))
