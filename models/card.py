@@ -14,7 +14,7 @@ import msgspec
 
 from models import PHYSICS_VERSION
 from models.manifest import write_whole
-from models.runs import Run
+from models.runs import TrainingRun
 
 _FROZEN = "## Frozen evaluation"
 
@@ -160,28 +160,63 @@ DATA = {
 """Where each model's data come from."""
 
 
-def write(run: Run, report: Mapping[str, object], prose: Prose) -> None:
+def write(run: TrainingRun, report: Mapping[str, object], prose: Prose) -> None:
     """Write ``<kind>.md``, the model card, and ``data.md``, the data card, beside the model."""
     settings = json.dumps(msgspec.to_builtins(run.settings), indent=2, sort_keys=True)
     lines = [
-        f"# {prose.title}", "", prose.purpose, "", "Status: **provisional**.", "",
-        "## Reproduce", "", f"    {run.command}", "",
+        f"# {prose.title}",
+        "",
+        prose.purpose,
+        "",
+        "Status: **provisional**.",
+        "",
+        "## Reproduce",
+        "",
+        f"    {run.command}",
+        "",
         f"The run that wrote this took {run.minutes:.1f} min on {len(os.sched_getaffinity(0))} "
         f"cores; what an earlier "
-        "one had kept in its folder was not made again.", "",
-        "## Measured", "", "```json", json.dumps(report, indent=2, sort_keys=True), "```", "",
-        "## Limits", "", *(f"- {limit}" for limit in prose.limits), "",
-        "## Settings", "", "```json", settings, "```", "",
-    ]  # fmt: skip
+        "one had kept in its folder was not made again.",
+        "",
+        "## Measured",
+        "",
+        "```json",
+        json.dumps(report, indent=2, sort_keys=True),
+        "```",
+        "",
+        "## Limits",
+        "",
+        *(f"- {limit}" for limit in prose.limits),
+        "",
+        "## Settings",
+        "",
+        "```json",
+        settings,
+        "```",
+        "",
+    ]
     (run.folder / f"{run.kind}.md").write_text("\n".join(lines), encoding="utf-8")
     data = [
-        f"# Data of {prose.title.lower()}", "", DATA[run.kind], "",
+        f"# Data of {prose.title.lower()}",
+        "",
+        DATA[run.kind],
+        "",
         f"Seed {run.seed}, physics version {PHYSICS_VERSION}; every number follows from them and "
-        f"the settings.", "",
-        "Nothing was measured on a machine unless the settings name a folder of recordings.", "",
-        "## Settings", "", "```json", settings, "```", "",
-        "## Made again by", "", f"    {run.command}", "",
-    ]  # fmt: skip
+        f"the settings.",
+        "",
+        "Nothing was measured on a machine unless the settings name a folder of recordings.",
+        "",
+        "## Settings",
+        "",
+        "```json",
+        settings,
+        "```",
+        "",
+        "## Made again by",
+        "",
+        f"    {run.command}",
+        "",
+    ]
     (run.folder / "data.md").write_text("\n".join(data), encoding="utf-8")
 
 
@@ -189,10 +224,15 @@ def settle(path: Path, status: str, verdict: Mapping[str, Any]) -> None:
     """Put the verdict of the frozen evaluation into the model card at ``path``."""
     text = path.read_text(encoding="utf-8").partition(_FROZEN)[0]
     lines = [
-        re.sub(r"Status: \*\*\w+\*\*", f"Status: **{status}**", text) + _FROZEN, "",
-        f"Seed {verdict['seed']}, size {verdict['size']}, against `models/bars.toml`.", "",
-        "| figure | reached | bar | holds |", "|---|---|---|---|", *(_row(bar) for bar in verdict["bars"]), "",
-    ]  # fmt: skip
+        re.sub(r"Status: \*\*\w+\*\*", f"Status: **{status}**", text) + _FROZEN,
+        "",
+        f"Seed {verdict['seed']}, size {verdict['size']}, against `models/bars.toml`.",
+        "",
+        "| figure | reached | bar | holds |",
+        "|---|---|---|---|",
+        *(_row(bar) for bar in verdict["bars"]),
+        "",
+    ]
     write_whole(path, "\n".join(lines).encode())
 
 

@@ -40,9 +40,11 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--out", type=Path, default=Path("runs"), help="folder where recordings are kept"
     )
-    parser.add_argument("--qualify", action="store_true",
-                        help="frozen evaluation (its own seed and size) against bars.toml; marks "
-                             "the file")  # fmt: skip
+    parser.add_argument(
+        "--qualify",
+        action="store_true",
+        help="frozen evaluation (its own seed and size) against bars.toml; marks the file",
+    )
     parser.add_argument(
         "--ship",
         action="store_true",
@@ -143,9 +145,12 @@ def _actor(path: Path, args: argparse.Namespace) -> dict[str, object]:
 
 
 _JUDGES = {
-    "surrogate": _surrogate, "surrogate_fed": _surrogate_fed, "predictor": _predictor, "classifier": _classifier,
+    "surrogate": _surrogate,
+    "surrogate_fed": _surrogate_fed,
+    "predictor": _predictor,
+    "classifier": _classifier,
     "actor": _actor,
-}  # fmt: skip
+}
 
 
 def _lines(report: object, prefix: str = "") -> list[str]:

@@ -90,10 +90,15 @@ def export(
         # The older exporter is announced to go; the newer one writes a second .onnx.data file.
         warnings.simplefilter("ignore")
         torch.onnx.export(
-            module.eval(), (example,), buffer, dynamo=False, opset_version=OPSET, input_names=[input_name],
+            module.eval(),
+            (example,),
+            buffer,
+            dynamo=False,
+            opset_version=OPSET,
+            input_names=[input_name],
             output_names=list(output_names),
             dynamic_axes={name: {0: "batch"} for name in (input_name, *output_names)},
-        )  # fmt: skip
+        )
     model = onnx.load_from_string(buffer.getvalue())
     for node in model.graph.node:
         node.doc_string = ""

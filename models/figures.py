@@ -70,13 +70,26 @@ def actor(folder: Path, report: dict[str, Any]) -> None:
     with (folder / "metrics.csv").open(encoding="utf-8") as stream:
         logged = list(csv.DictReader(stream))
     for board in ("clearance", "pair"):
-        rows = np.array([[float(row[k]) for k in ("agent", "step", "return")] for row in logged
-                         if row["board"] == board])  # fmt: skip
+        rows = np.array(
+            [
+                [float(row[k]) for k in ("agent", "step", "return")]
+                for row in logged
+                if row["board"] == board
+            ]
+        )
         found = report[board]
-        _figure(folder / f"{board}_learning.png", partial(_curves, rows=rows), x="environment steps",
-                y="return of an episode")  # fmt: skip
-        _figure(folder / f"{board}_pareto.png", partial(_pareto, found=found), x="time in violation, s",
-                y="mean power, W")  # fmt: skip
+        _figure(
+            folder / f"{board}_learning.png",
+            partial(_curves, rows=rows),
+            x="environment steps",
+            y="return of an episode",
+        )
+        _figure(
+            folder / f"{board}_pareto.png",
+            partial(_pareto, found=found),
+            x="time in violation, s",
+            y="mean power, W",
+        )
         _figure(
             folder / f"{board}_agents.png",
             partial(_agents, found=found),

@@ -37,11 +37,11 @@ Count = Annotated[int, msgspec.Meta(ge=1)]
 """How many; none is refused."""
 
 
-class Settings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class TrainerSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Base of every trainer's settings: frozen, unknown keys refused, saved beside the weights."""
 
 
-S = TypeVar("S", bound=Settings)
+S = TypeVar("S", bound=TrainerSettings)
 T = TypeVar("T")
 
 
@@ -60,7 +60,7 @@ def load_settings(kind: type[S], path: Path | None) -> S:
         raise SettingsError(f"{path}: {error}; known keys: {known}") from error
 
 
-class Run:
+class TrainingRun:
     """One training: folder ``out/<kind>-seed<seed>``.
 
     Parameters
@@ -83,7 +83,7 @@ class Run:
         out: Path,
         kind: str,
         seed: int,
-        settings: Settings,
+        settings: TrainerSettings,
         *,
         smoke: bool,
         resume: bool = False,

@@ -14,7 +14,7 @@ from pathlib import Path
 import msgspec
 
 from firmware_py.options import seed
-from models.runs import Run, load_settings
+from models.runs import TrainingRun, load_settings
 
 EXIT_BAD_INPUT = 2
 
@@ -78,7 +78,7 @@ def _train(args: argparse.Namespace) -> dict[str, object]:
     settings = settings.smoked() if args.smoke else settings
     if args.data:
         settings = msgspec.structs.replace(settings, data=str(args.data), group=args.group)
-    run = Run(
+    run = TrainingRun(
         args.out,
         name,
         args.seed,

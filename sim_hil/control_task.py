@@ -6,7 +6,7 @@ rotors alone; the same seed gives both the same episode.
 
 Reward per step of :data:`CONTROL_S`: ``-P / P_ref - penalties`` with the mean power ``P`` (the
 pump's counts where its pressure is an action), Petroff's power ``P_ref`` at nominal clearance and
-present speed, and the :class:`Limits` below.  A film under ``trip_film_m`` ends the episode.
+present speed, and the :class:`EpisodeLimits` below.  A film under ``trip_film_m`` ends the episode.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class ActionError(OrbitdError, ValueError):
 
 
 @dataclass(frozen=True)
-class Limits:
+class EpisodeLimits:
     """Constraints and the weight of their violation in the reward (per step, at 100 % excess).
 
     Film, trip and swing are the published duty's (``duty_bench.json``).  The two of the oil count
@@ -126,9 +126,14 @@ class Episode:
 
     @classmethod
     def draw(
-        cls, rig: RigData, rng: np.random.Generator, seconds: float, disturbances: Disturbances,
-        duty: Duty | None = None, build: Build | None = None,
-    ) -> Episode:  # fmt: skip
+        cls,
+        rig: RigData,
+        rng: np.random.Generator,
+        seconds: float,
+        disturbances: Disturbances,
+        duty: Duty | None = None,
+        build: Build | None = None,
+    ) -> Episode:
         """An episode of the declared set; the start is a clearance from the smallest to the nominal
         one."""
         d, b = disturbances, rig.bearing
@@ -152,11 +157,15 @@ class Episode:
             )
             growths[name] = Growth(start_s, size / (seconds - start_s))
         return cls(
-            build=build, duty=duty, clearance_m=float(rng.uniform(b.clearance_min_m, b.clearance_nominal_m)),
-            inlet_C=(float(rng.uniform(*d.inlet_C)), float(rng.uniform(*d.inlet_C))), seconds=seconds,
+            build=build,
+            duty=duty,
+            clearance_m=float(rng.uniform(b.clearance_min_m, b.clearance_nominal_m)),
+            inlet_C=(float(rng.uniform(*d.inlet_C)), float(rng.uniform(*d.inlet_C))),
+            seconds=seconds,
             power_error_W=float(rng.uniform(-POWER_ERROR_W, POWER_ERROR_W)),
-            oil_error_C=float(rng.uniform(-OIL_ERROR_C, OIL_ERROR_C)), **growths,
-        )  # fmt: skip
+            oil_error_C=float(rng.uniform(-OIL_ERROR_C, OIL_ERROR_C)),
+            **growths,
+        )
 
     def inlet_at(self, time_s: float) -> float:
         """Oil inlet temperature, Celsius."""
@@ -208,7 +217,7 @@ def actions_of(rig: RigData, wish: Floats) -> Observation:
 
 
 def judge(
-    rig: RigData, limits: Limits, true: Mapping[str, Floats], *, pressure: bool
+    rig: RigData, limits: EpisodeLimits, true: Mapping[str, Floats], *, pressure: bool
 ) -> dict[str, Floats]:
     """True figures of a step, the penalty for violated limits, and the reward, each of the shape of
     its inputs.
@@ -222,9 +231,14 @@ def judge(
     """
     b = rig.bearing
     petroff = (
-        2 * math.pi * rig.oil.viscosity_Pa_s * true["speed_rad_s"] ** 2 * b.radius_m**3 * b.length_m
+        2
+        * math.pi
+        * rig.oil.viscosity_Pa_s
+        * true["speed_rad_s"] ** 2
+        * b.radius_m**3
+        * b.length_m
         / b.clearance_nominal_m
-    )  # fmt: skip
+    )
     power = true["shaft_power_W"] + (true["pump_power_W"] if pressure else 0.0)
     lack = np.maximum(0.0, 1 - true["min_film_m"] / limits.min_film_m)
     excess = np.maximum(
@@ -237,10 +251,14 @@ def judge(
     )
     tripped = true["min_film_m"] < limits.trip_film_m
     return {
-        **true, "power_W": power, "power_share": power / petroff, "penalty": penalty,
-        "violated": (lack > 0) | (excess > 0) | (dry > 0) | (hot > 0), "tripped": tripped,
+        **true,
+        "power_W": power,
+        "power_share": power / petroff,
+        "penalty": penalty,
+        "violated": (lack > 0) | (excess > 0) | (dry > 0) | (hot > 0),
+        "tripped": tripped,
         "reward": np.where(tripped, limits.trip_reward, -power / petroff - penalty),
-    }  # fmt: skip
+    }
 
 
 def shaft_xy(probes: Floats) -> Floats:

@@ -23,7 +23,7 @@ from sim_hil.control_task import (
     WINDOW_S,
     Disturbances,
     Episode,
-    Limits,
+    EpisodeLimits,
     Observation,
     judge,
     shaft_xy,
@@ -44,7 +44,7 @@ __all__ = [
     "ENVIRONMENT_ID",
     "OBSERVATIONS",
     "Disturbances",
-    "Limits",
+    "EpisodeLimits",
     "RotorEnv",
     "register",
 ]
@@ -69,11 +69,17 @@ class RotorEnv(gymnasium.Env[Observation, Observation]):
     """
 
     def __init__(
-        self, rig: str = "bench", episode_s: float = 30.0, duty: Duty | None = None, build: Build | None = None,
-        limits: Limits | None = None, pressure: bool = False, disturbances: Disturbances | None = None,
-    ) -> None:  # fmt: skip
+        self,
+        rig: str = "bench",
+        episode_s: float = 30.0,
+        duty: Duty | None = None,
+        build: Build | None = None,
+        limits: EpisodeLimits | None = None,
+        pressure: bool = False,
+        disturbances: Disturbances | None = None,
+    ) -> None:
         self.rig: RigData = load_rig(rig)
-        self.limits = limits or Limits()
+        self.limits = limits or EpisodeLimits()
         self.disturbances = disturbances or Disturbances()
         self.pressure = pressure
         self._steps = round(episode_s / CONTROL_S)
@@ -183,10 +189,21 @@ class RotorEnv(gymnasium.Env[Observation, Observation]):
         ]
         mean, swing = orbit.mean(axis=0), np.ptp(orbit, axis=0)
         load = self._machine.static_load(float(mean[0]), float(mean[1]), speed, clearance, oil_C)
-        values = np.array([
-            speed, mean[0], mean[1], swing[0], swing[1], clearance, measured[:, 6].mean(), power, oil_C, load,
-            float(subsynchronous_share(self._history, self._machine.rate_hz, np.array(speed))),
-        ])  # fmt: skip
+        values = np.array(
+            [
+                speed,
+                mean[0],
+                mean[1],
+                swing[0],
+                swing[1],
+                clearance,
+                measured[:, 6].mean(),
+                power,
+                oil_C,
+                load,
+                float(subsynchronous_share(self._history, self._machine.rate_hz, np.array(speed))),
+            ]
+        )
         seen: Observation = np.clip(
             values, self.observation_space.low, self.observation_space.high
         ).astype(np.float32)
@@ -197,9 +214,10 @@ def register() -> None:
     """Make :data:`ENVIRONMENT_ID` known to Gymnasium."""
     if ENVIRONMENT_ID not in gymnasium.registry:
         gymnasium.register(
-            id=ENVIRONMENT_ID, entry_point="sim_hil.environment:RotorEnv",
+            id=ENVIRONMENT_ID,
+            entry_point="sim_hil.environment:RotorEnv",
             vector_entry_point="sim_hil.vector_environment:RotorVectorEnv",
-        )  # fmt: skip
+        )
 
 
 register()

@@ -56,7 +56,7 @@ class SimulationError(OrbitdError, ValueError):
 
 
 @dataclass(frozen=True)
-class Event:
+class FilmEvent:
     """What happened at a time: `contact` (asperities touch) or `release`."""
 
     time_s: float
@@ -82,7 +82,7 @@ class Trajectory:
 
     time_s: Floats
     rows: Floats
-    events: tuple[Event, ...]
+    events: tuple[FilmEvent, ...]
 
     def column(self, name: str) -> Floats:
         """One column by name."""
@@ -119,10 +119,21 @@ class Trajectory:
 
 
 def simulate(
-    rig: RigData, duty: Duty, *, clearance: Schedule, dt_s: float = STEP_S, force: Force = "table", seed: int = 0,
-    seconds: float | None = None, thermal: bool = True, pressure: Schedule | None = None, rate_hz: float = 5000.0,
-    build: Build | None = None, inlet_C: float | None = None, fed: bool = False,
-) -> Trajectory:  # fmt: skip
+    rig: RigData,
+    duty: Duty,
+    *,
+    clearance: Schedule,
+    dt_s: float = STEP_S,
+    force: Force = "table",
+    seed: int = 0,
+    seconds: float | None = None,
+    thermal: bool = True,
+    pressure: Schedule | None = None,
+    rate_hz: float = 5000.0,
+    build: Build | None = None,
+    inlet_C: float | None = None,
+    fed: bool = False,
+) -> Trajectory:
     """Follow `duty` (to its end when `seconds` is None) with the journal starting at rest at its
     equilibrium.
 
@@ -210,9 +221,16 @@ class PowerMap:
 
 
 def power_map(
-    rig: RigData, rpm: Floats, load_N: Floats, clearance_m: Floats, *, seconds: float = 1.0, thermal: bool = False,
-    force: Force = "table", pressure_Pa: float | None = None,
-) -> PowerMap:  # fmt: skip
+    rig: RigData,
+    rpm: Floats,
+    load_N: Floats,
+    clearance_m: Floats,
+    *,
+    seconds: float = 1.0,
+    thermal: bool = False,
+    force: Force = "table",
+    pressure_Pa: float | None = None,
+) -> PowerMap:
     """Mean power, smallest film and larger peak-to-peak of the last half of `seconds` at each
     point.
 
@@ -232,9 +250,15 @@ def power_map(
         duty = Duty.hold(float(rpm[i]), float(load_N[j]), seconds)
         rate_hz = max(5000.0, SAMPLES_PER_TURN * abs(float(rpm[i])) / 60)
         run = simulate(
-            rig, duty, clearance=float(clearance_m[k]), thermal=thermal, force=force, rate_hz=rate_hz,
-            pressure=pressure_Pa, fed=pressure_Pa is not None,
-        ).last(seconds / 2)  # fmt: skip
+            rig,
+            duty,
+            clearance=float(clearance_m[k]),
+            thermal=thermal,
+            force=force,
+            rate_hz=rate_hz,
+            pressure=pressure_Pa,
+            fed=pressure_Pa is not None,
+        ).last(seconds / 2)
         pumped = 0.0 if pressure_Pa is None else run.pump_power_W(rig.supply.pump_efficiency).mean()
         figures[:, i, j, k] = (
             run.power_W.mean() + pumped,
@@ -245,7 +269,7 @@ def power_map(
 
 
 @dataclass(frozen=True)
-class Start:
+class StaticStart:
     """Static equilibrium of the journal: position, m, and where it was computed."""
 
     position_m: Floats
@@ -256,23 +280,28 @@ class Start:
 
 def equilibrium_at(
     rig: RigData, plant: Plant, speed_rad_s: float, load_N: float, clearance_m: float
-) -> Start:
+) -> StaticStart:
     """Where the journal rests, with K and C along x and y; the middle for a machine that does not
     turn."""
     film = plant.film
     if speed_rad_s == 0.0:
-        return Start(np.zeros(2), np.zeros((2, 2)), np.zeros((2, 2)), load_N)
+        return StaticStart(np.zeros(2), np.zeros((2, 2)), np.zeros((2, 2)), load_N)
     found = equilibrium(
-        load_N=load_N, radius_m=film.radius, length_m=film.length, clearance_m=clearance_m + film.wear,
-        viscosity_Pa_s=film.viscosity * math.exp(-film.viscosity_slope * (film.inlet_C - film.reference_C)),
-        speed_rad_s=speed_rad_s, grid=(96, 12),
-    )  # fmt: skip
+        load_N=load_N,
+        radius_m=film.radius,
+        length_m=film.length,
+        clearance_m=clearance_m + film.wear,
+        viscosity_Pa_s=film.viscosity
+        * math.exp(-film.viscosity_slope * (film.inlet_C - film.reference_C)),
+        speed_rad_s=speed_rad_s,
+        grid=(96, 12),
+    )
     sense = math.copysign(1.0, speed_rad_s)
     axes = np.array(
         [[0.0, -1.0], [sense, 0.0]]
     )  # along the load, and 90 degrees on in the sense of rotation
     turned = [axes.T @ m @ axes for m in (found.stiffness_N_m, found.damping_N_s_m)]
-    return Start(found.position_m, turned[0], turned[1], load_N)
+    return StaticStart(found.position_m, turned[0], turned[1], load_N)
 
 
 def _over(schedule: Schedule, time_s: Floats) -> Floats:
@@ -322,7 +351,7 @@ def _fed_law(rig: RigData, force: Force) -> Law:
         raise SimulationError(str(error)) from error
 
 
-def _law(rig: RigData, plant: Plant, force: Force, start: Start) -> Law:
+def _law(rig: RigData, plant: Plant, force: Force, start: StaticStart) -> Law:
     shape = plant.film.length / (2 * plant.film.radius)
     if isinstance(force, ReducedNetworkLaw | RawNetworkLaw):
         return force
@@ -361,7 +390,7 @@ def _table_of(force: Path | str | FilmModel | FilmTable, shape: float) -> FilmTa
     return tabulate(*load_model(Path(force)))
 
 
-def _at_rest(plant: Plant, start: Start, target: Floats, seed: int) -> tuple[Floats, State]:
+def _at_rest(plant: Plant, start: StaticStart, target: Floats, seed: int) -> tuple[Floats, State]:
     """Rotor hinged at the coupling end with the journal at its equilibrium; actuator at its first
     target."""
     s = plant.shaft
@@ -373,10 +402,10 @@ def _at_rest(plant: Plant, start: Start, target: Floats, seed: int) -> tuple[Flo
     return w, new_state(1, float(target[0]), float(target[1]), plant.film.inlet_C, angle)
 
 
-def _events(time_s: Floats, rows: Floats) -> tuple[Event, ...]:
+def _events(time_s: Floats, rows: Floats) -> tuple[FilmEvent, ...]:
     film, clearance = rows[:, COLUMNS.index("min_film_m")], rows[:, COLUMNS.index("clearance_m")]
     touching = np.concatenate([[False], film < LOW_FILM_SHARE * clearance])
     changes = np.flatnonzero(np.diff(touching))
     return tuple(
-        Event(float(time_s[i]), "contact" if touching[i + 1] else "release") for i in changes
+        FilmEvent(float(time_s[i]), "contact" if touching[i + 1] else "release") for i in changes
     )

@@ -63,7 +63,7 @@ def run(
 
 
 @dataclass(frozen=True)
-class Recording:
+class SimulatedRecording:
     """What the device would have received.
 
     ``counts``: int16 (n, 8); instant ``i`` was measured at ``time_s[i]``.  ``mark_s``:
@@ -104,13 +104,18 @@ def record(
     rate_hz: int = 5000,
     inlet_C: float | None = None,
     settle_s: float = 0.4,
-) -> Recording:
+) -> SimulatedRecording:
     """Measure ``seconds`` of a machine after it has run for ``settle_s`` healthy and as long with
     ``faults``."""
     machine = Machine(
-        rig, build, seed, rate_hz=rate_hz, inlet_C=inlet_C, clearance_m=_value(clearance, 0.0),
+        rig,
+        build,
+        seed,
+        rate_hz=rate_hz,
+        inlet_C=inlet_C,
+        clearance_m=_value(clearance, 0.0),
         pressure_Pa=None if pressure is None else _value(pressure, 0.0),
-    )  # fmt: skip
+    )
     start, present = Duty.hold(duty.speed_rpm[0], duty.load_N[0]), _value(clearance, 0.0)
     run(machine, start, settle_s, clearance=present)
     for name, severity in (faults or {}).items():
@@ -120,7 +125,7 @@ def record(
     return recording_of(machine, batch, np.random.default_rng([seed, 1]))
 
 
-def recording_of(machine: Machine, batch: Batch, rng: np.random.Generator) -> Recording:
+def recording_of(machine: Machine, batch: Batch, rng: np.random.Generator) -> SimulatedRecording:
     """Put samples, marks and status of a run on one time axis."""
     period = machine.period_s
     start = np.arange(len(batch.counts), dtype=np.float64) * period
@@ -144,6 +149,6 @@ def recording_of(machine: Machine, batch: Batch, rng: np.random.Generator) -> Re
         ]
     )
     time_s = start + period - machine.delay_s
-    return Recording(
+    return SimulatedRecording(
         machine.rate_hz, time_s, batch.counts, (start + batch.marks)[marked], status, batch.truth
     )

@@ -33,7 +33,7 @@ from sim_hil.control_task import (
     WINDOW_S,
     Disturbances,
     Episode,
-    Limits,
+    EpisodeLimits,
     Observation,
     judge,
     spaces,
@@ -61,8 +61,8 @@ from sim_hil.rotor.parameters import (
     N_SCALARS,
     OIL,
     PRESSURE,
-    Act,
-    Film,
+    ActuatorParameters,
+    FilmParameters,
     Floats,
     Shaft,
     new_state,
@@ -98,12 +98,19 @@ class RotorVectorEnv(gymnasium.vector.VectorEnv[Observation, Observation, NDArra
     }
 
     def __init__(
-        self, num_envs: int = 8, rig: str = "bench", episode_s: float = 30.0, duty: Duty | None = None,
-        build: Build | None = None, limits: Limits | None = None, pressure: bool = False,
-        disturbances: Disturbances | None = None, law: Law | None = None,
-    ) -> None:  # fmt: skip
+        self,
+        num_envs: int = 8,
+        rig: str = "bench",
+        episode_s: float = 30.0,
+        duty: Duty | None = None,
+        build: Build | None = None,
+        limits: EpisodeLimits | None = None,
+        pressure: bool = False,
+        disturbances: Disturbances | None = None,
+        law: Law | None = None,
+    ) -> None:
         self.num_envs, self.rig, self.pressure = num_envs, load_rig(rig), pressure
-        self.limits, self.disturbances = limits or Limits(), disturbances or Disturbances()
+        self.limits, self.disturbances = limits or EpisodeLimits(), disturbances or Disturbances()
         self.single_observation_space, self.single_action_space = spaces(pressure)
         self.observation_space = gymnasium.vector.utils.batch_space(
             self.single_observation_space, num_envs
@@ -115,7 +122,7 @@ class RotorVectorEnv(gymnasium.vector.VectorEnv[Observation, Observation, NDArra
         self._table = FilmTable.load(b.length_m / (2 * b.radius_m)).coefficients
         self._law = rig_film(self.rig, fed=pressure) if law is None else law
         self._shaft, self._film, self._act = (
-            records(kind._fields, n) for kind in (Shaft, Film, Act)
+            records(kind._fields, n) for kind in (Shaft, FilmParameters, ActuatorParameters)
         )
         self._w, self._scalar = np.zeros((n, 8)), np.zeros((n, N_SCALARS))
         self._drive, self._target = np.zeros((n, _PERIODS + 1, 2)), np.zeros((n, _PERIODS, 2))
@@ -217,9 +224,17 @@ class RotorVectorEnv(gymnasium.vector.VectorEnv[Observation, Observation, NDArra
     def _advance(self, which: Numbers) -> None:
         """Move and measure rotors for a control step."""
         advance_fleet(
-            self._shaft, self._film, self._act, self._law, self._w, self._scalar, self._drive, self._target, which,
+            self._shaft,
+            self._film,
+            self._act,
+            self._law,
+            self._w,
+            self._scalar,
+            self._drive,
+            self._target,
+            which,
             self._out,
-        )  # fmt: skip
+        )
         for i in which[~np.isfinite(self._w[which]).all(axis=1)]:
             time_s = self._step[i] * CONTROL_S
             raise VectorRunError(
@@ -234,11 +249,16 @@ class RotorVectorEnv(gymnasium.vector.VectorEnv[Observation, Observation, NDArra
     def _judge(self) -> dict[str, Floats]:
         """What the last step was worth (:func:`judge`)."""
         pumped = self._scalar[:, PRESSURE] * self._scalar[:, FLOW] / self.rig.supply.pump_efficiency
-        true = {name: self._figure(name) for name in ("clearance_m", "shaft_power_W", "min_film_m")} | {
-            "speed_rad_s": self._drive[:, :-1, 0].mean(axis=1), "load_N": self._drive[:, :-1, 1].mean(axis=1),
-            "peak_to_peak_m": self._figure("true_swing_m"), "pump_power_W": pumped,
-            "flow_m3_s": self._scalar[:, FLOW].copy(), "outlet_C": self._scalar[:, OIL].copy(),
-        }  # fmt: skip
+        true = {
+            name: self._figure(name) for name in ("clearance_m", "shaft_power_W", "min_film_m")
+        } | {
+            "speed_rad_s": self._drive[:, :-1, 0].mean(axis=1),
+            "load_N": self._drive[:, :-1, 1].mean(axis=1),
+            "peak_to_peak_m": self._figure("true_swing_m"),
+            "pump_power_W": pumped,
+            "flow_m3_s": self._scalar[:, FLOW].copy(),
+            "outlet_C": self._scalar[:, OIL].copy(),
+        }
         return judge(self.rig, self.limits, true, pressure=self.pressure)
 
     def _observe(self, which: Numbers) -> Observation:
@@ -248,12 +268,15 @@ class RotorVectorEnv(gymnasium.vector.VectorEnv[Observation, Observation, NDArra
         clearance = scalar[:, CLEARANCE] + CLEARANCE_NOISE_M * noise
         oil_C = scalar[:, OIL] + [self.episodes[i].oil_error_C for i in which]
         values = {name: self._figure(name)[which] for name in FIGURES[:4]} | {
-            "speed_rad_s": speed, "clearance_m": clearance, "oil_outlet_C": oil_C,
+            "speed_rad_s": speed,
+            "clearance_m": clearance,
+            "oil_outlet_C": oil_C,
             "supply_pressure_bar": 1e-5 * self._pressure_gain[which] * scalar[:, PRESSURE],
-            "shaft_power_W": self._figure("shaft_power_W")[which] + [self.episodes[i].power_error_W for i in which],
+            "shaft_power_W": self._figure("shaft_power_W")[which]
+            + [self.episodes[i].power_error_W for i in which],
             "load_estimate_N": self._load(which, speed, clearance, oil_C),
             "subsync_share": self._half_order(which, speed),
-        }  # fmt: skip
+        }
         space = self.single_observation_space
         seen: Observation = np.clip(
             np.stack([values[name] for name in OBSERVATIONS], axis=1), space.low, space.high

@@ -18,12 +18,12 @@ import torch
 from torch import nn
 
 from models import card, export, figures
-from models.control.episodes import Board, Policy
+from models.control.episodes import Board, SettingPolicy
 from models.control.judge import Bench, beats
 from models.control.learners import ActorSettings, Learned, board_name, learn_all
 from models.control.policies import OUTPUTS, RANGES, Columns, OfFile, OfModule, random_observations
 from models.control.scoreboard import as_drawn, directly, judge, on_machine, predictive, rivals
-from models.runs import Run
+from models.runs import TrainingRun
 from sim_hil.control_task import OBSERVATIONS
 
 SETTINGS = ActorSettings
@@ -35,7 +35,7 @@ ELSEWHERE = ("agent", "ddpg", "lookup", "widest")
 """Policies that are also played on the whole machine and on direct Reynolds."""
 
 
-def train(run: Run, settings: ActorSettings) -> dict[str, object]:
+def train(run: TrainingRun, settings: ActorSettings) -> dict[str, object]:
     """Train, judge and export; returns the report that is written beside the model.
 
     The agent of the seed that did best on validation episodes stands for DDPG.  It ships as the
@@ -56,14 +56,14 @@ def train(run: Run, settings: ActorSettings) -> dict[str, object]:
 
 
 def learned_and_judged(
-    run: Run, settings: ActorSettings, board: Board
+    run: TrainingRun, settings: ActorSettings, board: Board
 ) -> tuple[Learned, dict[str, Any]]:
     """What was learned on a board, and its report; each part is done once where a training is
     resumed."""
     name, started = board_name(board), time.monotonic()
     learned = learn_all(run, settings, board)
     trained_s = run.kept(f"{name}-seconds", lambda: round(time.monotonic() - started, 1))
-    agents: list[Policy] = [OfModule(agent) for agent in learned.agents]
+    agents: list[SettingPolicy] = [OfModule(agent) for agent in learned.agents]
     policies = {**learned.policies(), **rivals(board), **predictive(board)}
     near = {name: policy for name, policy in policies.items() if name in ELSEWHERE}
     bench = run.kept(f"{name}-bench", partial(_bench, board, settings, run.seed, run.folder.parent))
@@ -95,15 +95,17 @@ def evaluate(path: Path, seed: int, size: int | None, out: Path) -> dict[str, ob
     settings = settings if size is None else msgspec.structs.replace(settings, judged_episodes=size)
     board = settings.board(pressure=len(OfFile(path).outputs) > 1)
     beside = {name: path.with_name(f"{path.stem}_{name}.onnx") for name in ("ddpg", "lookup")}
-    learned: dict[str, Policy] = {"agent": OfFile(path)}
+    learned: dict[str, SettingPolicy] = {"agent": OfFile(path)}
     learned |= {name: OfFile(file) for name, file in beside.items() if file.is_file()}
     bench = _bench(board, settings, seed, out)
     policies = {**learned, **rivals(board)}
     return {
         "unseen_episodes": judge(bench, policies, [], settings.workers),
-        "as_drawn": as_drawn(bench, {name: p for name, p in policies.items() if name in ELSEWHERE}, settings.workers),
+        "as_drawn": as_drawn(
+            bench, {name: p for name, p in policies.items() if name in ELSEWHERE}, settings.workers
+        ),
         "whole_machine": on_machine(bench, learned, settings.machine_episodes, settings.workers),
-    }  # fmt: skip
+    }
 
 
 def _bench(board: Board, settings: ActorSettings, seed: int, out: Path) -> Bench:
@@ -117,7 +119,7 @@ def _better(report: dict[str, Any]) -> str:
     return "ddpg" if times[0] <= times[1] and beats(report["ddpg_less_lookup"]) else "lookup"
 
 
-def _export_all(run: Run, board: Board, learned: Learned, report: dict[str, Any]) -> float:
+def _export_all(run: TrainingRun, board: Board, learned: Learned, report: dict[str, Any]) -> float:
     """Write DDPG, lookup table and what ships; returns the largest distance of a file from its
     module."""
     stem = run.model.with_name("actor_pair.onnx") if board.pressure else run.model
@@ -131,7 +133,12 @@ def _export_all(run: Run, board: Board, learned: Learned, report: dict[str, Any]
 
 
 def _export(
-    module: nn.Module, path: Path, policy: str, run: Run, board: Board, report: dict[str, Any]
+    module: nn.Module,
+    path: Path,
+    policy: str,
+    run: TrainingRun,
+    board: Board,
+    report: dict[str, Any],
 ) -> float:
     """Write one file; returns how far it is from the module."""
     names, outputs = tuple(OBSERVATIONS), OUTPUTS[: board.reach.shape[1]]
@@ -150,11 +157,19 @@ def _export(
         *("-> m", "-> Pa")[: len(outputs)],
     )
     metadata = export.Metadata(
-        kind="actor", version="0.3.0", inputs=names, outputs=outputs, rate_hz=(10,), channels=(), units=units,
-        rigs=(board.rig,), domain={name: RANGES[name] for name in names},
-        data_hash=export.data_hash(np.array([run.seed])), settings={"policy": policy},
+        kind="actor",
+        version="0.3.0",
+        inputs=names,
+        outputs=outputs,
+        rate_hz=(10,),
+        channels=(),
+        units=units,
+        rigs=(board.rig,),
+        domain={name: RANGES[name] for name in names},
+        data_hash=export.data_hash(np.array([run.seed])),
+        settings={"policy": policy},
         metrics={"policies": report["policies"], "reproduce": run.command},
-    )  # fmt: skip
+    )
     columns = Columns(module, len(outputs))
     export.export(
         columns,

@@ -71,18 +71,24 @@ class Commissioned:
         rng = np.random.default_rng(np.array([build.mass, build.clearance_error_m]).view(np.uint64))
         lift, weight, balance, power, *probes = rng.uniform(-1.0, 1.0, 8).tolist()
         bearing = msgspec.structs.replace(
-            config.bearing, radial_clearance_error_um=1e6 * CLEARANCE_ERROR_M,
+            config.bearing,
+            radial_clearance_error_um=1e6 * CLEARANCE_ERROR_M,
             radial_clearance_offset_um=1e6 * (build.clearance_error_m + CLEARANCE_ERROR_M * lift),
-        )  # fmt: skip
+        )
         mass_kg = apparent_mass_kg(
             rig.rotor, build, 0.5 * config.operating.speed_max_rpm * pi / 30.0
         )
         rotor = msgspec.structs.replace(
-            config.rotor, mass_error_share=MASS_ERROR, whirl_error_share=WHIRL_ERROR, unbalance_measured=True,
+            config.rotor,
+            mass_error_share=MASS_ERROR,
+            whirl_error_share=WHIRL_ERROR,
+            unbalance_measured=True,
             shaft_power_error_W=POWER_ERROR_W,
             effective_mass_at_bearing_kg=mass_kg * (1.0 + MASS_ERROR * weight),
-            unbalance_normal_kg_m=build.unbalance_kg_m * (1.0 + UNBALANCE_ERROR * balance) / (1.0 - UNBALANCE_ERROR),
-        )  # fmt: skip
+            unbalance_normal_kg_m=build.unbalance_kg_m
+            * (1.0 + UNBALANCE_ERROR * balance)
+            / (1.0 - UNBALANCE_ERROR),
+        )
         channel = [
             msgspec.structs.replace(c, zeroed=c.zeroed or i in DISPLACEMENTS)
             for i, c in enumerate(config.channel)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from models.control.shielded import Observation, ShieldedRotor, ShieldedRotors, column
 from models.workers import map_in_order
-from sim_hil.control_task import CONTROL_S, Limits, actions_of
+from sim_hil.control_task import CONTROL_S, EpisodeLimits, actions_of
 from sim_hil.environment import RotorEnv
 from sim_hil.film.direct_reynolds import ReynoldsLaw
 from sim_hil.film.table import FilmTable
@@ -26,12 +26,12 @@ SIDE_BY_SIDE = 10
 """Episodes that one process plays at once: with any number of processes the same ones stand
 together."""
 
-UNTRIPPED = Limits(trip_film_m=-1.0)
+UNTRIPPED = EpisodeLimits(trip_film_m=-1.0)
 """A film thin enough to trip is a violation that ends nothing: every episode is as long as the
 others."""
 
 
-class Policy(Protocol):
+class SettingPolicy(Protocol):
     """Chooses the settings of many rotors at once; travels to other processes before an episode
     starts."""
 
@@ -44,7 +44,7 @@ class Policy(Protocol):
 
 
 @dataclass(frozen=True)
-class Fixed:
+class FixedSetting:
     """The same setting all the time: clearance, m, and supply pressure, Pa, where that may be
     set."""
 
@@ -55,7 +55,7 @@ class Fixed:
         """Nothing to forget."""
 
     def __call__(self, observation: Observation) -> Floats:
-        """As :class:`Policy`."""
+        """As :class:`SettingPolicy`."""
         wish = (
             [self.clearance_m] if self.pressure_Pa is None else [self.clearance_m, self.pressure_Pa]
         )
@@ -72,7 +72,7 @@ class Board:
 
     Alone, the clearance stands on the unfed film; with the pressure, on the film fed from the
     groove, the pump's power counts, and so do the limits of flow and outlet
-    (:class:`sim_hil.control_task.Limits`).  ``direct`` solves Reynolds' equation in every step
+    (:class:`sim_hil.control_task.EpisodeLimits`).  ``direct`` solves Reynolds' equation in every step
     instead of reading the film from its table.
     """
 
@@ -94,7 +94,7 @@ class Board:
         both = np.array([[b.clearance_min_m, supply.min_Pa], [b.clearance_max_m, supply.max_Pa]])
         return both[:, : 1 + self.pressure]
 
-    def rotors(self, count: int, limits: Limits | None = None) -> RotorVectorEnv:
+    def rotors(self, count: int, limits: EpisodeLimits | None = None) -> RotorVectorEnv:
         """That many rotors."""
         law = None
         if self.direct:
@@ -151,15 +151,18 @@ class Score:
     def summary(self, seconds: float) -> dict[str, float]:
         """Means and worst over the episodes, in the units that the names say."""
         figures = {
-            "power_W": self.power_W.mean(), "violation_s": self.violation_s.sum(),
-            "episodes_in_violation": float((self.violation_s > 0).sum()), "min_film_um": 1e6 * self.min_film_m.min(),
-            "swing_share": self.swing_share.max(), "intervention_share": self.intervened.mean(),
+            "power_W": self.power_W.mean(),
+            "violation_s": self.violation_s.sum(),
+            "episodes_in_violation": float((self.violation_s > 0).sum()),
+            "min_film_um": 1e6 * self.min_film_m.min(),
+            "swing_share": self.swing_share.max(),
+            "intervention_share": self.intervened.mean(),
             "travel_um_per_s": 1e6 * self.travel_m.mean() / seconds,
-        }  # fmt: skip
+        }
         return {name: float(f"{value:.4g}") for name, value in figures.items()}
 
 
-def play(board: Board, seeds: Sequence[int], policy: Policy, *, shielded: bool) -> Score:
+def play(board: Board, seeds: Sequence[int], policy: SettingPolicy, *, shielded: bool) -> Score:
     """Run ``policy`` once in the episode of each seed, rotors alone, all side by side."""
     rotors = board.rotors(len(seeds), UNTRIPPED)
     environment = ShieldedRotors(rotors, shielded=shielded, commissioned=board.commissioned)
@@ -172,7 +175,9 @@ def play(board: Board, seeds: Sequence[int], policy: Policy, *, shielded: bool) 
     return record.score()
 
 
-def play_machine(board: Board, seeds: Sequence[int], policy: Policy, *, shielded: bool) -> Score:
+def play_machine(
+    board: Board, seeds: Sequence[int], policy: SettingPolicy, *, shielded: bool
+) -> Score:
     """The same behind the shield on the whole machine with its sensors, one episode after
     another."""
     if not shielded:
@@ -195,9 +200,13 @@ def play_machine(board: Board, seeds: Sequence[int], policy: Policy, *, shielded
 
 
 def play_all(
-    board: Board, seeds: Sequence[int], played: Sequence[tuple[Policy, bool]], workers: int,
-    progress: Callable[[int], None], how: Callable[..., Score] = play,
-) -> list[Score]:  # fmt: skip
+    board: Board,
+    seeds: Sequence[int],
+    played: Sequence[tuple[SettingPolicy, bool]],
+    workers: int,
+    progress: Callable[[int], None],
+    how: Callable[..., Score] = play,
+) -> list[Score]:
     """:func:`play` of every policy, shielded or not, on several processes; or ``how`` else it is
     played."""
     together = SIDE_BY_SIDE if how is play and not board.direct else 1
@@ -211,7 +220,7 @@ def play_all(
 
 
 def _play_part(
-    how: Callable[..., Score], board: Board, part: tuple[tuple[Policy, bool], Sequence[int]]
+    how: Callable[..., Score], board: Board, part: tuple[tuple[SettingPolicy, bool], Sequence[int]]
 ) -> Score:
     (policy, shielded), seeds = part
     return how(board, seeds, policy, shielded=shielded)
@@ -227,10 +236,16 @@ class _Record:
     def add(self, info: Mapping[str, Floats]) -> None:
         """One step."""
         clearance_m = info["clearance_m"]
-        self._rows.append([
-            info["power_W"], CONTROL_S * info["violated"], info["min_film_m"], info["peak_to_peak_m"] / clearance_m,
-            info["intervened"], np.abs(clearance_m - self._before_m),
-        ])  # fmt: skip
+        self._rows.append(
+            [
+                info["power_W"],
+                CONTROL_S * info["violated"],
+                info["min_film_m"],
+                info["peak_to_peak_m"] / clearance_m,
+                info["intervened"],
+                np.abs(clearance_m - self._before_m),
+            ]
+        )
         self._before_m = clearance_m
 
     def score(self) -> Score:
@@ -238,5 +253,11 @@ class _Record:
         power, violation, film, share, intervened, moved = np.array(
             self._rows, dtype=np.float64
         ).transpose(1, 2, 0)
-        return Score(power.mean(axis=1), violation.sum(axis=1), film.min(axis=1), share.max(axis=1),
-                     intervened.mean(axis=1), moved.sum(axis=1))  # fmt: skip
+        return Score(
+            power.mean(axis=1),
+            violation.sum(axis=1),
+            film.min(axis=1),
+            share.max(axis=1),
+            intervened.mean(axis=1),
+            moved.sum(axis=1),
+        )

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from models.control.episodes import Board, Fixed, Policy, Score, play_all
+from models.control.episodes import Board, FixedSetting, Score, SettingPolicy, play_all
 from models.control.references import reference_powers
 from models.control.rivals import pressures
 from models.runs import progress_bar
@@ -50,7 +50,7 @@ class Bench:
     seeds: Sequence[int]
     counted: NDArray[np.bool_]
     references: Mapping[str, Floats]
-    setting: Fixed
+    setting: FixedSetting
     fixed: Score
     least_s: Floats
     least_depth: Floats
@@ -88,7 +88,7 @@ class Bench:
             depth,
         )
 
-    def play(self, played: Sequence[tuple[Policy, bool]], workers: int) -> list[Score]:
+    def play(self, played: Sequence[tuple[SettingPolicy, bool]], workers: int) -> list[Score]:
         """Every policy, behind the shield or not, in all episodes, counted or not."""
         with progress_bar("unseen episodes", len(played)) as bar:
             return play_all(self.board, self.seeds, played, workers, bar)
@@ -147,7 +147,8 @@ class Bench:
                 for i, k in draws
             ]
             rows[f"gap_share_{name}_iqm"] = round(
-                interquartile_mean(np.array([self.gap_share(p, name) for p in power])), 4)  # fmt: skip
+                interquartile_mean(np.array([self.gap_share(p, name) for p in power])), 4
+            )
             rows[f"gap_share_{name}_iqm_interval"] = _percentiles(shares)
         return rows
 
@@ -163,14 +164,18 @@ class Bench:
         film = "fed from the groove" if self.board.pressure else "unfed"
         pressure_Pa = self.setting.pressure_Pa
         return {
-            "plant": f"rotor alone on the table film, {film}", "episodes": len(self.seeds),
-            "seconds": self.board.seconds, "rejected_share": round(1.0 - float(self.counted.mean()), 4),
+            "plant": f"rotor alone on the table film, {film}",
+            "episodes": len(self.seeds),
+            "seconds": self.board.seconds,
+            "rejected_share": round(1.0 - float(self.counted.mean()), 4),
             "best_fixed_um": round(1e6 * self.setting.clearance_m, 2),
             "best_fixed_bar": None if pressure_Pa is None else 1e-5 * pressure_Pa,
             "best_fixed_W": round(float(self.fixed.power_W.mean()), 3),
             "without_causal_share": round(float(np.isnan(self.references["causal"]).mean()), 4),
-            "references_W": {name: round(float(np.nanmean(power)), 3) for name, power in self.references.items()},
-        }  # fmt: skip
+            "references_W": {
+                name: round(float(np.nanmean(power)), 3) for name, power in self.references.items()
+            },
+        }
 
 
 def interquartile_mean(values: Floats) -> float:
@@ -186,12 +191,12 @@ def beats(difference: Mapping[str, Any]) -> bool:
 
 def _fixed_settings(
     board: Board, seeds: Sequence[int], counted: NDArray[np.bool_], workers: int
-) -> list[tuple[Fixed, Score]]:  # fmt: skip
+) -> list[tuple[FixedSetting, Score]]:
     """Settings of a coarse grid, and clearances ever closer beside the best of them, with their
     scores."""
     low, high, apart = FIXED_UM
     grid = [
-        Fixed(1e-6 * um, pressure)
+        FixedSetting(1e-6 * um, pressure)
         for pressure in pressures(board)
         for um in range(low, high + 1, apart)
     ]
@@ -199,14 +204,14 @@ def _fixed_settings(
     for step in FINER_UM:
         best = tried[_best(tried, counted)][0]
         near = [best.clearance_m + um * 1e-6 for um in range(step - apart, apart, step) if um]
-        tried += _tried(board, seeds, [Fixed(c, best.pressure_Pa) for c in near], workers)
+        tried += _tried(board, seeds, [FixedSetting(c, best.pressure_Pa) for c in near], workers)
         apart = step
     return tried
 
 
 def _tried(
-    board: Board, seeds: Sequence[int], settings: list[Fixed], workers: int
-) -> list[tuple[Fixed, Score]]:  # fmt: skip
+    board: Board, seeds: Sequence[int], settings: list[FixedSetting], workers: int
+) -> list[tuple[FixedSetting, Score]]:
     with progress_bar("fixed settings", len(settings)) as bar:
         return list(
             zip(
@@ -217,7 +222,7 @@ def _tried(
         )
 
 
-def _best(tried: Sequence[tuple[Fixed, Score]], counted: NDArray[np.bool_]) -> int:
+def _best(tried: Sequence[tuple[FixedSetting, Score]], counted: NDArray[np.bool_]) -> int:
     """Number of the setting of least power that keeps the limits in every counted episode.
 
     Raises

@@ -9,14 +9,20 @@ from functools import partial
 
 import torch
 
-from models.control.episodes import Board, Policy, play_all
-from models.control.policies import OfModule, OfValues, Settings, actions_of_choices, choices, scale
+from models.control.episodes import Board, SettingPolicy, play_all
+from models.control.policies import (
+    BoundedSettings,
+    OfModule,
+    OfValues,
+    actions_of_choices,
+    choices,
+    scale,
+)
 from models.control.rivals import Lookup, lookup
 from models.control.shielded import ShieldedRotors
 from models.learning.ddpg import DdpgSettings, train_ddpg
 from models.learning.dqn import Values, train_dqn
-from models.runs import Run, progress_bar
-from models.runs import Settings as RunSettings
+from models.runs import TrainerSettings, TrainingRun, progress_bar
 from models.workers import map_in_order
 
 VALIDATION_SEED = 500_000
@@ -24,7 +30,7 @@ VALIDATION_SEED = 500_000
 judgement."""
 
 
-class ActorSettings(RunSettings, frozen=True):
+class ActorSettings(TrainerSettings, frozen=True):
     """What ``orbitd train actor`` does; every key may stand in the ``--config`` file."""
 
     rig: str = "bench"
@@ -44,10 +50,18 @@ class ActorSettings(RunSettings, frozen=True):
     def smoked(self) -> ActorSettings:
         """The same training in some seconds."""
         return ActorSettings(
-            seeds=2, rotors=4, episode_s=2.0, ddpg=DdpgSettings(steps=240, warm_up=80, batch=32, hidden=(16, 16)),
-            lookup_points=(2, 2, 3), validation_episodes=2, judged_episodes=1, judged_seconds=1.0, machine_episodes=1,
-            direct_episodes=1, workers=1,
-        )  # fmt: skip
+            seeds=2,
+            rotors=4,
+            episode_s=2.0,
+            ddpg=DdpgSettings(steps=240, warm_up=80, batch=32, hidden=(16, 16)),
+            lookup_points=(2, 2, 3),
+            validation_episodes=2,
+            judged_episodes=1,
+            judged_seconds=1.0,
+            machine_episodes=1,
+            direct_episodes=1,
+            workers=1,
+        )
 
     def board(self, *, pressure: bool) -> Board:
         """Where policies are judged."""
@@ -63,12 +77,12 @@ class Learned:
     """What was learned on a board: agents of all seeds, the number of the best, values of choices,
     the table."""
 
-    agents: list[Settings]
+    agents: list[BoundedSettings]
     best: int
     values: OfValues
     table: Lookup
 
-    def policies(self) -> dict[str, Policy]:
+    def policies(self) -> dict[str, SettingPolicy]:
         """By name; the best agent stands for DDPG."""
         return {
             "ddpg": OfModule(self.agents[self.best]),
@@ -78,18 +92,28 @@ class Learned:
 
 
 def learn(
-    settings: ActorSettings, board: Board, seed: int, on_step: Callable[[int], None] | None = None, *,
+    settings: ActorSettings,
+    board: Board,
+    seed: int,
+    on_step: Callable[[int], None] | None = None,
+    *,
     shielded: bool = True,
-) -> tuple[Settings, Curve]:  # fmt: skip
+) -> tuple[BoundedSettings, Curve]:
     """One DDPG agent, trained behind the shield or, as the paper's, without."""
     torch.set_num_threads(1)
     curve: Curve = []
-    actor = train_ddpg(_environment(settings, board, shielded), scale(), settings.ddpg, seed, on_step,
-                       lambda step, total: curve.append((step, total)))  # fmt: skip
-    return Settings(actor, board.reach), curve
+    actor = train_ddpg(
+        _environment(settings, board, shielded),
+        scale(),
+        settings.ddpg,
+        seed,
+        on_step,
+        lambda step, total: curve.append((step, total)),
+    )
+    return BoundedSettings(actor, board.reach), curve
 
 
-def learn_all(run: Run, settings: ActorSettings, board: Board) -> Learned:
+def learn_all(run: TrainingRun, settings: ActorSettings, board: Board) -> Learned:
     """Everything that is learned on ``board``, agents side by side; done once where a training is
     resumed."""
     name = board_name(board)
@@ -113,7 +137,7 @@ def _environment(settings: ActorSettings, board: Board, shielded: bool = True) -
     return ShieldedRotors(rotors, shielded=shielded, commissioned=board.commissioned)
 
 
-def _agents(run: Run, settings: ActorSettings, board: Board) -> list[Settings]:
+def _agents(run: TrainingRun, settings: ActorSettings, board: Board) -> list[BoundedSettings]:
     names = [f"{board_name(board)}-agent{number}" for number in range(settings.seeds)]
     missing = [number for number, name in enumerate(names) if not run.has(name)]
     seeds = [1000 * run.seed + number for number in missing]
@@ -128,7 +152,9 @@ def _agents(run: Run, settings: ActorSettings, board: Board) -> list[Settings]:
     return found
 
 
-def _logged(run: Run, board: Board, number: int, learned: tuple[Settings, Curve]) -> Settings:
+def _logged(
+    run: TrainingRun, board: Board, number: int, learned: tuple[BoundedSettings, Curve]
+) -> BoundedSettings:
     """The agent; its returns go to the run's metrics."""
     agent, curve = learned
     for step, total in curve:
@@ -144,7 +170,7 @@ def _values(settings: ActorSettings, board: Board, seed: int) -> Values:
         return train_dqn(_environment(settings, board), scale(), settings.ddpg, actions, seed, bar)
 
 
-def _choose(agents: list[Settings], settings: ActorSettings, board: Board, seed: int) -> int:
+def _choose(agents: list[BoundedSettings], settings: ActorSettings, board: Board, seed: int) -> int:
     """Number of the agent with least violation, then least power, on validation episodes."""
     seeds = range(
         VALIDATION_SEED + 1000 * seed, VALIDATION_SEED + 1000 * seed + settings.validation_episodes

@@ -76,7 +76,7 @@ FAULTS: Final[dict[str, Distort]] = {
 }
 
 
-class Run:
+class GuardedBuild:
     """One build behind its guard."""
 
     def __init__(self, seed: int, config: Config) -> None:
@@ -197,7 +197,7 @@ def _config() -> Config:
 
 def healthy(seed: int) -> tuple[float, list[str]]:
     """Seconds of one build and what it cried."""
-    found = Run(seed, _config()).seconds(EPISODE_S)
+    found = GuardedBuild(seed, _config()).seconds(EPISODE_S)
     return EPISODE_S, sorted(found)
 
 
@@ -207,7 +207,7 @@ def faulty(seed: int, fault: str) -> tuple[float, float]:
 
     Infinite within half a minute, nan when it cried before.
     """
-    run = Run(seed, _config())
+    run = GuardedBuild(seed, _config())
     if run.seconds(START_S):
         return math.nan, math.nan
     found = run.seconds(START_S + 30.0, FAULTS[fault], START_S)

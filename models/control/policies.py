@@ -48,7 +48,7 @@ def scale() -> Scale:
     return Scale(low, high)
 
 
-class Settings(nn.Module):
+class BoundedSettings(nn.Module):
     """``observation (m, 11)`` in SI -> ``settings (m, k)``: clearance, m, and pressure, Pa, inside
     what the rig has.
 
@@ -98,7 +98,7 @@ class OfModule(_Memoryless):
     module: nn.Module
 
     def __call__(self, observation: Observation) -> Floats:
-        """As :class:`models.control.episodes.Policy`."""
+        """As :class:`models.control.episodes.SettingPolicy`."""
         with torch.no_grad():
             return np.asarray(self.module(torch.from_numpy(observation)).numpy(), np.float64)
 
@@ -115,7 +115,7 @@ class OfFile(_Memoryless):
         return [output.name for output in _session(self.path).get_outputs()]
 
     def __call__(self, observation: Observation) -> Floats:
-        """As :class:`models.control.episodes.Policy`."""
+        """As :class:`models.control.episodes.SettingPolicy`."""
         answers = _session(self.path).run(None, {"observation": observation})
         return np.concatenate(answers, axis=1).astype(np.float64)
 
@@ -131,7 +131,7 @@ class OfValues(_Memoryless):
     choices: Floats
 
     def __call__(self, observation: Observation) -> Floats:
-        """As :class:`models.control.episodes.Policy`."""
+        """As :class:`models.control.episodes.SettingPolicy`."""
         return self.choices[self.values.best(observation)]
 
 

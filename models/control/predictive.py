@@ -53,7 +53,7 @@ class ModelPredictive:
         self._safe_m, self._step = 1e-6 * config.actuator.safe_radial_clearance_um, 0
 
     def __call__(self, observation: Observation) -> Floats:
-        """As :class:`models.control.episodes.Policy`."""
+        """As :class:`models.control.episodes.SettingPolicy`."""
         self._step += 1
         rows = zip(self._predictors, observation.astype(np.float64), strict=True)
         return np.array([[self._choose(predictor, seen)] for predictor, seen in rows])
@@ -74,17 +74,26 @@ class ModelPredictive:
         """To faster and lighter, and to slower and heavier, within the declared speeds."""
         o = self._config.operating
         low, high = o.speed_min_rpm * np.pi / 30.0, o.speed_max_rpm * np.pi / 30.0
-        speed, load = (AHEAD_S * rate for rate in (o.speed_ramp_unannounced_rpm_s * np.pi / 30.0,
-                                                   o.load_ramp_unannounced_N_s))  # fmt: skip
-        return [Future(AHEAD_S, min(high, measured.speed_rad_s + speed), -load),
-                Future(AHEAD_S, max(low, measured.speed_rad_s - speed), load)]  # fmt: skip
+        speed, load = (
+            AHEAD_S * rate
+            for rate in (o.speed_ramp_unannounced_rpm_s * np.pi / 30.0, o.load_ramp_unannounced_N_s)
+        )
+        return [
+            Future(AHEAD_S, min(high, measured.speed_rad_s + speed), -load),
+            Future(AHEAD_S, max(low, measured.speed_rad_s - speed), load),
+        ]
 
     def _measured(self, seen: Floats) -> Measured:
         def of(name: str) -> float:
             return float(seen[column(name)])
 
         return Measured(
-            of("speed_rad_s"), of("clearance_m"), of("eccentricity_x_m"), of("eccentricity_y_m"),
-            max(of("peak_to_peak_x_m"), of("peak_to_peak_y_m")), of("shaft_power_W"), of("oil_outlet_C"),
+            of("speed_rad_s"),
+            of("clearance_m"),
+            of("eccentricity_x_m"),
+            of("eccentricity_y_m"),
+            max(of("peak_to_peak_x_m"), of("peak_to_peak_y_m")),
+            of("shaft_power_W"),
+            of("oil_outlet_C"),
             t_ns=round(1e9 * CONTROL_S * self._step),
-        )  # fmt: skip
+        )

@@ -55,9 +55,12 @@ def _kept(folder: Path, board: Board, seed: int) -> ReferencePower:
     if path.exists():
         return msgspec.json.decode(path.read_bytes(), type=ReferencePower)
     _, found = episode_references(
-        seed, rig=board.rig, episode_s=board.seconds, spacing_um=SPACING_UM,
+        seed,
+        rig=board.rig,
+        episode_s=board.seconds,
+        spacing_um=SPACING_UM,
         pressures_Pa=PRESSURES_PA if board.pressure else None,
-    )  # fmt: skip
+    )
     power = ReferencePower(_power(found.preview), _power(found.causal))
     write_whole(path, msgspec.json.encode(power))
     return power

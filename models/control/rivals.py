@@ -13,11 +13,11 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from models.control.episodes import Board, Policy
+from models.control.episodes import Board, SettingPolicy
 from models.control.shielded import Observation, column
 from models.workers import map_in_order
 from sim_hil import power_map
-from sim_hil.control_task import CONTROL_S, Limits
+from sim_hil.control_task import CONTROL_S, EpisodeLimits
 from sim_hil.rigs import RigData
 
 Floats = NDArray[np.float64]
@@ -123,7 +123,7 @@ def _axes(rig: RigData, points: tuple[int, int]) -> tuple[Floats, Floats]:
 def _best(clearances: Floats, power: Floats, film: Floats, swing: Floats) -> int:
     """The setting of least power among those that keep the limits with margin, else the one of
     thickest film."""
-    limits = Limits()
+    limits = EpisodeLimits()
     good = (film >= FILM_MARGIN * limits.min_film_m) & (
         swing <= SWING_MARGIN * limits.swing_share * clearances
     )
@@ -134,15 +134,15 @@ def _best(clearances: Floats, power: Floats, film: Floats, swing: Floats) -> int
 class Fed:
     """A policy of the clearance beside a supply pressure that stays as it is, Pa."""
 
-    policy: Policy
+    policy: SettingPolicy
     pressure_Pa: float
 
     def start(self, count: int) -> None:
-        """As :class:`models.control.episodes.Policy`."""
+        """As :class:`models.control.episodes.SettingPolicy`."""
         self.policy.start(count)
 
     def __call__(self, observation: Observation) -> Floats:
-        """As :class:`models.control.episodes.Policy`."""
+        """As :class:`models.control.episodes.SettingPolicy`."""
         wish = self.policy(observation)
         return np.column_stack([wish, np.full(len(wish), self.pressure_Pa)])
 
@@ -172,7 +172,7 @@ class EccentricityPI:
         self._base_m = np.full(count, self._range_m[0])
 
     def __call__(self, observation: Observation) -> Floats:
-        """As :class:`models.control.episodes.Policy`."""
+        """As :class:`models.control.episodes.SettingPolicy`."""
         lack = self._wanted(observation) - _eccentricity_ratio(observation)
         clearance_m = observation[:, column("clearance_m")].astype(np.float64)
         # The integral never runs more than one second of its own ahead of where the bearing is.
@@ -200,9 +200,15 @@ class AdaptivePI(EccentricityPI):
     """
 
     def __init__(
-        self, set_point: float, gain_m: float, integral_m_s: float, range_m: tuple[float, float], *,
-        rate_1_s: float = 0.2, swing_share: float = 0.35,
-    ) -> None:  # fmt: skip
+        self,
+        set_point: float,
+        gain_m: float,
+        integral_m_s: float,
+        range_m: tuple[float, float],
+        *,
+        rate_1_s: float = 0.2,
+        swing_share: float = 0.35,
+    ) -> None:
         super().__init__(set_point, gain_m, integral_m_s, range_m)
         self._rate_1_s, self._swing_share = rate_1_s, swing_share
         self._wish: Floats = np.zeros(0)

@@ -8,7 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from models.control.episodes import Board, Fixed, Policy, Score, play_all, play_machine
+from models.control.episodes import (
+    Board,
+    FixedSetting,
+    Score,
+    SettingPolicy,
+    play_all,
+    play_machine,
+)
 from models.control.judge import Bench
 from models.control.predictive import ModelPredictive
 from models.control.rivals import AdaptivePI, EccentricityPI, Fed
@@ -19,7 +26,7 @@ PI = (0.45, 40e-6, 60e-6)
 
 
 def judge(
-    bench: Bench, policies: dict[str, Policy], agents: list[Policy], workers: int
+    bench: Bench, policies: dict[str, SettingPolicy], agents: list[SettingPolicy], workers: int
 ) -> dict[str, Any]:
     """Figures of every policy behind the shield and without it, and of all agents together."""
     everything = [*policies.values(), *agents]
@@ -44,38 +51,40 @@ def judge(
     }
 
 
-def rivals(board: Board) -> dict[str, Policy]:
+def rivals(board: Board) -> dict[str, SettingPolicy]:
     """What needs no training; ``widest`` wishes for the largest clearance always, and shows what
     the shield gives.
 
     Where the pressure may be set they leave it at its least.
     """
     low, high = board.reach[:, 0].tolist()
-    rivals: dict[str, Policy] = {
-        "pi": EccentricityPI(*PI, (low, high)), "adaptive_pi": AdaptivePI(*PI, (low, high)), "widest": Fixed(high),
-    }  # fmt: skip
+    rivals: dict[str, SettingPolicy] = {
+        "pi": EccentricityPI(*PI, (low, high)),
+        "adaptive_pi": AdaptivePI(*PI, (low, high)),
+        "widest": FixedSetting(high),
+    }
     if board.pressure:
         return {name: Fed(policy, float(board.reach[0, 1])) for name, policy in rivals.items()}
     return rivals
 
 
-def predictive(board: Board) -> dict[str, Policy]:
+def predictive(board: Board) -> dict[str, SettingPolicy]:
     """The model-predictive choice, twenty times slower than the others; its predictor knows the
     unfed film only."""
     return {} if board.pressure else {"model_predictive": ModelPredictive(board.rig)}
 
 
-def nominal(board: Board) -> Fixed:
+def nominal(board: Board) -> FixedSetting:
     """The rig's nominal setting."""
-    return Fixed(
+    return FixedSetting(
         board.data.bearing.clearance_nominal_m,
         board.data.supply.nominal_Pa if board.pressure else None,
     )
 
 
 def on_machine(
-    bench: Bench, policies: dict[str, Policy], episodes: int, workers: int
-) -> dict[str, dict[str, float]]:  # fmt: skip
+    bench: Bench, policies: dict[str, SettingPolicy], episodes: int, workers: int
+) -> dict[str, dict[str, float]]:
     """Behind the shield on the whole machine with its sensors."""
     board, seeds = bench.board, bench.seeds[:episodes]
     with progress_bar("whole machine", len(policies)) as bar:
@@ -92,7 +101,7 @@ def on_machine(
     }
 
 
-def as_drawn(bench: Bench, policies: dict[str, Policy], workers: int) -> dict[str, Any]:
+def as_drawn(bench: Bench, policies: dict[str, SettingPolicy], workers: int) -> dict[str, Any]:
     """Behind the shield of machines of which no more is known than their drawing."""
     drawn = replace(bench, board=replace(bench.board, commissioned=False))
     scores = drawn.play([(policy, True) for policy in policies.values()], workers)
@@ -100,7 +109,7 @@ def as_drawn(bench: Bench, policies: dict[str, Policy], workers: int) -> dict[st
 
 
 def directly(
-    bench: Bench, policies: dict[str, Policy], episodes: int, workers: int
+    bench: Bench, policies: dict[str, SettingPolicy], episodes: int, workers: int
 ) -> dict[str, Any]:
     """Policies behind the shield and fixed settings with Reynolds' equation solved in every step,
     less the table's."""
@@ -124,6 +133,7 @@ def _difference(direct: Score, table: Score, seconds: float) -> dict[str, float]
     """What the direct film gives, and its largest differences in an episode from the table's."""
     off_W, off_m = direct.power_W - table.power_W, direct.min_film_m - table.min_film_m
     return direct.summary(seconds) | {
-        "less_table_W": round(float(off_W.mean()), 4), "less_table_W_worst": round(float(np.abs(off_W).max()), 4),
+        "less_table_W": round(float(off_W.mean()), 4),
+        "less_table_W_worst": round(float(np.abs(off_W).max()), 4),
         "less_table_film_um_worst": round(1e6 * float(np.abs(off_m).max()), 3),
-    }  # fmt: skip
+    }

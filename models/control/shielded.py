@@ -85,7 +85,7 @@ def fast_ramps(config: Config, duty: Duty) -> list[Ramp]:
     return ramps
 
 
-class Keeper:
+class ShieldAdapter:
     """Shield and load estimate of one rotor, fed with observations.
 
     Parameters
@@ -109,7 +109,9 @@ class Keeper:
         self._ramps = fast_ramps(config, duty)
 
     @classmethod
-    def of(cls, config: Config, rig: RigData, episode: Episode, *, commissioned: bool) -> Keeper:
+    def of(
+        cls, config: Config, rig: RigData, episode: Episode, *, commissioned: bool
+    ) -> ShieldAdapter:
         """That of an episode's machine."""
         return cls(
             config, episode.duty, Commissioned.of(config, rig, episode) if commissioned else None
@@ -122,15 +124,27 @@ class Keeper:
 
     def interval(self, observation: Observation, time_s: float) -> tuple[float, float] | None:
         """What the guard would admit."""
-        names = ("eccentricity_x_m", "eccentricity_y_m", "peak_to_peak_x_m", "peak_to_peak_y_m", "clearance_m",
-                 "speed_rad_s", "oil_outlet_C", "shaft_power_W", "supply_pressure_bar")  # fmt: skip
+        names = (
+            "eccentricity_x_m",
+            "eccentricity_y_m",
+            "peak_to_peak_x_m",
+            "peak_to_peak_y_m",
+            "clearance_m",
+            "speed_rad_s",
+            "oil_outlet_C",
+            "shaft_power_W",
+            "supply_pressure_bar",
+        )
         x, y, swing_x, swing_y, clearance, speed, oil, *rest = (
             float(observation[column(name)]) for name in names
         )
         swing = max(swing_x, swing_y)
         load = self._loads.estimate(Look(time_s, x, y, swing, clearance, speed, oil, *rest))
-        known = [Ramp(r.start_s - time_s, r.end_s - time_s, r.speed_rad_s, r.load_N) for r in self._ramps
-                 if r.start_s - ANNOUNCED_S <= time_s < r.end_s]  # fmt: skip
+        known = [
+            Ramp(r.start_s - time_s, r.end_s - time_s, r.speed_rad_s, r.load_N)
+            for r in self._ramps
+            if r.start_s - ANNOUNCED_S <= time_s < r.end_s
+        ]
         return self._shield.interval(
             speed, load.low_N, load.film_N, oil, swing, clearance, known, self._loads.oil_range(oil)
         )
@@ -193,8 +207,8 @@ class ShieldedRotors(gymnasium.vector.VectorWrapper[Observation, Observation, ND
         info["intervened"] = np.abs(target_m - wish_m) > INTERVENTION_M
         return self._observation, reward, terminated, truncated, info
 
-    def _keeper(self, i: int) -> Keeper:
-        return Keeper.of(
+    def _keeper(self, i: int) -> ShieldAdapter:
+        return ShieldAdapter.of(
             self._config, self.rotors.rig, self.rotors.episodes[i], commissioned=self._commissioned
         )
 
@@ -226,7 +240,7 @@ class ShieldedRotor(gymnasium.Wrapper[Observation, Observation, Observation, Obs
     ) -> tuple[Observation, dict[str, Any]]:
         """As :meth:`RotorEnv.reset`."""
         observation, info = self.env.reset(seed=seed, options=options)
-        self._keeper = Keeper.of(
+        self._keeper = ShieldAdapter.of(
             self._config, self.rotor.rig, self.rotor.episode, commissioned=self._commissioned
         )
         self._observation, self._time_s = self._keeper.seen(observation), 0.0

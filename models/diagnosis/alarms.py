@@ -21,7 +21,7 @@ from firmware_py.brain.diagnosis import CONFIRM_NS, DOUBT_BELOW, WHIRL_CLEARANCE
 from models.diagnosis import recordings
 from models.diagnosis.clearance_loops import LOOPS
 from models.diagnosis.dataset import CLASSES, WINDOWS_PER_DECISION, Dataset, join, pooled, spans
-from models.diagnosis.recordings import Case
+from models.diagnosis.recordings import RecordingCase
 from models.diagnosis.scores import class_probabilities, fault_log_odds, log_odds
 
 Floats = NDArray[np.float64]
@@ -99,8 +99,15 @@ def hear(
 
 def whirls(features: NDArray[np.floating]) -> NDArray[np.bool_]:
     """:func:`firmware_py.brain.diagnosis.is_whirl` from features ``(n, F)``."""
-    half, backward, rms, clearance = (features[:, FEATURE_NAMES.index(name)].astype(np.float64) for name in (
-        "shaft_half_fwd_rms", "shaft_half_bwd_rms", "log_shaft_rms_m", "clearance_100um"))  # fmt: skip
+    half, backward, rms, clearance = (
+        features[:, FEATURE_NAMES.index(name)].astype(np.float64)
+        for name in (
+            "shaft_half_fwd_rms",
+            "shaft_half_bwd_rms",
+            "log_shaft_rms_m",
+            "clearance_100um",
+        )
+    )
     share = 10.0 ** (2.0 * half) + 10.0 ** (2.0 * backward)
     return np.asarray(
         (share > WHIRL_SHARE) & (10.0 ** (half + rms) > WHIRL_CLEARANCE_SHARE * 1e-4 * clearance)
@@ -130,20 +137,29 @@ def false_alarms(heard: Heard, rule: Rule) -> dict[str, object]:
     confirmed = np.array([_confirmed(said[heard.rows.recording == run]) for run in runs])
     alarming, hours = int(np.sum(confirmed > 0)), len(said) * HOP_SECONDS / 3600.0
     return {
-        "healthy_builds": len(builds), "decisions": len(said), "watched_hours": round(hours, 3),
-        "false_alarms": int(alarm.sum()), "share_of_decisions": float(f"{share.mean():.3g}"),
+        "healthy_builds": len(builds),
+        "decisions": len(said),
+        "watched_hours": round(hours, 3),
+        "false_alarms": int(alarm.sum()),
+        "share_of_decisions": float(f"{share.mean():.3g}"),
         "share_upper_95_bootstrap": float(f"{np.quantile(share[draws].mean(axis=1), 0.95):.3g}"),
         "builds_with_a_false_alarm": alarmed,
         "builds_upper_95": round(float(beta.ppf(0.95, alarmed + 1, len(builds) - alarmed)), 5),
-        "confirmed_alarms": int(confirmed.sum()), "runs": len(runs), "runs_with_a_confirmed_alarm": alarming,
+        "confirmed_alarms": int(confirmed.sum()),
+        "runs": len(runs),
+        "runs_with_a_confirmed_alarm": alarming,
         "confirmed_per_machine_month": round(alarming / len(runs) * POINTS_A_MONTH, 3),
-        "confirmed_per_machine_month_upper_95": round(float(beta.ppf(0.95, alarming + 1, len(runs) - alarming))
-                                                      * POINTS_A_MONTH, 3),
+        "confirmed_per_machine_month_upper_95": round(
+            float(beta.ppf(0.95, alarming + 1, len(runs) - alarming)) * POINTS_A_MONTH, 3
+        ),
         "confirmed_per_month_of_such_hours_upper_95": round(
-            0.5 * float(chi2.ppf(0.95, 2 * int(confirmed.sum()) + 2)) / hours * MONTH_HOURS, 1),
-        **{f"called_{name}": round(float(np.mean(said == word)), 5)
-           for name, word in (("unknown", UNKNOWN), ("doubt", DOUBT), ("whirl", WHIRL))},
-    }  # fmt: skip
+            0.5 * float(chi2.ppf(0.95, 2 * int(confirmed.sum()) + 2)) / hours * MONTH_HOURS, 1
+        ),
+        **{
+            f"called_{name}": round(float(np.mean(said == word)), 5)
+            for name, word in (("unknown", UNKNOWN), ("doubt", DOUBT), ("whirl", WHIRL))
+        },
+    }
 
 
 def held(heard: Heard, rule: Rule) -> dict[str, float]:
@@ -162,17 +178,21 @@ def held(heard: Heard, rule: Rule) -> dict[str, float]:
     at = [beyond[heard.rows.recording == point] for point in points]
     away = [float(np.min(-x.mean(axis=0) / np.maximum(x.std(axis=0), 1e-6))) for x in at]
     return {
-        "runs": len(runs), "hours": round(len(said) * HOP_SECONDS / 3600.0, 3),
+        "runs": len(runs),
+        "hours": round(len(said) * HOP_SECONDS / 3600.0, 3),
         "false_alarms": int(np.sum((said > 0) & (said < UNKNOWN))),
         "confirmed_alarms": sum(_confirmed(said[heard.rows.recording == run]) for run in runs),
-        "held_points": len(points), "nearest_in_scatters": round(min(away, default=float("nan")), 1),
-        "largest_scatter": round(max((float(x.std(axis=0).max()) for x in at), default=float("nan")), 2),
-    }  # fmt: skip
+        "held_points": len(points),
+        "nearest_in_scatters": round(min(away, default=float("nan")), 1),
+        "largest_scatter": round(
+            max((float(x.std(axis=0).max()) for x in at), default=float("nan")), 2
+        ),
+    }
 
 
-def held_cases(rng: np.random.Generator) -> list[Case]:
+def held_cases(rng: np.random.Generator) -> list[RecordingCase]:
     """One healthy run; ``rng`` draws nothing."""
-    return [Case(0, 100.0, {})]
+    return [RecordingCase(0, 100.0, {})]
 
 
 def _confirmed(said: NDArray[np.intp]) -> int:
@@ -182,12 +202,12 @@ def _confirmed(said: NDArray[np.intp]) -> int:
     return sum(0 < word < UNKNOWN and length > CONFIRM_HOPS for word, length in stretches)
 
 
-def faulty_cases(rng: np.random.Generator) -> list[Case]:
+def faulty_cases(rng: np.random.Generator) -> list[RecordingCase]:
     """One healthy recording and one of every taught fault, at severities that must be found."""
-    cases = [Case(0, 100.0, {})]
+    cases = [RecordingCase(0, 100.0, {})]
     for kind, name in enumerate(recordings.FAULT_OF_CLASS[1:], 1):
         severity = float(rng.choice((16.0, 40.0) if name == "unbalance" else (25.0, 0.0)))
-        cases.append(Case(kind, severity, {name: severity}))
+        cases.append(RecordingCase(kind, severity, {name: severity}))
     return cases
 
 
@@ -234,10 +254,12 @@ def _delays(named: Floats, confirmed: Floats) -> dict[str, float | None]:
 
     return {
         "recordings": len(named),
-        "named_median_s": of(named, 0.5), "never_named": round(float(np.mean(np.isinf(named))), 4),
-        "confirmed_median_s": of(confirmed, 0.5), "confirmed_p90_s": of(confirmed, 0.9),
+        "named_median_s": of(named, 0.5),
+        "never_named": round(float(np.mean(np.isinf(named))), 4),
+        "confirmed_median_s": of(confirmed, 0.5),
+        "confirmed_p90_s": of(confirmed, 0.9),
         "never_confirmed": round(float(np.mean(np.isinf(confirmed))), 4),
-    }  # fmt: skip
+    }
 
 
 def _first_s(true: NDArray[np.bool_]) -> float:
@@ -252,8 +274,11 @@ def traded(watched: Heard, faulty: list[Heard], rule: Rule) -> dict[str, dict[st
         at = replace(rule, named_above=factor * rule.named_above)
         false = false_alarms(watched, at)
         found = detection(faulty, at)
-        report[f"limits times {factor:g}"] = {name: false[name] for name in (
-            "share_of_decisions", "builds_with_a_false_alarm", "confirmed_alarms")} | {
+        report[f"limits times {factor:g}"] = {
+            name: false[name]
+            for name in ("share_of_decisions", "builds_with_a_false_alarm", "confirmed_alarms")
+        } | {
             what: {fault: row[what] for fault, row in found.items()}
-            for what in ("confirmed_median_s", "never_confirmed")}  # fmt: skip
+            for what in ("confirmed_median_s", "never_confirmed")
+        }
     return report

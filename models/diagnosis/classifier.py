@@ -17,7 +17,7 @@ from models import card, export, figures
 from models.diagnosis import commissioning, recordings, scores
 from models.diagnosis.alarms import Rule
 from models.diagnosis.dataset import CLASSES, WINDOWS_PER_DECISION, Dataset, split_groups
-from models.diagnosis.graph import Diagnosis
+from models.diagnosis.graph import DiagnosisGraph
 from models.diagnosis.judge import (
     RATES_HZ,
     JudgeSettings,
@@ -31,13 +31,13 @@ from models.diagnosis.judge import (
 )
 from models.diagnosis.ladder import HeadNetwork, cross_fitted
 from models.diagnosis.novelty import fit_novelty, fleet
-from models.diagnosis.recordings import Plan
+from models.diagnosis.recordings import RecordingPlan
 from models.diagnosis.rungs import LadderSettings, choose, climb
-from models.diagnosis.windowed import Look, Views, per_decision, views_of
-from models.runs import Run, Settings
+from models.diagnosis.windowed import Views, WindowSampling, per_decision, views_of
+from models.runs import TrainerSettings, TrainingRun
 
 
-class ClassifierSettings(Settings, frozen=True):
+class ClassifierSettings(TrainerSettings, frozen=True):
     """What ``orbitd train classifier`` does; every key may stand in the ``--config`` file.
 
     ``false_alarm_rate``: healthy decisions that may name a fault, a tenth of what is allowed
@@ -61,11 +61,27 @@ class ClassifierSettings(Settings, frozen=True):
     def smoked(self) -> ClassifierSettings:
         """The same training in some seconds."""
         return ClassifierSettings(
-            workers=1, builds=8,
-            judge=JudgeSettings(builds=2, unknown_builds=2, watched_builds=2, held_builds=2, onset_builds=2, workers=1),
-            ladder=LadderSettings(hidden=8, own_hidden=2, members=2, l2=(1e-3,), iterations=60, paper_hidden=4,
-                                  paper_iterations=5, epochs=2),
-        )  # fmt: skip
+            workers=1,
+            builds=8,
+            judge=JudgeSettings(
+                builds=2,
+                unknown_builds=2,
+                watched_builds=2,
+                held_builds=2,
+                onset_builds=2,
+                workers=1,
+            ),
+            ladder=LadderSettings(
+                hidden=8,
+                own_hidden=2,
+                members=2,
+                l2=(1e-3,),
+                iterations=60,
+                paper_hidden=4,
+                paper_iterations=5,
+                epochs=2,
+            ),
+        )
 
 
 SETTINGS = ClassifierSettings
@@ -75,14 +91,14 @@ NOVELTY_THRESHOLD = 1.0
 """Novelty is scaled to it."""
 
 
-def train(run: Run, settings: ClassifierSettings) -> dict[str, object]:
+def train(run: TrainingRun, settings: ClassifierSettings) -> dict[str, object]:
     """Train, judge and export; returns the report that is written beside the model."""
     started = time.monotonic()
     rng, out = np.random.default_rng(run.seed), run.folder.parent
-    plan = Plan(
+    plan = RecordingPlan(
         settings.rig, run.seed, settings.rate_hz, settings.seconds, recordings.training_cases
     )
-    look = Look(WINDOWS_PER_DECISION, settings.raw_builds)
+    look = WindowSampling(WINDOWS_PER_DECISION, settings.raw_builds)
     views = views_of(out, plan, settings.builds, settings.workers, look)
     views.orders.check()
     outer, inner = _split(views, settings.inner_share, rng)
@@ -98,12 +114,18 @@ def train(run: Run, settings: ClassifierSettings) -> dict[str, object]:
     report: dict[str, object] = {
         "chosen": chosen.name,
         "inner_ladder": rows,
-        "ladder_on_unseen_builds": {rung.name: scores.summary(rung.decisions(decided)) for rung in rungs},
+        "ladder_on_unseen_builds": {
+            rung.name: scores.summary(rung.decisions(decided)) for rung in rungs
+        },
         "named_above": _by_fault(rule),
         "unseen_builds": judge(verdicts, rule, settings.judge, run.seed, out),
-        "training": {"builds": settings.builds, "decisions": len(views.orders), "seconds_until_judged": trained_s},
+        "training": {
+            "builds": settings.builds,
+            "decisions": len(views.orders),
+            "seconds_until_judged": trained_s,
+        },
         "reproduce": run.command,
-    }  # fmt: skip
+    }
     _export(module, rule, run, views.orders, settings, report)
     figures.classifier(run.folder, decisions_of(verdicts, judged.orders))
     return report
@@ -116,18 +138,20 @@ def _split(views: Views, share: float, rng: np.random.Generator) -> tuple[Views,
     def part(data: Dataset, of: Dataset) -> Dataset:
         return data.subset(np.isin(data.group, of.group))
 
-    return (Views(outer, part(views.raw, outer), part(views.waves, outer)),
-            Views(inner, part(views.raw, inner), part(views.waves, inner)))  # fmt: skip
+    return (
+        Views(outer, part(views.raw, outer), part(views.waves, outer)),
+        Views(inner, part(views.raw, inner), part(views.waves, inner)),
+    )
 
 
 def _finish(
     network: HeadNetwork, outer: Dataset, inner: Dataset, settings: ClassifierSettings
-) -> Diagnosis:
+) -> DiagnosisGraph:
     """The graph, with novelty by the inner builds."""
     residual, parts = fit_novelty(outer, inner, settings.novelty_quantile)
     layers, scaler = network.net.layers(network.theta), network.scaler
     known = fleet(parts, residual(inner.features[inner.kind == 0]), settings.novelty_quantile)
-    return Diagnosis(
+    return DiagnosisGraph(
         scaler.mean, scaler.deviation, layers, network.temperature, residual, parts, known
     )
 
@@ -152,21 +176,32 @@ def _by_fault(rule: Rule) -> dict[str, float]:
 
 
 def _export(
-    module: Diagnosis,
+    module: DiagnosisGraph,
     rule: Rule,
-    run: Run,
+    run: TrainingRun,
     data: Dataset,
     settings: ClassifierSettings,
     report: dict[str, object],
 ) -> None:
     metadata = export.Metadata(
-        kind="classifier", version="0.3.0", inputs=FEATURE_NAMES, units=(),
+        kind="classifier",
+        version="0.3.0",
+        inputs=FEATURE_NAMES,
+        units=(),
         outputs=("heads", "score", "drivers", "normal", "departures"),
-        rate_hz=RATES_HZ, window=WINDOW_LAYOUT, rigs=(settings.rig,), domain={},
-        data_hash=export.data_hash(data.features, data.kind, data.group), metrics=report,
-        settings={"novelty_threshold": rule.novelty, "named_above": _by_fault(rule),
-                  "temperature": module.temperature.tolist(), "normal": module.fleet},
-    )  # fmt: skip
+        rate_hz=RATES_HZ,
+        window=WINDOW_LAYOUT,
+        rigs=(settings.rig,),
+        domain={},
+        data_hash=export.data_hash(data.features, data.kind, data.group),
+        metrics=report,
+        settings={
+            "novelty_threshold": rule.novelty,
+            "named_above": _by_fault(rule),
+            "temperature": module.temperature.tolist(),
+            "normal": module.fleet,
+        },
+    )
     sample = data.features[:: max(1, len(data) // 5000)].astype(np.float32)
     example = torch.from_numpy(sample[:2])
     export.export(

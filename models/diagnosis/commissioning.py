@@ -19,9 +19,9 @@ from models import export
 from models.diagnosis import recordings
 from models.diagnosis.dataset import WINDOWS_PER_DECISION, Dataset, pooled, severe
 from models.diagnosis.judge import rule_of
-from models.diagnosis.recordings import JUDGED_SECONDS, Case, Plan
+from models.diagnosis.recordings import JUDGED_SECONDS, RecordingCase, RecordingPlan
 from models.diagnosis.scores import class_probabilities, log_odds
-from models.diagnosis.windowed import Look, views_of
+from models.diagnosis.windowed import WindowSampling, views_of
 
 Floats = NDArray[np.float64]
 
@@ -37,13 +37,17 @@ _MOST_RECORDINGS: Final = 100
 _BELONGS: Final = Belonging("judged", "judged", "judged", "judged")
 
 
-def commissioned_cases(rng: np.random.Generator) -> list[Case]:
+def commissioned_cases(rng: np.random.Generator) -> list[RecordingCase]:
     """Healthy ones to learn from and to judge, every unknown twice, every taught fault where it
     must be found."""
     unknown = [case for _ in range(UNKNOWN_EACH) for case in recordings.unknown_cases(rng)[1:]]
-    taught = [Case(kind, severity, {name: severity}) for kind, name in enumerate(recordings.FAULT_OF_CLASS) if name
-              for severity in [16.0 if name == "unbalance" else 25.0]]  # fmt: skip
-    return [Case(0, 100.0, {})] * (LEARNED + HEALTHY) + unknown + taught
+    taught = [
+        RecordingCase(kind, severity, {name: severity})
+        for kind, name in enumerate(recordings.FAULT_OF_CLASS)
+        if name
+        for severity in [16.0 if name == "unbalance" else 25.0]
+    ]
+    return [RecordingCase(0, 100.0, {})] * (LEARNED + HEALTHY) + unknown + taught
 
 
 def judge(
@@ -58,16 +62,22 @@ def judge(
     NormalError
         The file in ``path`` carries no statistics of healthy machines.
     """
-    plan = Plan(rig, SEED + seed, rate_hz, JUDGED_SECONDS, commissioned_cases)
-    rows = pooled(views_of(out, plan, builds, workers, Look(WINDOWS_PER_DECISION)).orders, 1)
+    plan = RecordingPlan(rig, SEED + seed, rate_hz, JUDGED_SECONDS, commissioned_cases)
+    rows = pooled(
+        views_of(out, plan, builds, workers, WindowSampling(WINDOWS_PER_DECISION)).orders, 1
+    )
     session, settings = export.session(path), _settings(path)
     if "normal" not in settings:
         raise own.NormalError(
             f"{path.name}: carries no statistics of healthy machines; train it again"
         )
     prior = msgspec.convert(settings["normal"], own.Prior)
-    heads, score, white = (a.astype(np.float64) for a in session.run(
-        ["heads", "score", "normal"], {"features": rows.features.astype(np.float32)}))  # fmt: skip
+    heads, score, white = (
+        a.astype(np.float64)
+        for a in session.run(
+            ["heads", "score", "normal"], {"features": rows.features.astype(np.float32)}
+        )
+    )
     odds, strange = log_odds(heads), score[:, 0] > settings["novelty_threshold"]
     named_above = rule_of(path).named_above
     report: dict[str, object] = {}
@@ -81,8 +91,13 @@ def judge(
         judged = rows.recording % _MOST_RECORDINGS >= LEARNED
         probability = class_probabilities(odds - quiet)
         report[f"{points} operating points"] = _figures(
-            rows.subset(judged), away[judged], probability[judged], strange[judged], named_above,
-            commissioned=points > 0)  # fmt: skip
+            rows.subset(judged),
+            away[judged],
+            probability[judged],
+            strange[judged],
+            named_above,
+            commissioned=points > 0,
+        )
     return report
 
 
@@ -132,8 +147,15 @@ def points_of(features: NDArray[np.floating]) -> Floats:
     return np.column_stack([10.0**speed, clearance * 1e-4, np.hypot(x, y), 50.0 * oil])
 
 
-def _figures(rows: Dataset, away: Floats, probability: Floats, strange: NDArray[np.bool_], named_above: Floats, *,
-             commissioned: bool) -> dict[str, object]:  # fmt: skip
+def _figures(
+    rows: Dataset,
+    away: Floats,
+    probability: Floats,
+    strange: NDArray[np.bool_],
+    named_above: Floats,
+    *,
+    commissioned: bool,
+) -> dict[str, object]:
     """AUROC of the distance from normal, and the words as the device says them."""
     from sklearn.metrics import roc_auc_score
 

@@ -22,12 +22,12 @@ from firmware_py.guard import load_estimate, shield
 from models import PHYSICS_VERSION
 from models.diagnosis import clearance_loops, recordings
 from models.diagnosis.dataset import DatasetError
-from models.diagnosis.recordings import Plan, Raw, record_build
+from models.diagnosis.recordings import Raw, RecordingPlan, record_build
 from models.workers import map_in_order
 from sim_hil.whole_file import whole_file
 
 
-def folder_of(out: Path, plan: Plan) -> Path:
+def folder_of(out: Path, plan: RecordingPlan) -> Path:
     """Where the recordings of ``plan`` lie."""
     code = [
         inspect.getsource(module) for module in (recordings, clearance_loops, shield, load_estimate)
@@ -37,7 +37,7 @@ def folder_of(out: Path, plan: Plan) -> Path:
 
 
 def make_recordings(
-    out: Path, plan: Plan, builds: int, workers: int, progress: Callable[[int], None]
+    out: Path, plan: RecordingPlan, builds: int, workers: int, progress: Callable[[int], None]
 ) -> list[Path]:
     """Files of the first ``builds`` builds of ``plan``, recording those that are not there yet.
 
@@ -79,7 +79,7 @@ def _plain(array: NDArray[Any]) -> Any:
     return array if array.ndim else array.item()
 
 
-def _make(folder: Path, plan: Plan, number: int) -> None:
+def _make(folder: Path, plan: RecordingPlan, number: int) -> None:
     recordings = record_build(plan, number)
     columns = {
         f"{i}_{f.name}": getattr(raw, f.name)

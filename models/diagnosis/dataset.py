@@ -134,8 +134,11 @@ def spans(data: Dataset, windows: int, step: int | None = None) -> list[tuple[in
     A recording that is shorter than ``windows`` but has half of them gives one decision.
     """
     borders = np.flatnonzero(np.r_[True, np.diff(data.recording) != 0, True])
-    all_spans = ((at, min(end, at + windows)) for start, end in pairwise(borders.tolist())
-                 for at in range(start, max(start + 1, end - windows + 1), step or windows))  # fmt: skip
+    all_spans = (
+        (at, min(end, at + windows))
+        for start, end in pairwise(borders.tolist())
+        for at in range(start, max(start + 1, end - windows + 1), step or windows)
+    )
     return [(first, end) for first, end in all_spans if end - first >= windows / 2]
 
 

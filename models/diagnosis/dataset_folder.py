@@ -26,7 +26,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Measured:
+class MeasuredRecording:
     """One recording: samples ``(n, channels)`` in SI, its label, the group that never crosses a
     split, its machine."""
 
@@ -39,7 +39,7 @@ class Measured:
     machine: str = ""
 
 
-def read_folder(folder: Path, group: str = "group") -> list[Measured]:
+def read_folder(folder: Path, group: str = "group") -> list[MeasuredRecording]:
     """Recordings of ``folder``, in the order of its table.
 
     Parameters
@@ -81,7 +81,7 @@ def _rows(folder: Path, group: str) -> Iterator[tuple[int, dict[str, str]]]:
         ) from error
 
 
-def _recording(folder: Path, number: int, row: dict[str, str], group: str) -> Measured:
+def _recording(folder: Path, number: int, row: dict[str, str], group: str) -> MeasuredRecording:
     place = f"{folder / TABLE}:{number}"
     empty = [name for name in (*REQUIRED, group) if not (row.get(name) or "").strip()]
     if empty:
@@ -114,8 +114,15 @@ def _recording(folder: Path, number: int, row: dict[str, str], group: str) -> Me
             f"{bad[0][0]}, channel "
             f"{channels[bad[0][1]]}; cut them out or drop the recording"
         )
-    return Measured(row["file"], samples, rate, channels, row["label"].strip(), row[group].strip(),
-                    (row.get("machine") or "").strip())  # fmt: skip
+    return MeasuredRecording(
+        row["file"],
+        samples,
+        rate,
+        channels,
+        row["label"].strip(),
+        row[group].strip(),
+        (row.get("machine") or "").strip(),
+    )
 
 
 def _samples(path: Path, place: str) -> Floats:
@@ -133,7 +140,7 @@ def _samples(path: Path, place: str) -> Floats:
     raise DatasetError(f"{place}: {path.name}: neither .npz nor .csv; save it as one of them")
 
 
-def _check_alike(found: list[Measured]) -> None:
+def _check_alike(found: list[MeasuredRecording]) -> None:
     """Refuse mixed rates and channels: features of one are not those of another."""
     for what in ("rate_hz", "channels"):
         values = Counter(getattr(recording, what) for recording in found)
@@ -146,7 +153,7 @@ def _check_alike(found: list[Measured]) -> None:
             )
 
 
-def _check_spelling(found: list[Measured], group: str) -> None:
+def _check_spelling(found: list[MeasuredRecording], group: str) -> None:
     """Refuse labels and groups that a person means as one: 20 and 20.0 would stand on both sides of
     a split."""
     for what, column in (("label", "label"), ("group", group)):
@@ -170,10 +177,10 @@ def _meant(value: str) -> str:
         return " ".join(value.casefold().replace("_", " ").replace("-", " ").split())
 
 
-def _check_copies(found: list[Measured]) -> None:
+def _check_copies(found: list[MeasuredRecording]) -> None:
     """Refuse the same samples twice: under two labels one is wrong, under two groups both sides
     would hold them."""
-    seen: dict[bytes, Measured] = {}
+    seen: dict[bytes, MeasuredRecording] = {}
     for recording in found:
         first = seen.setdefault(hashlib.sha256(recording.samples.tobytes()).digest(), recording)
         if first is not recording:
@@ -183,7 +190,7 @@ def _check_copies(found: list[Measured]) -> None:
             )
 
 
-def _check_labels(found: list[Measured], group: str) -> None:
+def _check_labels(found: list[MeasuredRecording], group: str) -> None:
     names = Counter(recording.name for recording in found)
     twice = [name for name, count in names.items() if count > 1]
     if twice:

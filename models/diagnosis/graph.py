@@ -12,7 +12,7 @@ from torch import Tensor, nn
 from firmware_py.acquire.features import GROUP_OF_FEATURE, GROUPS
 from models.diagnosis.ladder import CLIP
 from models.diagnosis.novelty import FARTHEST, OPERATING_COLUMNS, PAIRS, REACH, Part, Residual
-from models.film.reduced_network import Perceptron
+from models.film.reduced_network import TorchPerceptron
 
 Floats = NDArray[np.float64]
 
@@ -68,7 +68,7 @@ class White(nn.Module):
         return (nearest / self.limit) ** self.exponent
 
 
-class Diagnosis(nn.Module):
+class DiagnosisGraph(nn.Module):
     """``features (m, F)`` -> ``heads (m, 4)`` probabilities, ``score (m, 1)`` novelty, ``drivers
     (m, G * 4)``, ``normal (m, k)``, ``departures (m, G)``; float32.
 
@@ -93,11 +93,17 @@ class Diagnosis(nn.Module):
     """
 
     def __init__(
-        self, mean: Floats, deviation: Floats, layers: list[Floats], temperature: Floats,
-        residual: Residual, parts: Sequence[Part], fleet: Mapping[str, object],
-    ) -> None:  # fmt: skip
+        self,
+        mean: Floats,
+        deviation: Floats,
+        layers: list[Floats],
+        temperature: Floats,
+        residual: Residual,
+        parts: Sequence[Part],
+        fleet: Mapping[str, object],
+    ) -> None:
         super().__init__()
-        self.net = Perceptron(layers)
+        self.net = TorchPerceptron(layers)
         self.temperature: Tensor
         self.register_buffer("temperature", torch.from_numpy(temperature))
         self.fleet = fleet

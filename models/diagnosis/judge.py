@@ -16,14 +16,14 @@ from models import export
 from models.diagnosis import alarms, recordings, scores
 from models.diagnosis.alarms import DOUBT, UNKNOWN, WHIRL, Heard, Rule, Verdicts
 from models.diagnosis.dataset import CLASSES, WINDOWS_PER_DECISION, Dataset, severe
-from models.diagnosis.graph import Diagnosis
-from models.diagnosis.recordings import JUDGED_SECONDS, WATCH_SECONDS, Plan
+from models.diagnosis.graph import DiagnosisGraph
+from models.diagnosis.recordings import JUDGED_SECONDS, WATCH_SECONDS, RecordingPlan
 from models.diagnosis.scores import Decisions, decide
-from models.diagnosis.windowed import Look, Views, views_of
-from models.runs import Settings
+from models.diagnosis.windowed import Views, WindowSampling, views_of
+from models.runs import TrainerSettings
 
 Floats = NDArray[np.float64]
-Draw = Callable[[np.random.Generator], list[recordings.Case]]
+Draw = Callable[[np.random.Generator], list[recordings.RecordingCase]]
 RATES_HZ = (5000, 10000)
 """Sampling rates that a classifier is made for."""
 
@@ -31,7 +31,7 @@ JUDGE_SEED = 1_000_000
 """Added to the seed of builds that judge, so that they are never those of a training seed."""
 
 
-class JudgeSettings(Settings, frozen=True):
+class JudgeSettings(TrainerSettings, frozen=True):
     """How much a classifier is judged with.
 
     ``unknown_builds``: of 240 the AUROC of a rub, which half of them touch, moves by 0.012 from
@@ -51,7 +51,7 @@ class JudgeSettings(Settings, frozen=True):
     workers: int = 2
 
 
-def of_module(module: Diagnosis) -> Verdicts:
+def of_module(module: DiagnosisGraph) -> Verdicts:
     """A torch module as :data:`Verdicts`."""
 
     def verdicts(features: NDArray[np.floating]) -> tuple[Floats, Floats]:
@@ -146,10 +146,17 @@ def judged_views(settings: JudgeSettings, seed: int, out: Path) -> Views:
     )
 
 
-def _views(draw: Draw, seconds: float, builds: int, settings: JudgeSettings, seed: int, out: Path,
-           raw_builds: int = 0) -> Views:  # fmt: skip
-    plan = Plan(settings.rig, JUDGE_SEED + seed, settings.rate_hz, seconds, draw)
-    return views_of(out, plan, builds, settings.workers, Look(raw_builds=raw_builds))
+def _views(
+    draw: Draw,
+    seconds: float,
+    builds: int,
+    settings: JudgeSettings,
+    seed: int,
+    out: Path,
+    raw_builds: int = 0,
+) -> Views:
+    plan = RecordingPlan(settings.rig, JUDGE_SEED + seed, settings.rate_hz, seconds, draw)
+    return views_of(out, plan, builds, settings.workers, WindowSampling(raw_builds=raw_builds))
 
 
 def decisions_of(
@@ -170,8 +177,13 @@ def said(heard: Heard, rule: Rule) -> dict[str, dict[str, float]]:
     report = {}
     for kind, name in enumerate(CLASSES):
         of_kind = words[needed.rows.kind == kind]
-        shares = {"right": of_kind == kind, "doubt": of_kind == DOUBT, "unknown": of_kind == UNKNOWN,
-                  "whirl": of_kind == WHIRL, "other": (of_kind != kind) & (of_kind < UNKNOWN)}  # fmt: skip
+        shares = {
+            "right": of_kind == kind,
+            "doubt": of_kind == DOUBT,
+            "unknown": of_kind == UNKNOWN,
+            "whirl": of_kind == WHIRL,
+            "other": (of_kind != kind) & (of_kind < UNKNOWN),
+        }
         report[name] = {word: round(float(np.mean(rows)), 4) for word, rows in shares.items()}
     return report
 

@@ -52,11 +52,22 @@ PEDESTAL_FEATURES: Final = MOTOR_FEATURES & ~np.array(
     ["acc_motor" in name for name in FEATURE_NAMES]
 )
 """Where the pedestal's bolts are looked for: how the pedestal rings."""
-UNBALANCE_FEATURES: Final = np.isin(FEATURE_NAMES, (
-    *_OPERATING, *film_check.names()[3:], "log_film_share", "log_shaft_fwd_1x_m", "contact_1x_film",
-    *(f"{name}_{what}" for name in ringing.CHANNELS for what in ("log_rms", "1x_rms")),
-    "contact_mean_V", "contact_low_V", "contact_log_std_V", "contact_2x_film", "contact_half_film",
-))  # fmt: skip
+UNBALANCE_FEATURES: Final = np.isin(
+    FEATURE_NAMES,
+    (
+        *_OPERATING,
+        *film_check.names()[3:],
+        "log_film_share",
+        "log_shaft_fwd_1x_m",
+        "contact_1x_film",
+        *(f"{name}_{what}" for name in ringing.CHANNELS for what in ("log_rms", "1x_rms")),
+        "contact_mean_V",
+        "contact_low_V",
+        "contact_log_std_V",
+        "contact_2x_film",
+        "contact_half_film",
+    ),
+)
 """Where unbalance is looked for: the first order of film, orbit and accelerations, what the film
 lets it be, and whether the film is thick enough for the contact channel to tell."""
 OWN_FEATURES: Final = np.column_stack(
@@ -157,9 +168,13 @@ def fit_heads(
         return nll(logits, heads, weight) + 0.5 * float(decay @ theta**2), gradient
 
     result = scaled_conjugate_gradient(
-        cost, there * net.initial(rng), iterations=iterations, patience=40, progress=progress,
+        cost,
+        there * net.initial(rng),
+        iterations=iterations,
+        patience=40,
+        progress=progress,
         monitor=lambda t: nll(net.outputs(t, x_inner), inner_heads, inner_weight),
-    )  # fmt: skip
+    )
     return HeadNetwork(
         name, scaler, net, result.theta, l2, columns, hidden, np.ones(heads.shape[1])
     )
@@ -183,8 +198,16 @@ def cross_fitted(
     for left in range(folds):
         inner = fold == (left + 1) % folds
         train, inner_rows = data.subset((fold != left) & ~inner), data.subset(inner)
-        network = fit_heads(like.name, like.columns, like.hidden, train, inner_rows, like.l2, iterations,
-                            np.random.default_rng(seed)).calibrated(inner_rows)  # fmt: skip
+        network = fit_heads(
+            like.name,
+            like.columns,
+            like.hidden,
+            train,
+            inner_rows,
+            like.l2,
+            iterations,
+            np.random.default_rng(seed),
+        ).calibrated(inner_rows)
         found[fold == left] = network.logits(data.features[fold == left])
     return found
 
@@ -207,8 +230,16 @@ def side_by_side(name: str, networks: Sequence[HeadNetwork]) -> HeadNetwork:
     bias, weights = np.mean([m[:1] for m in last], axis=0), np.vstack([m[1:] for m in last]) / count
     net = Mlp((first.net.sizes[0], count * first.net.sizes[1], first.net.sizes[-1]))
     theta = np.concatenate([np.hstack(hidden).ravel(), np.vstack([bias, weights]).ravel()])
-    return HeadNetwork(name, first.scaler, net, theta, first.l2, first.columns, first.hidden,
-                       np.ones(net.sizes[-1]))  # fmt: skip
+    return HeadNetwork(
+        name,
+        first.scaler,
+        net,
+        theta,
+        first.l2,
+        first.columns,
+        first.hidden,
+        np.ones(net.sizes[-1]),
+    )
 
 
 def thresholds(train: Dataset, judged: Dataset) -> Floats:
@@ -245,9 +276,15 @@ class PaperNetwork:
 
     @classmethod
     def fit(
-        cls, train: Dataset, inner: Dataset, hidden: int, iterations: int, rng: np.random.Generator,
-        columns: Columns | None = None, progress: Callable[[int, float], None] | None = None,
-    ) -> PaperNetwork:  # fmt: skip
+        cls,
+        train: Dataset,
+        inner: Dataset,
+        hidden: int,
+        iterations: int,
+        rng: np.random.Generator,
+        columns: Columns | None = None,
+        progress: Callable[[int, float], None] | None = None,
+    ) -> PaperNetwork:
         """Train on ``train``; the weights that are best on ``inner`` are kept."""
         scaler, net = (
             Scaler.of(train, columns),

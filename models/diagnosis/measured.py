@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.diagnosis.dataset import DatasetError
-from models.diagnosis.measured_features import Windows
+from models.diagnosis.measured_features import FeatureRows
 from models.learning.network import Mlp
 from models.learning.scaled_conjugate_gradient import scaled_conjugate_gradient
 
@@ -117,7 +117,7 @@ RUNGS: Final[Rungs] = {
 """Simplest first."""
 
 
-def evaluate(data: Windows, seed: int = 0, rungs: Rungs = RUNGS) -> dict[str, object]:
+def evaluate(data: FeatureRows, seed: int = 0, rungs: Rungs = RUNGS) -> dict[str, object]:
     """The chosen rung, every rung and the forest with each group left out once; balanced accuracy
     of windows.
 
@@ -136,29 +136,40 @@ def evaluate(data: Windows, seed: int = 0, rungs: Rungs = RUNGS) -> dict[str, ob
     forest = _left_out(data, every, seed, *FOREST)
     chosen, names = _chosen_left_out(data, seed, rungs)
     report: dict[str, object] = {
-        "windows": len(rows), "recordings": len(np.unique(data.recording[rows])), "groups_left_out": len(data.groups),
-        "labels": list(data.labels), "majority_share": round(float(np.bincount(data.label[rows]).max() / len(rows)), 4),
+        "windows": len(rows),
+        "recordings": len(np.unique(data.recording[rows])),
+        "groups_left_out": len(data.groups),
+        "labels": list(data.labels),
+        "majority_share": round(float(np.bincount(data.label[rows]).max() / len(rows)), 4),
         "random forest, 16 bands": _figures(data, rows, forest),
-        "chosen on inner groups": _figures(data, rows, chosen, forest) | {
+        "chosen on inner groups": _figures(data, rows, chosen, forest)
+        | {
             "chosen": {name: names.count(name) for name in sorted(set(names))},
-            "confusion": _confusion(data.label[rows], chosen[rows], classes)},
-    }  # fmt: skip
-    return report | {name: _figures(data, rows, _left_out(data, every, seed, *rung), forest)
-                     for name, rung in rungs.items()}  # fmt: skip
+            "confusion": _confusion(data.label[rows], chosen[rows], classes),
+        },
+    }
+    return report | {
+        name: _figures(data, rows, _left_out(data, every, seed, *rung), forest)
+        for name, rung in rungs.items()
+    }
 
 
-def choose(data: Windows, part: Indices, seed: int, rungs: Rungs = RUNGS) -> str:
+def choose(data: FeatureRows, part: Indices, seed: int, rungs: Rungs = RUNGS) -> str:
     """The simplest rung that no other beats by :data:`MARGIN` with groups of ``part`` left out,
     fold by fold."""
     groups = np.random.default_rng(seed).permutation(np.unique(data.group[part]))
-    scores = {name: _inner_score(data, part, np.array_split(groups, min(INNER_FOLDS, len(groups))), seed, *rung)
-              for name, rung in rungs.items()}  # fmt: skip
+    scores = {
+        name: _inner_score(
+            data, part, np.array_split(groups, min(INNER_FOLDS, len(groups))), seed, *rung
+        )
+        for name, rung in rungs.items()
+    }
     best = max(scores.values())
     return next(name for name, score in scores.items() if score >= best - MARGIN)
 
 
 def _inner_score(
-    data: Windows, part: Indices, folds: list[Indices], seed: int, view: str, fit: Fit
+    data: FeatureRows, part: Indices, folds: list[Indices], seed: int, view: str, fit: Fit
 ) -> float:
     """Balanced accuracy over all of ``part``, each fold of groups named by a model of the
     others."""
@@ -171,13 +182,15 @@ def _inner_score(
     return balanced(data.label[part], named[part])
 
 
-def _named(data: Windows, train: Indices, test: Indices, seed: int, view: str, fit: Fit) -> Indices:
+def _named(
+    data: FeatureRows, train: Indices, test: Indices, seed: int, view: str, fit: Fit
+) -> Indices:
     x = data.views[view]
     predict = fit(x[train], data.label[train], len(data.labels), seed)
     return np.asarray(predict(x[test]).argmax(axis=1), np.intp)
 
 
-def _left_out(data: Windows, part: Indices, seed: int, view: str, fit: Fit) -> Indices:
+def _left_out(data: FeatureRows, part: Indices, seed: int, view: str, fit: Fit) -> Indices:
     """The class named for each window of ``part`` by a model that has not seen its group."""
     named = np.full(len(data), -1, np.intp)
     for train, test in folds(data, part):
@@ -185,7 +198,7 @@ def _left_out(data: Windows, part: Indices, seed: int, view: str, fit: Fit) -> I
     return named
 
 
-def _chosen_left_out(data: Windows, seed: int, rungs: Rungs) -> tuple[Indices, list[str]]:
+def _chosen_left_out(data: FeatureRows, seed: int, rungs: Rungs) -> tuple[Indices, list[str]]:
     """As :func:`_left_out` with the rung that the other groups choose, and what they chose."""
     named, names = np.full(len(data), -1, np.intp), []
     for train, test in folds(data, np.arange(len(data))):
@@ -194,7 +207,7 @@ def _chosen_left_out(data: Windows, seed: int, rungs: Rungs) -> tuple[Indices, l
     return named, names
 
 
-def folds(data: Windows, part: Indices) -> list[tuple[Indices, Indices]]:
+def folds(data: FeatureRows, part: Indices) -> list[tuple[Indices, Indices]]:
     """Rows to train on and rows left out, one group at a time.
 
     Raises
@@ -205,16 +218,18 @@ def folds(data: Windows, part: Indices) -> list[tuple[Indices, Indices]]:
     pairs = np.unique(np.column_stack([data.recording, data.group]), axis=0)
     twice, count = np.unique(pairs[:, 0], return_counts=True)
     if (count > 1).any():
-        raise DatasetError(f"recording {twice[count > 1][0]} stands in {count.max()} groups, on "
-                           f"both sides of a split; "
-                           "give each recording one group")  # fmt: skip
+        raise DatasetError(
+            f"recording {twice[count > 1][0]} stands in {count.max()} groups, on "
+            f"both sides of a split; "
+            "give each recording one group"
+        )
     return [
         (part[data.group[part] != group], part[data.group[part] == group])
         for group in np.unique(data.group[part])
     ]
 
 
-def _scored(data: Windows) -> NDArray[np.bool_]:
+def _scored(data: FeatureRows) -> NDArray[np.bool_]:
     """Windows whose class some other group holds as well."""
     groups_of = {
         label: np.unique(data.group[data.label == label]) for label in range(len(data.labels))
@@ -223,7 +238,7 @@ def _scored(data: Windows) -> NDArray[np.bool_]:
 
 
 def _figures(
-    data: Windows, rows: Indices, named: Indices, than: Indices | None = None
+    data: FeatureRows, rows: Indices, named: Indices, than: Indices | None = None
 ) -> dict[str, object]:
     found: dict[str, object] = {
         "accuracy": round(float(np.mean(named[rows] == data.label[rows])), 4),
@@ -251,7 +266,7 @@ def balanced(truth: Indices, named: Indices) -> float:
 
 
 def paired_interval(
-    data: Windows, rows: Indices, better: Indices, than: Indices
+    data: FeatureRows, rows: Indices, better: Indices, than: Indices
 ) -> tuple[float, float]:
     """95 % interval of the difference of balanced accuracies, recordings drawn with replacement."""
     truth, recording = data.label[rows], data.recording[rows]

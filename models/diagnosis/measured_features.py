@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_py.acquire.ringing import spectra
-from models.diagnosis.dataset_folder import Measured
+from models.diagnosis.dataset_folder import MeasuredRecording
 
 Floats = NDArray[np.float64]
 Features = Callable[[Floats, float], Floats]
@@ -26,7 +26,7 @@ LOWEST_LINE: Final = 2
 
 
 @dataclass(frozen=True)
-class Windows:
+class FeatureRows:
     """Rows of one dataset: features by the name of their view, label, group, recording and machine
     of every window."""
 
@@ -43,10 +43,11 @@ class Windows:
         return len(self.label)
 
 
-def windows_of(found: list[Measured]) -> Windows:
+def windows_of(found: list[MeasuredRecording]) -> FeatureRows:
     """Non-overlapping windows of every recording, in every view."""
-    labels, groups, machines = (tuple(sorted({getattr(r, name) for r in found})) for name in (
-        "label", "group", "machine"))  # fmt: skip
+    labels, groups, machines = (
+        tuple(sorted({getattr(r, name) for r in found})) for name in ("label", "group", "machine")
+    )
     rows: dict[str, list[Floats]] = {name: [] for name in VIEWS}
     told: list[tuple[int, int, int, int]] = []
     for number, recording in enumerate(found):
@@ -55,11 +56,17 @@ def windows_of(found: list[Measured]) -> Windows:
             window = recording.samples[start : start + n].T
             for name, view in VIEWS.items():
                 rows[name].append(view(window, recording.rate_hz))
-            told.append((labels.index(recording.label), groups.index(recording.group), number,
-                         machines.index(recording.machine)))  # fmt: skip
+            told.append(
+                (
+                    labels.index(recording.label),
+                    groups.index(recording.group),
+                    number,
+                    machines.index(recording.machine),
+                )
+            )
     label, group, of, machine = np.array(told, np.intp).T
     views = {name: np.array(found) for name, found in rows.items()}
-    return Windows(views, label, group, of, machine, labels, groups, machines)
+    return FeatureRows(views, label, group, of, machine, labels, groups, machines)
 
 
 def window_samples(rate_hz: float) -> int:

@@ -16,13 +16,13 @@ from models.diagnosis import measured, measured_normal
 from models.diagnosis.dataset_folder import read_folder
 from models.diagnosis.measured import Network
 from models.diagnosis.measured_features import window_samples, windows_of
-from models.film.reduced_network import Perceptron
-from models.runs import Run, Settings
+from models.film.reduced_network import TorchPerceptron
+from models.runs import TrainerSettings, TrainingRun
 
 Floats = NDArray[np.float64]
 
 
-class MeasuredSettings(Settings, frozen=True):
+class MeasuredSettings(TrainerSettings, frozen=True):
     """What ``orbitd train classifier --data`` does."""
 
     data: str = ""
@@ -42,7 +42,7 @@ class MeasuredGraph(nn.Module):
 
     def __init__(self, network: Network) -> None:
         super().__init__()
-        self.net = Perceptron(network.net.layers(network.theta))
+        self.net = TorchPerceptron(network.net.layers(network.theta))
         self.mean: Tensor
         self.deviation: Tensor
         self.register_buffer("mean", torch.from_numpy(network.mean))
@@ -55,7 +55,7 @@ class MeasuredGraph(nn.Module):
         ).float()
 
 
-def train(run: Run, settings: MeasuredSettings) -> dict[str, object]:
+def train(run: TrainingRun, settings: MeasuredSettings) -> dict[str, object]:
     """Judge by leaving groups out, then train the rung that all groups choose on everything and
     export it."""
     found = read_folder(Path(settings.data), settings.group)
@@ -69,14 +69,28 @@ def train(run: Run, settings: MeasuredSettings) -> dict[str, object]:
     network = fit(data.views[view], data.label, len(data.labels), run.seed)
     module, x = MeasuredGraph(network), data.views[view].astype(np.float32)
     metadata = export.Metadata(
-        kind="measured classifier", version="0.1.0", inputs=[f"{view} {i}" for i in range(x.shape[1])],
-        outputs=("classes",), units=(), channels=found[0].channels, rigs=(), domain={},
-        rate_hz=(round(found[0].rate_hz),), window={"samples": float(window_samples(found[0].rate_hz))},
-        data_hash=export.data_hash(x, data.label, data.group), metrics=report,
+        kind="measured classifier",
+        version="0.1.0",
+        inputs=[f"{view} {i}" for i in range(x.shape[1])],
+        outputs=("classes",),
+        units=(),
+        channels=found[0].channels,
+        rigs=(),
+        domain={},
+        rate_hz=(round(found[0].rate_hz),),
+        window={"samples": float(window_samples(found[0].rate_hz))},
+        data_hash=export.data_hash(x, data.label, data.group),
+        metrics=report,
         settings={"labels": list(data.labels), "view": view},
-    )  # fmt: skip
-    export.export(module, torch.from_numpy(x[:2]), run.model, input_name="features", output_names=("classes",),
-                  metadata=metadata)  # fmt: skip
+    )
+    export.export(
+        module,
+        torch.from_numpy(x[:2]),
+        run.model,
+        input_name="features",
+        output_names=("classes",),
+        metadata=metadata,
+    )
     report |= {"export_parity": export.parity(module, run.model, x), "trained": chosen}
     run.write_json("measured_model.json", report)
     return report

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.diagnosis.measured import DRAWS, Indices, folds
-from models.diagnosis.measured_features import Windows
+from models.diagnosis.measured_features import FeatureRows
 
 Floats = NDArray[np.float64]
 
@@ -25,7 +25,7 @@ LEAST_GROUPS: Final = 3
 RIDGE: Final = 0.1
 
 
-def detect(data: Windows) -> dict[str, object]:
+def detect(data: FeatureRows) -> dict[str, object]:
     """How well distance from a machine's own normal tells its faults: area under the curve over
     recordings.
 
@@ -44,7 +44,7 @@ def detect(data: Windows) -> dict[str, object]:
     return report
 
 
-def distances(data: Windows, view: str) -> Floats:
+def distances(data: FeatureRows, view: str) -> Floats:
     """Distance of every window from its machine's normal in other groups, over the typical one
     there; NaN without."""
     away = np.full(len(data), np.nan)
@@ -58,7 +58,7 @@ def distances(data: Windows, view: str) -> Floats:
     return away
 
 
-def _coordinate(data: Windows) -> Floats:
+def _coordinate(data: FeatureRows) -> Floats:
     """Where each window was taken, ``(n, 3)``: constant, group and its square where all groups
     begin with a number."""
     try:
@@ -88,7 +88,7 @@ def _distance(x: Floats, where: Floats, healthy: Indices, test: Indices) -> Floa
     return np.asarray(away(x[test] / unit - where[test] @ weights) / np.median(away(left)))
 
 
-def _figures(data: Windows, rows: Indices, away: Floats) -> dict[str, object]:
+def _figures(data: FeatureRows, rows: Indices, away: Floats) -> dict[str, object]:
     """Area under the curve of windows, with the 95 % interval over recordings drawn again, and of
     every fault."""
     healthy = data.label[rows] == data.labels.index(NORMAL)
@@ -100,13 +100,18 @@ def _figures(data: Windows, rows: Indices, away: Floats) -> dict[str, object]:
         sick = data.label[again] != data.labels.index(NORMAL)
         if sick.any() and not sick.all():
             drawn.append(area(away[again[~sick]], away[again[sick]]))
-    faults = {label: round(area(away[rows[healthy]], away[rows[data.label[rows] == k]]), 4)
-              for k, label in enumerate(data.labels) if label != NORMAL and (data.label[rows] == k).any()}  # fmt: skip
+    faults = {
+        label: round(area(away[rows[healthy]], away[rows[data.label[rows] == k]]), 4)
+        for k, label in enumerate(data.labels)
+        if label != NORMAL and (data.label[rows] == k).any()
+    }
     return {
         "auroc": round(area(away[rows[healthy]], away[rows[~healthy]]), 4),
         "interval_95": [round(float(q), 4) for q in np.quantile(drawn, [0.025, 0.975])],
-        "windows": len(rows), "machines": len(np.unique(data.machine[rows])), "auroc_of": faults,
-    }  # fmt: skip
+        "windows": len(rows),
+        "machines": len(np.unique(data.machine[rows])),
+        "auroc_of": faults,
+    }
 
 
 def area(healthy: Floats, faulty: Floats) -> float:

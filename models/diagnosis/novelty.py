@@ -52,10 +52,15 @@ FILM: Final = np.isin(FEATURE_NAMES, film_check.names()[:4])
 They are scaled by their own errors already and stay as they are: a regression on where the shaft
 floats would take out that a starved shaft floats where no load of the rig puts it.
 """
-ORDERS: Final = np.isin(FEATURE_NAMES, [
-    *(f"log_shaft_{way}_{k}x_m" for way in ("fwd", "bwd") for k in HIGH_ORDERS), "contact_2x_film",
-    "microphone_2x_rms", *(f"{name}_2x_1x" for name in ringing.CHANNELS),
-])  # fmt: skip
+ORDERS: Final = np.isin(
+    FEATURE_NAMES,
+    [
+        *(f"log_shaft_{way}_{k}x_m" for way in ("fwd", "bwd") for k in HIGH_ORDERS),
+        "contact_2x_film",
+        "microphone_2x_rms",
+        *(f"{name}_2x_1x" for name in ringing.CHANNELS),
+    ],
+)
 """Orders of a misaligned coupling and of a shaft that touches."""
 POWER: Final = np.isin(FEATURE_NAMES, ["film_power_excess"])
 """The light rub's only trace: friction.  Beside other features of the film it would be diluted."""
@@ -76,8 +81,13 @@ improbability.
 A single feature scatters more about its limit than the mean of many; as logs of a probability both
 compare.
 """
-PARTS: Final = {"film": (FILM, None), "power": (POWER, None), "orders": (ORDERS, None), "ringing": (RINGING, None),
-                "bolts": (RINGING, BOLTS)}  # fmt: skip
+PARTS: Final = {
+    "film": (FILM, None),
+    "power": (POWER, None),
+    "orders": (ORDERS, None),
+    "ringing": (RINGING, None),
+    "bolts": (RINGING, BOLTS),
+}
 """Features of each part, and in how many discriminant directions they are looked at (None: all)."""
 
 
@@ -236,8 +246,9 @@ def fit_novelty(
     """
     residual = Residual.fit(train.features[train.kind == 0])
     rows, inner_rows = residual(train.features), residual(inner.features)
-    return residual, tuple(Part.fit(*part, rows, train).limited(inner_rows, quantile)
-                           for part in PARTS.values())  # fmt: skip
+    return residual, tuple(
+        Part.fit(*part, rows, train).limited(inner_rows, quantile) for part in PARTS.values()
+    )
 
 
 def fleet(parts: Sequence[Part], healthy: Floats, quantile: float) -> dict[str, object]:
@@ -254,10 +265,12 @@ def fleet(parts: Sequence[Part], healthy: Floats, quantile: float) -> dict[str, 
         for p in parts
     ]
     return {
-        "parts": list(PARTS), "columns": [len(part.between) for part in parts],
+        "parts": list(PARTS),
+        "columns": [len(part.between) for part in parts],
         "between": [float(f"{value:.4g}") for part in parts for value in part.between],
-        "limits": [float(np.quantile(a, quantile)) for a in away], "typical": [float(np.median(a)) for a in away],
-    }  # fmt: skip
+        "limits": [float(np.quantile(a, quantile)) for a in away],
+        "typical": [float(np.median(a)) for a in away],
+    }
 
 
 def novelty(parts: Sequence[Part], residual: Floats) -> Floats:

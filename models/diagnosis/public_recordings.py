@@ -49,8 +49,10 @@ def audio(data: Path) -> Iterator[Item]:
     with np.load(data / "motor_audio_vibration" / "audio.npz") as stored:
         scale = stored["scale"]
         for i, samples in enumerate(stored["audio"]):
-            yield (samples * scale[i]).astype(np.float32)[:, None], {
-                **_motor(stored, i), "rate_hz": 16000.0, "channels": "microphone"}  # fmt: skip
+            yield (
+                (samples * scale[i]).astype(np.float32)[:, None],
+                {**_motor(stored, i), "rate_hz": 16000.0, "channels": "microphone"},
+            )
 
 
 def vibration(data: Path) -> Iterator[Item]:
@@ -66,8 +68,12 @@ def vibration(data: Path) -> Iterator[Item]:
 
 def _motor(stored: Any, i: int) -> Row:
     machine, build = str(stored["machine"][i]), str(stored["build"][i])
-    return {"label": str(stored["label"][i]), "group": f"{stored['speed'][i]}", "build": f"{machine} {build}",
-            "machine": machine}  # fmt: skip
+    return {
+        "label": str(stored["label"][i]),
+        "group": f"{stored['speed'][i]}",
+        "build": f"{machine} {build}",
+        "machine": machine,
+    }
 
 
 SETS = {"fan": fan, "audio": audio, "vibration": vibration}

@@ -69,7 +69,7 @@ _ECCENTRICITY: Final = [TRUTH_COLUMNS.index(f"eccentricity_{axis}_m") for axis i
 
 
 @dataclass(frozen=True)
-class Case:
+class RecordingCase:
     """One recording to make: class, severity (of an unknown: index into :data:`UNKNOWN_LABELS`),
     the rig's faults."""
 
@@ -79,14 +79,14 @@ class Case:
 
 
 @dataclass(frozen=True)
-class Plan:
+class RecordingPlan:
     """What is recorded of every build: ``draw`` chooses the cases, each of ``seconds``."""
 
     rig: str
     seed: int
     rate_hz: int
     seconds: float
-    draw: Callable[[np.random.Generator], list[Case]]
+    draw: Callable[[np.random.Generator], list[RecordingCase]]
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,7 @@ class Raw:
     duty: int
 
 
-def training_cases(rng: np.random.Generator) -> list[Case]:
+def training_cases(rng: np.random.Generator) -> list[RecordingCase]:
     """Three healthy recordings and three faults a build, half preload and worse, grade G16 and
     worse.
 
@@ -125,23 +125,28 @@ def training_cases(rng: np.random.Generator) -> list[Case]:
     return [_drifting(case, rng) if rng.random() < DRIFT_SHARE else case for case in cases]
 
 
-def judged_cases(rng: np.random.Generator) -> list[Case]:
+def judged_cases(rng: np.random.Generator) -> list[RecordingCase]:
     """One healthy recording and one of every fault, over the whole severity grid."""
     return [_healthy(), *(_taught(k, rng, slice(None)) for k in range(1, 6))]
 
 
-def unknown_cases(rng: np.random.Generator) -> list[Case]:
+def unknown_cases(rng: np.random.Generator) -> list[RecordingCase]:
     """One healthy recording and one of every fault that was never taught, at full severity."""
-    return [_healthy(), *(Case(UNKNOWN_KIND, k, {name: 0.0 if name == "pedestal_bolt_c" else 1.0})
-                          for k, name in enumerate(UNKNOWNS))]  # fmt: skip
+    return [
+        _healthy(),
+        *(
+            RecordingCase(UNKNOWN_KIND, k, {name: 0.0 if name == "pedestal_bolt_c" else 1.0})
+            for k, name in enumerate(UNKNOWNS)
+        ),
+    ]
 
 
-def watch_cases(rng: np.random.Generator) -> list[Case]:
+def watch_cases(rng: np.random.Generator) -> list[RecordingCase]:
     """One healthy run with the zero of one sensor drifting."""
     return [_drifting(_healthy(), rng)]
 
 
-def record_build(plan: Plan, build_number: int) -> list[Raw]:
+def record_build(plan: RecordingPlan, build_number: int) -> list[Raw]:
     """All recordings of one build; they follow from the plan and the number alone."""
     rng = np.random.default_rng([plan.seed, build_number])
     rig = load_rig(plan.rig)
@@ -153,8 +158,8 @@ def record_build(plan: Plan, build_number: int) -> list[Raw]:
 def _record(
     rig: RigData,
     build: Build,
-    case: Case,
-    plan: Plan,
+    case: RecordingCase,
+    plan: RecordingPlan,
     rng: np.random.Generator,
     reading_seed: list[int],
 ) -> Raw:
@@ -165,9 +170,14 @@ def _record(
     loop = loop_of(loop_kind, rig, plan.seconds, rng)
     seed = int(rng.integers(2**31))
     machine = Machine(
-        rig, build, seed, rate_hz=plan.rate_hz, inlet_C=float(rng.uniform(20.0, 60.0)),
-        clearance_m=loop.start_m, pressure_Pa=pressure,
-    )  # fmt: skip
+        rig,
+        build,
+        seed,
+        rate_hz=plan.rate_hz,
+        inlet_C=float(rng.uniform(20.0, 60.0)),
+        clearance_m=loop.start_m,
+        pressure_Pa=pressure,
+    )
     ran_m = _settle(machine, duty, loop, pressure, case)
     batch = loop.run(machine, duty, plan.seconds, pressure)
     severity = case.severity
@@ -178,13 +188,21 @@ def _record(
         [taken.status[:, 0] * _MICROSECONDS, taken.status[:, 3], taken.status[:, 1:3]]
     )
     return Raw(
-        taken.counts, round(float(taken.time_s[0]) * _MICROSECONDS),
-        np.round(taken.mark_s * _MICROSECONDS).astype(np.int64), readings,
-        plan.rate_hz, case.kind, severity, loop_kind, duty_kind,
-    )  # fmt: skip
+        taken.counts,
+        round(float(taken.time_s[0]) * _MICROSECONDS),
+        np.round(taken.mark_s * _MICROSECONDS).astype(np.int64),
+        readings,
+        plan.rate_hz,
+        case.kind,
+        severity,
+        loop_kind,
+        duty_kind,
+    )
 
 
-def _settle(machine: Machine, duty: Duty, loop: Loop, pressure: float, case: Case) -> Floats:
+def _settle(
+    machine: Machine, duty: Duty, loop: Loop, pressure: float, case: RecordingCase
+) -> Floats:
     """Run healthy, then as long with the faults; where the rig takes the shaft to have run healthy
     (2,), m."""
     start = Duty.hold(duty.speed_rpm[0], duty.load_N[0])
@@ -207,11 +225,11 @@ def _touches(batch: Batch, ran_m: Floats, period_s: float) -> bool:
     return bool(np.mean(deepest > RUB_CLEARANCE_M) > 0.5)
 
 
-def _healthy() -> Case:
-    return Case(0, 100.0, {})
+def _healthy() -> RecordingCase:
+    return RecordingCase(0, 100.0, {})
 
 
-def _drifting(case: Case, rng: np.random.Generator) -> Case:
+def _drifting(case: RecordingCase, rng: np.random.Generator) -> RecordingCase:
     """``case`` with the zero of one sensor drifting, since up to :data:`DRIFTED_S` before it."""
     name, a_minute = str(rng.choice(DRIFTING)), float(rng.uniform(0.0, DRIFT_MOST))
     before = float(rng.uniform(0.0, DRIFTED_S)) / 60.0
@@ -219,11 +237,11 @@ def _drifting(case: Case, rng: np.random.Generator) -> Case:
     return replace(case, faults=case.faults | drift)
 
 
-def _taught(kind: int, rng: np.random.Generator, of_grid: slice) -> Case:
+def _taught(kind: int, rng: np.random.Generator, of_grid: slice) -> RecordingCase:
     name = FAULT_OF_CLASS[kind]
     grid = UNBALANCE_GRADES if name == "unbalance" else BOLT_PRELOADS
     severity = float(rng.choice(grid[of_grid]))
-    return Case(kind, severity, {name: severity})
+    return RecordingCase(kind, severity, {name: severity})
 
 
 def _duty(rig: RigData, seconds: float, rng: np.random.Generator) -> tuple[int, Duty]:

@@ -20,12 +20,12 @@ from models.diagnosis.ladder import (
 from models.diagnosis.scores import Decisions, class_probabilities, decide
 from models.diagnosis.waveform_network import fit_waveforms, waveform_probability
 from models.diagnosis.windowed import Views
-from models.runs import Settings, progress_bar
+from models.runs import TrainerSettings, progress_bar
 
 Floats = NDArray[np.float64]
 
 
-class LadderSettings(Settings, frozen=True):
+class LadderSettings(TrainerSettings, frozen=True):
     """How the rungs are trained."""
 
     hidden: int = 24
@@ -76,15 +76,24 @@ def climb(
     ):
         with progress_bar(name, settings.paper_iterations) as bar:
             paper = PaperNetwork.fit(
-                getattr(outer, view), getattr(inner, view), settings.paper_hidden, settings.paper_iterations,
-                np.random.default_rng(seed), columns_or_none, bar,
-            )  # fmt: skip
+                getattr(outer, view),
+                getattr(inner, view),
+                settings.paper_hidden,
+                settings.paper_iterations,
+                np.random.default_rng(seed),
+                columns_or_none,
+                bar,
+            )
         rungs.append(_paper_rung(name, view, paper))
     with progress_bar("1-D CNN on 32 turns", settings.epochs) as bar:
         waves = fit_waveforms(outer.waves, inner.waves, settings.epochs, seed, bar)
-    rungs.append(Rung(
-        "1-D CNN, waveforms of 32 turns", lambda v: waveform_probability(waves, v.waves.features), "waves"
-    ))  # fmt: skip
+    rungs.append(
+        Rung(
+            "1-D CNN, waveforms of 32 turns",
+            lambda v: waveform_probability(waves, v.waves.features),
+            "waves",
+        )
+    )
     for name, columns, hidden in (
         ("logistic regression, own features of each head", OWN_FEATURES, 0),
         (f"network-{settings.hidden}, order features and ringing", ALL_FEATURES, settings.hidden),
@@ -104,18 +113,36 @@ def _paper_rung(name: str, view: str, paper: PaperNetwork) -> Rung:
 
 
 def _heads_rung(
-    name: str, columns: NDArray[np.bool_], hidden: int, outer: Views, inner: Views,
-    settings: LadderSettings, seed: int,
-) -> Rung:  # fmt: skip
+    name: str,
+    columns: NDArray[np.bool_],
+    hidden: int,
+    outer: Views,
+    inner: Views,
+    settings: LadderSettings,
+    seed: int,
+) -> Rung:
     """Four heads; decay and temperature that are best on the inner builds."""
     tried = []
     for l2 in settings.l2:
         with progress_bar(f"{name}, l2 {l2:g}", settings.iterations) as bar:
-            tried.append(ladder.fit_heads(name, columns, hidden, outer.orders, inner.orders, l2,
-                                          settings.iterations, np.random.default_rng(seed), bar))  # fmt: skip
+            tried.append(
+                ladder.fit_heads(
+                    name,
+                    columns,
+                    hidden,
+                    outer.orders,
+                    inner.orders,
+                    l2,
+                    settings.iterations,
+                    np.random.default_rng(seed),
+                    bar,
+                )
+            )
     rows = inner.orders
-    best = min((network.calibrated(rows) for network in tried),
-               key=lambda n: scores.nll(n.logits(rows.features), rows.heads, rows.weight[:, None]))  # fmt: skip
+    best = min(
+        (network.calibrated(rows) for network in tried),
+        key=lambda n: scores.nll(n.logits(rows.features), rows.heads, rows.weight[:, None]),
+    )
     return Rung(name, lambda v: class_probabilities(best.logits(v.orders.features)), network=best)
 
 
@@ -133,9 +160,19 @@ def _mean_rung(
     networks = [first.network]
     for member in range(1, settings.members):
         with progress_bar(f"mean of {settings.members} networks", settings.iterations) as bar:
-            networks.append(ladder.fit_heads(first.name, columns, settings.own_hidden, outer.orders, inner.orders,
-                                             first.network.l2, settings.iterations,
-                                             np.random.default_rng([seed, member]), bar))  # fmt: skip
+            networks.append(
+                ladder.fit_heads(
+                    first.name,
+                    columns,
+                    settings.own_hidden,
+                    outer.orders,
+                    inner.orders,
+                    first.network.l2,
+                    settings.iterations,
+                    np.random.default_rng([seed, member]),
+                    bar,
+                )
+            )
     mean = ladder.side_by_side(f"mean of {settings.members}: {first.name}", networks).calibrated(
         inner.orders
     )
@@ -156,8 +193,13 @@ def choose(rungs: list[Rung], inner: Views) -> tuple[HeadNetwork, list[dict[str,
         decisions = rung.decisions(inner)
         name, worst = scores.worst_group(decisions, scores.log_score)
         score = scores.log_score(decisions.subset(worst))
-        rows.append({"rung": rung.name, "worst_log_score": {"name": name, "log_score": round(score, 4)},
-                     **scores.summary(decisions)})  # fmt: skip
+        rows.append(
+            {
+                "rung": rung.name,
+                "worst_log_score": {"name": name, "log_score": round(score, 4)},
+                **scores.summary(decisions),
+            }
+        )
         if rung.network is not None and (best is None or score > best[0]):
             best = score, rung.network
     assert best is not None  # the ladder holds regressions

@@ -159,9 +159,12 @@ def summary(decisions: Decisions) -> dict[str, object]:
         report[name] = {
             "balanced_accuracy": round(score(decisions), 4),
             "interval_95": [round(limit, 4) for limit in bootstrap(decisions, score)],
-            "worst_group": {"name": worst, "decisions": int(rows.sum()),
-                            "balanced_accuracy": round(score(decisions.subset(rows)), 4)},
-        }  # fmt: skip
+            "worst_group": {
+                "name": worst,
+                "decisions": int(rows.sum()),
+                "balanced_accuracy": round(score(decisions.subset(rows)), 4),
+            },
+        }
     return report | {"ece": round(calibration_error(decisions), 4)}
 
 
@@ -171,8 +174,14 @@ def bootstrap(
     """95 % interval of ``score``, builds drawn with replacement."""
     rng = np.random.default_rng(seed)
     rows_of = [np.flatnonzero(decisions.group == g) for g in np.unique(decisions.group)]
-    scores = [score(decisions.subset(np.concatenate([rows_of[k] for k in rng.integers(0, len(rows_of), len(rows_of))])))
-              for _ in range(draws)]  # fmt: skip
+    scores = [
+        score(
+            decisions.subset(
+                np.concatenate([rows_of[k] for k in rng.integers(0, len(rows_of), len(rows_of))])
+            )
+        )
+        for _ in range(draws)
+    ]
     return float(np.quantile(scores, 0.025)), float(np.quantile(scores, 0.975))
 
 
@@ -264,5 +273,9 @@ def temperatures(logits: Floats, heads: Floats, weight: Floats | float = 1.0) ->
     how sure it may be.
     """
     grid = np.exp(np.arange(-1.1, 2.5, 0.01))
-    return np.array([grid[np.argmin([nll(z / t, truth, weight) for t in grid])]
-                     for z, truth in zip(logits.T, heads.T, strict=True)])  # fmt: skip
+    return np.array(
+        [
+            grid[np.argmin([nll(z / t, truth, weight) for t in grid])]
+            for z, truth in zip(logits.T, heads.T, strict=True)
+        ]
+    )

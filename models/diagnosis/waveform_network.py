@@ -29,9 +29,11 @@ class WaveformNetwork(nn.Module):
     def __init__(self) -> None:
         super().__init__()
         self.convolutions = nn.Sequential(
-            nn.Conv1d(len(ROTATING), FILTERS, 16, stride=4), nn.ReLU(),
-            nn.Conv1d(FILTERS, 2 * FILTERS, 8, stride=4), nn.ReLU(),
-        )  # fmt: skip
+            nn.Conv1d(len(ROTATING), FILTERS, 16, stride=4),
+            nn.ReLU(),
+            nn.Conv1d(FILTERS, 2 * FILTERS, 8, stride=4),
+            nn.ReLU(),
+        )
         self.heads = nn.Linear(4 * FILTERS + len(ROTATING), 4)
 
     def forward(self, waves: Tensor) -> Tensor:

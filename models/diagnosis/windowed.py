@@ -27,7 +27,7 @@ from firmware_py.acquire.windows import TURNS, Window, iter_windows
 from firmware_py.records import Quality
 from models.diagnosis.data_cache import folder_of, load, make_recordings
 from models.diagnosis.dataset import WINDOWS_PER_DECISION, Dataset, DatasetError, join, pooled
-from models.diagnosis.recordings import Plan, Raw
+from models.diagnosis.recordings import Raw, RecordingPlan
 from models.runs import progress_bar
 from models.workers import map_in_order
 from sim_hil.whole_file import whole_file
@@ -47,7 +47,7 @@ class Views:
 
 
 @dataclass(frozen=True)
-class Look:
+class WindowSampling:
     """How recordings are looked at: every window, or means of ``windows``; raw rows of the first
     ``raw_builds``."""
 
@@ -55,7 +55,9 @@ class Look:
     raw_builds: int = 0
 
 
-def views_of(out: Path, plan: Plan, builds: int, workers: int, look: Look) -> Views:
+def views_of(
+    out: Path, plan: RecordingPlan, builds: int, workers: int, look: WindowSampling
+) -> Views:
     """Views of the recordings of ``plan`` under ``out``, recorded and analysed when they are not
     there yet."""
     path = (
@@ -92,7 +94,7 @@ def usable_windows(raw: Raw) -> list[Window]:
 
 
 def _analysed(
-    files: list[Path], look: Look, workers: int, progress: Callable[[int], None]
+    files: list[Path], look: WindowSampling, workers: int, progress: Callable[[int], None]
 ) -> Views:
     parts = []
     for done, part in enumerate(map_in_order(partial(_views_of_build, look), files, workers), 1):
@@ -101,7 +103,7 @@ def _analysed(
     return joined_views(parts)
 
 
-def _views_of_build(look: Look, file: Path) -> Views:
+def _views_of_build(look: WindowSampling, file: Path) -> Views:
     build = int(file.stem.partition("-")[2])
     views = joined_views([_views(raw, build, 100 * build + i) for i, raw in enumerate(load(file))])
     orders = pooled(views.orders, look.windows) if look.windows > 1 else views.orders
@@ -148,8 +150,12 @@ def _code_hash() -> str:
 def _read(path: Path) -> Views:
     try:
         with np.load(path) as stored:
-            return Views(*(Dataset(*(stored[f"{view.name}_{column.name}"] for column in fields(Dataset)))
-                           for view in fields(Views)))  # fmt: skip
+            return Views(
+                *(
+                    Dataset(*(stored[f"{view.name}_{column.name}"] for column in fields(Dataset)))
+                    for view in fields(Views)
+                )
+            )
     except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
         raise DatasetError(
             f"{path}: not whole ({error}); delete it, it is then made again"

@@ -62,8 +62,14 @@ def _solve(length_over_diameter: float, grid: tuple[int, int], point: Floats) ->
     radius, clearance, viscosity, speed = 0.02, 6e-5, 0.01, 0.01
     length = 2.0 * radius * length_over_diameter
     film = film_force(
-        point * clearance, [speed, 0.0], radius_m=radius, length_m=length, clearance_m=clearance,
-        viscosity_Pa_s=viscosity, speed_rad_s=0.0, grid=grid,
-    )  # fmt: skip
+        point * clearance,
+        [speed, 0.0],
+        radius_m=radius,
+        length_m=length,
+        clearance_m=clearance,
+        viscosity_Pa_s=viscosity,
+        speed_rad_s=0.0,
+        grid=grid,
+    )
     force = film.force_N * clearance**3 / (viscosity * radius * length**3 * speed)
     return np.array([*force, float(film.side_flow_m3_s) / (2.0 * radius * length * speed)])

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from models.film.judge import Bar, FilmModel
+from models.film.judge import FilmBar, FilmModel
 from sim_hil.build import Build
 from sim_hil.duty import Duty
 from sim_hil.film.equilibrium import equilibrium, whirl_threshold
@@ -65,10 +65,10 @@ def orbit_error_percent(rig: RigData, case: str, force: Force) -> float:
     return 100.0 * float(apart.max()) / CASES[case][3]
 
 
-def orbits(rig: RigData, law: ReducedNetworkLaw) -> list[Bar]:
+def orbits(rig: RigData, law: ReducedNetworkLaw) -> list[FilmBar]:
     """A bar for every case."""
     return [
-        Bar(f"orbit_{case}_percent_of_clearance", orbit_error_percent(rig, case, law), 1.0)
+        FilmBar(f"orbit_{case}_percent_of_clearance", orbit_error_percent(rig, case, law), 1.0)
         for case in CASES
     ]
 
@@ -78,21 +78,26 @@ def linear_orbits(rig: RigData) -> dict[str, float]:
     return {case: round(orbit_error_percent(rig, case, "linear"), 2) for case in CASES}
 
 
-def whirl(film: FilmModel, length_over_diameter: float, grid: tuple[int, int]) -> list[Bar]:
+def whirl(film: FilmModel, length_over_diameter: float, grid: tuple[int, int]) -> list[FilmBar]:
     """Largest error of the speed where a rotor at each eccentricity begins to whirl."""
     errors = []
     for ratio in WHIRL_RATIOS:
         radius, c, mu, omega = 0.02, 6e-5, 0.01, 600.0
         length = 2.0 * radius * length_over_diameter
         true = equilibrium(
-            eccentricity_ratio=ratio, radius_m=radius, length_m=length, clearance_m=c, viscosity_Pa_s=mu,
-            speed_rad_s=omega, grid=grid,
-        )  # fmt: skip
+            eccentricity_ratio=ratio,
+            radius_m=radius,
+            length_m=length,
+            clearance_m=c,
+            viscosity_Pa_s=mu,
+            speed_rad_s=omega,
+            grid=grid,
+        )
         rest = np.array([0.0, 0.0, 0.0, 0.0, omega, c, mu, radius, length])
         load, stiffness, damping = at_rest(film, rest, ratio)
         threshold = whirl_threshold(stiffness * c / load, damping * c * omega / load)[1]
         errors.append(load * threshold**2 / (true.load_N * true.threshold**2) - 1.0)
-    return [Bar("whirl_threshold_speed_percent", 100.0 * float(np.max(np.abs(errors))), 2.0)]
+    return [FilmBar("whirl_threshold_speed_percent", 100.0 * float(np.max(np.abs(errors))), 2.0)]
 
 
 def at_rest(film: FilmModel, state: Floats, ratio: float) -> tuple[float, Floats, Floats]:

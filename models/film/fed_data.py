@@ -71,9 +71,16 @@ def fed_film(state: Floats, grid: tuple[int, int]) -> FilmForce:
     x, y, vx, vy, omega, c, mu, radius, length, supply, angle = (float(number) for number in state)
     groove = Feed("groove", angle, float(GROOVE_WIDTH_RAD), GROOVE_LENGTH_SHARE * length, supply)
     return film_force(
-        [x, y], [vx, vy], radius_m=radius, length_m=length, clearance_m=c, viscosity_Pa_s=mu, speed_rad_s=omega,
-        feed=[groove], grid=grid,
-    )  # fmt: skip
+        [x, y],
+        [vx, vy],
+        radius_m=radius,
+        length_m=length,
+        clearance_m=c,
+        viscosity_Pa_s=mu,
+        speed_rad_s=omega,
+        feed=[groove],
+        grid=grid,
+    )
 
 
 def solve_fed(

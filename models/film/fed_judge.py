@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from models.film import fed_table
 from models.film.cache import kept
 from models.film.fed_data import fed_film
-from models.film.judge import JUDGE_SEED, Bar, FilmModel, figures_of, rms
+from models.film.judge import JUDGE_SEED, FilmBar, FilmModel, figures_of, rms
 from models.film.parallel import each
 from models.film.states import ECCENTRICITY_JUDGED, draw_states
 
@@ -69,7 +69,7 @@ def draw_fed_states(count: int, length_over_diameter: float, rng: np.random.Gene
     return np.column_stack([state, supply, rng.uniform(-np.pi, np.pi, len(state))])
 
 
-def judge(film: FilmModel, judged: JudgedFed) -> list[Bar]:
+def judge(film: FilmModel, judged: JudgedFed) -> list[FilmBar]:
     """Errors on unseen fed films, percent; of the side flow where the model gives one (force,
     torque, flow, inside)."""
     force, torque, *rest = film(judged.state)
@@ -77,17 +77,19 @@ def judge(film: FilmModel, judged: JudgedFed) -> list[Bar]:
     c, mu, radius, length = judged.state[:, 5:9].T
     scale = mu * radius * length**3 / c**2 * np.abs(judged.state[:, 4])
     bars = [
-        Bar("force_relative_rms_percent", 100.0 * rms(error / size), 1.0),
-        Bar("force_relative_p95_percent", 100.0 * float(np.quantile(error / size, 0.95)), 3.0),
-        Bar(
+        FilmBar("force_relative_rms_percent", 100.0 * rms(error / size), 1.0),
+        FilmBar("force_relative_p95_percent", 100.0 * float(np.quantile(error / size, 0.95)), 3.0),
+        FilmBar(
             "force_scaled_rms_over_rms_percent", 100.0 * rms(error / scale) / rms(size / scale), 1.0
         ),
-        Bar("torque_relative_rms_percent", 100.0 * rms(torque[:, 0] / judged.torque - 1.0), 1.0),
+        FilmBar(
+            "torque_relative_rms_percent", 100.0 * rms(torque[:, 0] / judged.torque - 1.0), 1.0
+        ),
     ]
     if len(rest) == 2:
         wrong = np.abs(rest[0][:, 0] / judged.side_flow - 1.0)
         bars.append(
-            Bar("side_flow_relative_p95_percent", 100.0 * float(np.quantile(wrong, 0.95)), 3.0)
+            FilmBar("side_flow_relative_p95_percent", 100.0 * float(np.quantile(wrong, 0.95)), 3.0)
         )
     return bars
 
@@ -106,9 +108,12 @@ def tables(film: FilmModel, judged: JudgedFed, length_over_diameter: float) -> d
     }
     for name, table in found.items():
         rival = fed_table.model(table)
-        rows[name] = {"numbers": table.groove.size, **figures_of(judge(rival, judged)),
-                      "microseconds_a_state": fed_table.microseconds(rival, state),
-                      "network_less_percent": _less(film, rival, judged)}  # fmt: skip
+        rows[name] = {
+            "numbers": table.groove.size,
+            **figures_of(judge(rival, judged)),
+            "microseconds_a_state": fed_table.microseconds(rival, state),
+            "network_less_percent": _less(film, rival, judged),
+        }
     return rows
 
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from models.film.fed_data import GROOVE_WIDTH_RAD
-from models.film.reduced_network import ECCENTRICITY_LIMIT, Perceptron, ReducedFilm
+from models.film.reduced_network import ECCENTRICITY_LIMIT, ReducedFilm, TorchPerceptron
 from models.film.states import STATE
 
 Floats = NDArray[np.float64]
@@ -102,7 +102,7 @@ class FedFilm(nn.Module):
 
     def __init__(self, layers: list[Floats], unfed: ReducedFilm) -> None:
         super().__init__()
-        self.net = Perceptron(layers)
+        self.net = TorchPerceptron(layers)
         self.unfed = unfed
         self.input_signs: Tensor
         self.output_signs: Tensor

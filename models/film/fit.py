@@ -81,7 +81,7 @@ class Search:
 
 
 @dataclass(frozen=True)
-class Start:
+class FitStart:
     """Best weights of one start by validation, their score, the way there, and how the search
     ended."""
 
@@ -105,9 +105,14 @@ class Fit:
 
 
 def fit(
-    net: Mlp, targets: Targets, search: Search, rng: np.random.Generator, name: str, folder: Path,
+    net: Mlp,
+    targets: Targets,
+    search: Search,
+    rng: np.random.Generator,
+    name: str,
+    folder: Path,
     log: Callable[[dict[str, object]], None] = lambda row: None,
-) -> Fit:  # fmt: skip
+) -> Fit:
     """Weights of ``net`` with the lambda and the start that are best on the held-out points.
 
     Every start is kept in ``folder`` as it is done, so that an interrupted search goes on where it
@@ -119,7 +124,7 @@ def fit(
         Too few points to hold any out, or one that is not finite.
     """
     targets.check(name)
-    tried: list[tuple[float, Start]] = []
+    tried: list[tuple[float, FitStart]] = []
     rows: list[dict[str, object]] = []
     for l2 in search.l2:
         for number in range(1, search.restarts + 1):
@@ -135,13 +140,20 @@ def fit(
                 folder,
                 "start",
                 key,
-                Start,
+                FitStart,
                 partial(_search, net, targets, first, l2, search.iterations, bar),
             )
             tried.append((l2, start))
-            rows.append({"network": name, "lambda": l2, "start": number,
-                         "validation": float(f"{float(start.score):.4g}"), "iterations": int(start.iterations),
-                         "ended_by": str(start.reason)})  # fmt: skip
+            rows.append(
+                {
+                    "network": name,
+                    "lambda": l2,
+                    "start": number,
+                    "validation": float(f"{float(start.score):.4g}"),
+                    "iterations": int(start.iterations),
+                    "ended_by": str(start.reason),
+                }
+            )
             log(rows[-1])
     l2, best = min(tried, key=lambda one: float(one[1].score))
     return Fit(best.theta, float(best.score), best.scores, l2, rows)
@@ -149,17 +161,23 @@ def fit(
 
 def _search(
     net: Mlp, targets: Targets, first: Floats, l2: float, iterations: int, title: str
-) -> Start:
+) -> FitStart:
     held_out = np.arange(len(targets.x)) % HELD_OUT == 0
     train_on, validate = targets.subset(~held_out), targets.subset(held_out)
     with progress_bar(title, iterations) as bar:
         result = levenberg_marquardt(
-            train_on.squares(net), first, l2=l2, penalised=net.is_weight(),
-            monitor=lambda theta: float(np.sqrt(np.mean(np.sum(validate.error(net, theta) ** 2, axis=1)))),
-            options=LmOptions(iterations=iterations), progress=bar,
-        )  # fmt: skip
+            train_on.squares(net),
+            first,
+            l2=l2,
+            penalised=net.is_weight(),
+            monitor=lambda theta: float(
+                np.sqrt(np.mean(np.sum(validate.error(net, theta) ** 2, axis=1)))
+            ),
+            options=LmOptions(iterations=iterations),
+            progress=bar,
+        )
     counted, reason = np.array(result.iterations), np.array(result.reason)
-    return Start(result.theta, np.array(result.score), np.array(result.scores), counted, reason)
+    return FitStart(result.theta, np.array(result.score), np.array(result.scores), counted, reason)
 
 
 def spread(errors_percent: Sequence[float], fits: Sequence[Fit]) -> dict[str, object]:

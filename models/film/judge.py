@@ -42,7 +42,7 @@ def of_file(path: Path) -> FilmModel:
 
 
 @dataclass(frozen=True)
-class Bar:
+class FilmBar:
     """One figure against its bar; at most ``limit`` passes."""
 
     name: str
@@ -64,7 +64,7 @@ class Bar:
         }
 
 
-def verdict(bars: Sequence[Bar]) -> dict[str, object]:
+def verdict(bars: Sequence[FilmBar]) -> dict[str, object]:
     """Figures, rows and the whole verdict, for a report."""
     rows = [bar.row() for bar in bars]
     return {
@@ -74,12 +74,12 @@ def verdict(bars: Sequence[Bar]) -> dict[str, object]:
     }
 
 
-def figures_of(bars: Sequence[Bar]) -> dict[str, float]:
+def figures_of(bars: Sequence[FilmBar]) -> dict[str, float]:
     """Value of every bar by its name."""
     return {bar.name: float(f"{bar.value:.4g}") for bar in bars}
 
 
-def accuracy(film: FilmModel, judged: JudgedFilms) -> list[Bar]:
+def accuracy(film: FilmModel, judged: JudgedFilms) -> list[FilmBar]:
     """Relative errors of force, torque (of turning journals) and side flow on unseen films,
     percent."""
     force, torque, flow = film(judged.state)[:3]
@@ -90,10 +90,10 @@ def accuracy(film: FilmModel, judged: JudgedFilms) -> list[Bar]:
         "side_flow_relative_rms_percent": flow[:, 0] / judged.side_flow - 1.0,
     }
     return [
-        Bar("force_relative_rms_percent", 100.0 * rms(error), 0.5),
-        Bar("force_relative_p95_percent", 100.0 * float(np.quantile(error, 0.95)), 1.5),
-        Bar("force_scaled_rms_over_rms_percent", 100.0 * _scaled(force, judged), 0.5),
-        *(Bar(name, 100.0 * rms(e), 0.5) for name, e in wrong.items()),
+        FilmBar("force_relative_rms_percent", 100.0 * rms(error), 0.5),
+        FilmBar("force_relative_p95_percent", 100.0 * float(np.quantile(error, 0.95)), 1.5),
+        FilmBar("force_scaled_rms_over_rms_percent", 100.0 * _scaled(force, judged), 0.5),
+        *(FilmBar(name, 100.0 * rms(e), 0.5) for name, e in wrong.items()),
     ]
 
 
@@ -117,7 +117,7 @@ def force_scale(state: Floats) -> Floats:
 
 def symmetry(
     film: FilmModel, length_over_diameter: float, rng: np.random.Generator, count: int = 10_000
-) -> list[Bar]:
+) -> list[FilmBar]:
     """Largest departures from rotation, mirror and homogeneity, relative to the force; float
     tolerance."""
     state = draw_states(count, length_over_diameter, rng)
@@ -140,9 +140,9 @@ def symmetry(
     larger = state * np.array([1, 1, 1, 1, 1, 1, 1, 1.5, 1.5])
     scaled = [(faster, 3.0), (wider, 0.25), (thicker, 7.0), (larger, 1.5**4)]
     return [
-        Bar("rotation_departure", departure(rotated, force @ turn), 1e-9),
-        Bar("mirror_departure", departure(mirrored, force * [1, -1]), 1e-9),
-        Bar("homogeneity_departure", max(departure(s, k * force) for s, k in scaled), 1e-9),
+        FilmBar("rotation_departure", departure(rotated, force @ turn), 1e-9),
+        FilmBar("mirror_departure", departure(mirrored, force * [1, -1]), 1e-9),
+        FilmBar("homogeneity_departure", max(departure(s, k * force) for s, k in scaled), 1e-9),
     ]
 
 
@@ -152,7 +152,7 @@ def dissipation(
     eccentricity_max: float,
     rng: np.random.Generator,
     points: int,
-) -> list[Bar]:
+) -> list[FilmBar]:
     """Of ``points`` inside and outside the domain: those with ``F . v_s > 0``, and those with a
     wrong domain flag."""
     driven = mistaken = 0
@@ -170,6 +170,6 @@ def dissipation(
             )
         )
     return [
-        Bar("points_driven", float(driven), 0.0),
-        Bar("points_with_wrong_domain", float(mistaken), 0.0),
+        FilmBar("points_driven", float(driven), 0.0),
+        FilmBar("points_with_wrong_domain", float(mistaken), 0.0),
     ]

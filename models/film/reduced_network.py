@@ -51,7 +51,7 @@ def half_film_integrals(a: Tensor, b: Tensor) -> tuple[Tensor, Tensor]:
     return along, across
 
 
-class Perceptron(nn.Module):
+class TorchPerceptron(nn.Module):
     """Weights of a :class:`models.learning.network.Mlp` as a float64 torch module."""
 
     def __init__(self, layers: list[Floats]) -> None:
@@ -84,7 +84,7 @@ class ReducedFilm(nn.Module):
         self, layers: list[Floats], length_over_diameter: float, eccentricity_max: float
     ) -> None:
         super().__init__()
-        self.net = Perceptron(layers)
+        self.net = TorchPerceptron(layers)
         self.length_over_diameter, self.eccentricity_max = length_over_diameter, eccentricity_max
 
     def forward(self, state: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:

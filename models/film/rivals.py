@@ -36,7 +36,7 @@ def table_model(length_over_diameter: float) -> FilmModel:
 
 
 @dataclass(frozen=True)
-class Bearing:
+class TrainedBearing:
     """The one bearing, speed and viscosity that a raw network holds for; ``clearances_m`` apart
     only for 5-n-2."""
 
@@ -49,12 +49,17 @@ class Bearing:
     @classmethod
     def of_rig(
         cls, name: str, speed_rpm: float, clearances_m: tuple[float, float] | None = None
-    ) -> Bearing:
+    ) -> TrainedBearing:
         """A rig's bearing at one speed; at its nominal clearance unless a range is given."""
         rig = load_rig(name)
         nominal = rig.bearing.clearance_nominal_m
-        return cls(clearances_m or (nominal, nominal), rig.oil.viscosity_Pa_s, speed_rpm * np.pi / 30.0,
-                   rig.bearing.radius_m, rig.bearing.length_m)  # fmt: skip
+        return cls(
+            clearances_m or (nominal, nominal),
+            rig.oil.viscosity_Pa_s,
+            speed_rpm * np.pi / 30.0,
+            rig.bearing.radius_m,
+            rig.bearing.length_m,
+        )
 
     @property
     def widest_m(self) -> float:
@@ -69,10 +74,19 @@ class Bearing:
         c = rng.uniform(*self.clearances_m, count)
         one = np.ones(count)
         speed *= c * self.speed_rad_s
-        return np.column_stack([
-            eps * c * np.cos(angle), eps * c * np.sin(angle), speed * np.cos(heading), speed * np.sin(heading),
-            self.speed_rad_s * one, c, self.viscosity_Pa_s * one, self.radius_m * one, self.length_m * one,
-        ])  # fmt: skip
+        return np.column_stack(
+            [
+                eps * c * np.cos(angle),
+                eps * c * np.sin(angle),
+                speed * np.cos(heading),
+                speed * np.sin(heading),
+                self.speed_rad_s * one,
+                c,
+                self.viscosity_Pa_s * one,
+                self.radius_m * one,
+                self.length_m * one,
+            ]
+        )
 
     def inputs(self, state: Floats) -> Floats:
         """``(X1 X2 V1 V2)``, and the clearance where it varies, in units of the widest and of the
@@ -91,7 +105,7 @@ class RawNetwork:
     """Equation (5) as printed, trained on the table's film; ``error_percent`` is RMS over RMS of
     the force."""
 
-    bearing: Bearing
+    bearing: TrainedBearing
     net: Mlp
     fitted: Fit
     force_N: float
@@ -106,12 +120,17 @@ class RawNetwork:
 
     def report(self) -> dict[str, object]:
         """Size and error."""
-        return {"sizes": self.net.sizes, "weights": self.net.count, "lambda": self.fitted.l2,
-                "force_rms_over_rms_percent": round(self.error_percent, 3), "starts": self.fitted.starts}  # fmt: skip
+        return {
+            "sizes": self.net.sizes,
+            "weights": self.net.count,
+            "lambda": self.fitted.l2,
+            "force_rms_over_rms_percent": round(self.error_percent, 3),
+            "starts": self.fitted.starts,
+        }
 
 
 def raw_network(
-    bearing: Bearing, rng: np.random.Generator, search: Search, out: Path, points: int = 3000
+    bearing: TrainedBearing, rng: np.random.Generator, search: Search, out: Path, points: int = 3000
 ) -> RawNetwork:
     """Sigmoid network 4-n-2 on (X1 X2 V1 V2), or 5-n-2 with the clearance, by
     Levenberg-Marquardt."""

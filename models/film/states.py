@@ -58,10 +58,19 @@ def draw_states(
     speed = c * np.abs(omega) * VELOCITY_JUDGED * np.sqrt(rng.uniform(0.0, 1.0, count))
     omega[::8] = 0.0
     angle, heading = rng.uniform(-np.pi, np.pi, count), rng.uniform(-np.pi, np.pi, count)
-    return np.column_stack([
-        eps * c * np.cos(angle), eps * c * np.sin(angle), speed * np.cos(heading), speed * np.sin(heading), omega,
-        c, rng.uniform(1e-3, 0.03, count), radius, 2.0 * radius * length_over_diameter,
-    ])  # fmt: skip
+    return np.column_stack(
+        [
+            eps * c * np.cos(angle),
+            eps * c * np.sin(angle),
+            speed * np.cos(heading),
+            speed * np.sin(heading),
+            omega,
+            c,
+            rng.uniform(1e-3, 0.03, count),
+            radius,
+            2.0 * radius * length_over_diameter,
+        ]
+    )
 
 
 def solve_states(state: Floats, grid: tuple[int, int]) -> JudgedFilms:
@@ -73,9 +82,15 @@ def solve_states(state: Floats, grid: tuple[int, int]) -> JudgedFilms:
 def _solve(grid: tuple[int, int], row: Floats) -> Floats:
     """Force, torque and side flow of one state."""
     film = film_force(
-        row[:2], row[2:4], speed_rad_s=float(row[4]), clearance_m=float(row[5]), viscosity_Pa_s=float(row[6]),
-        radius_m=float(row[7]), length_m=float(row[8]), grid=grid,
-    )  # fmt: skip
+        row[:2],
+        row[2:4],
+        speed_rad_s=float(row[4]),
+        clearance_m=float(row[5]),
+        viscosity_Pa_s=float(row[6]),
+        radius_m=float(row[7]),
+        length_m=float(row[8]),
+        grid=grid,
+    )
     return np.array([*film.force_N, float(film.friction_torque_N_m), float(film.side_flow_m3_s)])
 
 

@@ -18,17 +18,17 @@ from models.film.data import FilmSamples, draw_points, solve_points
 from models.film.fit import Fit, Search, Targets, fit, spread
 from models.film.judge import JUDGE_SEED, FilmModel, figures_of, of_file, of_module
 from models.film.reduced_network import ReducedFilm, half_film_integrals, layers_of_file
-from models.film.rivals import Bearing, RawNetwork, raw_network, table_model
+from models.film.rivals import RawNetwork, TrainedBearing, raw_network, table_model
 from models.film.states import STATE, JudgedFilms, draw_states, solve_states
 from models.learning.network import Mlp
-from models.runs import Count, Run, Settings
+from models.runs import Count, TrainerSettings, TrainingRun
 from sim_hil.rigs import RIGS, load_rig
 from sim_hil.rotor.network_law import ReducedNetworkLaw
 
 Floats = NDArray[np.float64]
 
 
-class SurrogateSettings(Settings, frozen=True):
+class SurrogateSettings(TrainerSettings, frozen=True):
     """What ``orbitd train surrogate`` does; every key may stand in the ``--config`` file."""
 
     length_over_diameter: float = 0.5
@@ -49,15 +49,24 @@ class SurrogateSettings(Settings, frozen=True):
     def smoked(self) -> SurrogateSettings:
         """The same training in some seconds."""
         return SurrogateSettings(
-            train_points=240, judge_points=24, grid=(96, 12), judge_grid=(128, 16), restarts=1, iterations=80,
-            l2=(1e-8,), seeds=2, dissipation_points=10_000, paper_points=300, paper_iterations=20,
-        )  # fmt: skip
+            train_points=240,
+            judge_points=24,
+            grid=(96, 12),
+            judge_grid=(128, 16),
+            restarts=1,
+            iterations=80,
+            l2=(1e-8,),
+            seeds=2,
+            dissipation_points=10_000,
+            paper_points=300,
+            paper_iterations=20,
+        )
 
 
 SETTINGS = SurrogateSettings
 
 
-def train(run: Run, settings: SurrogateSettings) -> dict[str, object]:
+def train(run: TrainingRun, settings: SurrogateSettings) -> dict[str, object]:
     """Train, judge and export; returns the report that is written beside the model."""
     samples = _samples(run, settings)
     net = Mlp((2, *settings.hidden, 3))
@@ -74,11 +83,16 @@ def train(run: Run, settings: SurrogateSettings) -> dict[str, object]:
     report = {
         **judge(of_module(module), law, judged, settings, run.seed),
         "network": {"sizes": net.sizes, "weights": net.count, "lambda": best.l2},
-        "seeds": spread([_error_percent(_module(net, one, settings), judged) for one in fits], fits),
+        "seeds": spread(
+            [_error_percent(_module(net, one, settings), judged) for one in fits], fits
+        ),
         "rivals": rivals(judged, settings, run.seed, run.folder.parent),
-        "training": {"points": settings.train_points, "starts": [row for one in fits for row in one.starts]},
+        "training": {
+            "points": settings.train_points,
+            "starts": [row for one in fits for row in one.starts],
+        },
         "reproduce": run.command,
-    }  # fmt: skip
+    }
     _export(module, run, samples, settings, report)
     figures.film(run.folder, judged.state, judged.force, of_module(module)(judged.state)[0], fits)
     return report
@@ -128,7 +142,11 @@ def rivals(
 
     def raw(clearances_m: tuple[float, float] | None) -> RawNetwork:
         return raw_network(
-            Bearing.of_rig("bench", 6000.0, clearances_m), rng, search, out, settings.paper_points
+            TrainedBearing.of_rig("bench", 6000.0, clearances_m),
+            rng,
+            search,
+            out,
+            settings.paper_points,
         )
 
     return {
@@ -179,7 +197,7 @@ def law_of(path: Path) -> ReducedNetworkLaw:
     return ReducedNetworkLaw.make(np.concatenate([matrix.ravel() for matrix in layers]), sizes)
 
 
-def _samples(run: Run, settings: SurrogateSettings) -> FilmSamples:
+def _samples(run: TrainingRun, settings: SurrogateSettings) -> FilmSamples:
     def make() -> FilmSamples:
         points = draw_points(
             settings.train_points, settings.eccentricity_max, np.random.default_rng(run.seed)
@@ -214,7 +232,7 @@ def _error_percent(module: ReducedFilm, judged: JudgedFilms) -> float:
 
 def _export(
     module: ReducedFilm,
-    run: Run,
+    run: TrainingRun,
     samples: FilmSamples,
     settings: SurrogateSettings,
     report: dict[str, object],
@@ -222,13 +240,23 @@ def _export(
     shape = settings.length_over_diameter
     bearings = {name: load_rig(name).bearing for name in RIGS}
     metadata = export.Metadata(
-        kind="surrogate", version="0.2.0", inputs=STATE, outputs=("force", "friction_torque", "side_flow", "inside"),
-        units=("m", "m", "m/s", "m/s", "rad/s", "m", "Pa s", "m", "m", "-> N", "N m", "m3/s", "1"), channels=(),
-        rate_hz=(), rigs=[n for n, b in bearings.items() if abs(b.length_m / (2.0 * b.radius_m) - shape) < 1e-9],
+        kind="surrogate",
+        version="0.2.0",
+        inputs=STATE,
+        outputs=("force", "friction_torque", "side_flow", "inside"),
+        units=("m", "m", "m/s", "m/s", "rad/s", "m", "Pa s", "m", "m", "-> N", "N m", "m3/s", "1"),
+        channels=(),
+        rate_hz=(),
+        rigs=[
+            n for n, b in bearings.items() if abs(b.length_m / (2.0 * b.radius_m) - shape) < 1e-9
+        ],
         data_hash=export.data_hash(samples.ab, samples.force, samples.side_flow),
-        domain={"eccentricity_ratio": (0.0, settings.eccentricity_max), "length_over_diameter": (shape, shape)},
+        domain={
+            "eccentricity_ratio": (0.0, settings.eccentricity_max),
+            "length_over_diameter": (shape, shape),
+        },
         metrics=report,
-    )  # fmt: skip
+    )
     example = torch.zeros((2, len(STATE)), dtype=torch.float64)
     example[:, 5:] = torch.tensor([6e-5, 0.01, 0.02, 0.02], dtype=torch.float64)
     export.export(

@@ -22,7 +22,7 @@ from models.film.judge import of_file, of_module, verdict
 from models.film.reduced_network import ReducedFilm, layers_of_file
 from models.film.surrogate import SurrogateSettings
 from models.learning.network import Mlp
-from models.runs import Count, Run, Settings, progress_bar
+from models.runs import Count, TrainerSettings, TrainingRun, progress_bar
 from models.workers import map_in_order
 
 Floats = NDArray[np.float64]
@@ -35,7 +35,7 @@ FLOW_WEIGHT = 0.3
 """Of the flow's error beside the force's."""
 
 
-class FedSettings(Settings, frozen=True):
+class FedSettings(TrainerSettings, frozen=True):
     """What ``orbitd train surrogate_fed`` does; every key may stand in the ``--config`` file."""
 
     length_over_diameter: float = 0.5
@@ -68,7 +68,7 @@ class FedSettings(Settings, frozen=True):
 SETTINGS = FedSettings
 
 
-def train(run: Run, settings: FedSettings) -> dict[str, object]:
+def train(run: TrainingRun, settings: FedSettings) -> dict[str, object]:
     """Train, judge and export; returns the report that is written beside the model."""
     samples = _samples(run, settings)
     unfed = ReducedFilm(
@@ -92,9 +92,12 @@ def train(run: Run, settings: FedSettings) -> dict[str, object]:
         "range": RANGE,
         "network": {"sizes": net.sizes, "weights": net.count, "lambda": best.l2},
         "seeds": spread(errors, fits),
-        "training": {"points": settings.train_points, "starts": [row for one in fits for row in one.starts]},
+        "training": {
+            "points": settings.train_points,
+            "starts": [row for one in fits for row in one.starts],
+        },
         "reproduce": run.command,
-    }  # fmt: skip
+    }
     _export(module, run, samples, settings, report)
     report["tables"] = tables(of_file(run.model), judged, shape)
     run.write_json("surrogate_fed.json", report)
@@ -103,7 +106,7 @@ def train(run: Run, settings: FedSettings) -> dict[str, object]:
     return report
 
 
-def _fits(run: Run, settings: FedSettings, one: Callable[[int], Fit]) -> list[Fit]:
+def _fits(run: TrainingRun, settings: FedSettings, one: Callable[[int], Fit]) -> list[Fit]:
     """The fits of all seeds, side by side; their starts go to the run's metrics."""
     fits = []
     with progress_bar("fed film: networks", settings.seeds) as bar:
@@ -144,11 +147,15 @@ def targets_of(samples: FedSamples, unfed: ReducedFilm) -> Targets:
     y = samples.force / gain
     weight = 1.0 / np.maximum(np.hypot(*y.T), FLOOR)
     flow = np.log(samples.side_flow / flow_gain[:, 0])
-    return Targets(z, np.column_stack([y, flow]), np.column_stack([weight, weight, FLOW_WEIGHT * np.ones_like(flow)]),
-                   (np.array(INPUT_SIGNS), np.array(OUTPUT_SIGNS)))  # fmt: skip
+    return Targets(
+        z,
+        np.column_stack([y, flow]),
+        np.column_stack([weight, weight, FLOW_WEIGHT * np.ones_like(flow)]),
+        (np.array(INPUT_SIGNS), np.array(OUTPUT_SIGNS)),
+    )
 
 
-def _samples(run: Run, settings: FedSettings) -> FedSamples:
+def _samples(run: TrainingRun, settings: FedSettings) -> FedSamples:
     def make() -> FedSamples:
         points = draw_fed(
             settings.train_points, settings.eccentricity_max, np.random.default_rng(run.seed)
@@ -157,25 +164,59 @@ def _samples(run: Run, settings: FedSettings) -> FedSamples:
             points, length_over_diameter=settings.length_over_diameter, grid=settings.grid
         )
 
-    key = (run.seed, settings.train_points, settings.eccentricity_max, settings.length_over_diameter, settings.grid,
-           SUPPLY_DRAWN, VELOCITY_DRAWN)  # fmt: skip
+    key = (
+        run.seed,
+        settings.train_points,
+        settings.eccentricity_max,
+        settings.length_over_diameter,
+        settings.grid,
+        SUPPLY_DRAWN,
+        VELOCITY_DRAWN,
+    )
     return kept(run.folder.parent, "fed-films", key, FedSamples, make)
 
 
 def _export(
-    module: FedFilm, run: Run, samples: FedSamples, settings: FedSettings, report: dict[str, object]
+    module: FedFilm,
+    run: TrainingRun,
+    samples: FedSamples,
+    settings: FedSettings,
+    report: dict[str, object],
 ) -> None:
     shape = settings.length_over_diameter
     metadata = export.Metadata(
-        kind="surrogate_fed", version="0.3.0", inputs=FED_STATE,
+        kind="surrogate_fed",
+        version="0.3.0",
+        inputs=FED_STATE,
         outputs=("force", "friction_torque", "side_flow", "inside"),
-        units=("m", "m", "m/s", "m/s", "rad/s", "m", "Pa s", "m", "m", "Pa", "rad", "-> N", "N m", "m3/s", "1"),
-        channels=(), rate_hz=(), rigs=("bench",),
+        units=(
+            "m",
+            "m",
+            "m/s",
+            "m/s",
+            "rad/s",
+            "m",
+            "Pa s",
+            "m",
+            "m",
+            "Pa",
+            "rad",
+            "-> N",
+            "N m",
+            "m3/s",
+            "1",
+        ),
+        channels=(),
+        rate_hz=(),
+        rigs=("bench",),
         data_hash=export.data_hash(samples.points, samples.force, samples.side_flow),
-        domain={"eccentricity_ratio": (0.0, settings.eccentricity_max), "length_over_diameter": (shape, shape),
-                "supply_share": (0.0, 1.0)},
+        domain={
+            "eccentricity_ratio": (0.0, settings.eccentricity_max),
+            "length_over_diameter": (shape, shape),
+            "supply_share": (0.0, 1.0),
+        },
         metrics=report,
-    )  # fmt: skip
+    )
     example = torch.zeros((2, len(FED_STATE)), dtype=torch.float64)
     example[:, 5:9] = torch.tensor([6e-5, 0.01, 0.02, 0.02], dtype=torch.float64)
     export.export(

@@ -36,9 +36,13 @@ class Values(nn.Module):
 
 
 def train_dqn(
-    environment: VectorEnv[Any, Any, Any], scale: Scale, settings: DdpgSettings, choices: Floats, seed: int,
+    environment: VectorEnv[Any, Any, Any],
+    scale: Scale,
+    settings: DdpgSettings,
+    choices: Floats,
+    seed: int,
     on_step: Callable[[int], None] | None = None,
-) -> Values:  # fmt: skip
+) -> Values:
     """Learn the values of ``choices`` (n, actions), in ``[-1, 1]``, in one pass.
 
     What both algorithms have is taken from ``settings``; exploration falls to 5 %.

@@ -31,7 +31,7 @@ from sim_hil.duty import RAD_S_PER_RPM, Duty
 from sim_hil.faults.machine import STARVED_SHARE, WEAR_M, worn_bore
 from sim_hil.machine import Batch, Machine
 from sim_hil.rigs import RigData, read_json
-from sim_hil.runs import Recording, recording_of, run
+from sim_hil.runs import SimulatedRecording, recording_of, run
 
 Floats = NDArray[np.float64]
 
@@ -61,7 +61,7 @@ REACH_M: Final = {"near_whirl": 6e-6, "fault": 0.0}
 
 
 @dataclass(frozen=True)
-class Episode:
+class ForecastEpisode:
     """What is going to happen; ``clearance_m`` holds before, between and after the two forecasts'
     moves."""
 
@@ -81,7 +81,7 @@ class Episode:
 
 
 @dataclass(frozen=True)
-class Truth:
+class TrueState:
     """What was true about a moment: SI; ``load_N`` is the static bearing load."""
 
     power_W: float
@@ -93,7 +93,7 @@ class Truth:
     static_film_m: float
 
 
-def draw(rig: RigData, seed: int, number: int) -> Episode:
+def draw(rig: RigData, seed: int, number: int) -> ForecastEpisode:
     """Episode ``number`` of ``seed``; regimes take turns."""
     rng = np.random.default_rng([seed, number])
     regime = REGIMES[number % len(REGIMES)]
@@ -117,7 +117,7 @@ def draw(rig: RigData, seed: int, number: int) -> Episode:
     for start_s, before, after in zip(FORECASTS_S, points[1:], points[2:], strict=False):
         corners += [(start_s, *before), (start_s + HORIZON_S + 0.2, *after)]
     time_s, speed, load = zip(*corners, strict=True)
-    return Episode(
+    return ForecastEpisode(
         number,
         regime,
         build,
@@ -176,7 +176,7 @@ def _feasible(
     return film_m > FILM_LEAST_M and ratio > low and (index == 0 or ratio < high)
 
 
-def play(rig: RigData, episode: Episode, rate_hz: int = 5000) -> Recording:
+def play(rig: RigData, episode: ForecastEpisode, rate_hz: int = 5000) -> SimulatedRecording:
     """What the device would receive, and the truth; faults grow linearly from :data:`FAULT_START_S`
     on."""
     machine = Machine(
@@ -208,7 +208,7 @@ def play(rig: RigData, episode: Episode, rate_hz: int = 5000) -> Recording:
     return recording_of(machine, whole, np.random.default_rng([episode.seed, 1]))
 
 
-def _severity(rig: RigData, episode: Episode, time_s: float) -> float:
+def _severity(rig: RigData, episode: ForecastEpisode, time_s: float) -> float:
     share = max(0.0, time_s - FAULT_START_S) / (SECONDS - FAULT_START_S)
     start = 0.0
     if episode.fault == "unbalance":
@@ -217,7 +217,7 @@ def _severity(rig: RigData, episode: Episode, time_s: float) -> float:
     return start + share * max(episode.severity - start, 0.0)
 
 
-def heard(recording: Recording) -> Iterator[Block | RigReading]:
+def heard(recording: SimulatedRecording) -> Iterator[Block | RigReading]:
     """The recording as the guard would pass it on: blocks, and readings before the block in which
     they came."""
     period_us = round(1e6 / recording.rate_hz)
@@ -250,7 +250,9 @@ def heard(recording: Recording) -> Iterator[Block | RigReading]:
             yield RigReading(seq, at_us * 1000, 0, said, None)
 
 
-def truth_at(rig: RigData, episode: Episode, recording: Recording, time_s: float) -> Truth:
+def truth_at(
+    rig: RigData, episode: ForecastEpisode, recording: SimulatedRecording, time_s: float
+) -> TrueState:
     """What was true about ``time_s``."""
     middle = round(time_s * recording.rate_hz)
     half = round(0.5 * TRUTH_S * recording.rate_hz)
@@ -267,7 +269,7 @@ def truth_at(rig: RigData, episode: Episode, recording: Recording, time_s: float
     )
     windage = float(np.mean(rig.windage_W_s3 * speed**3))
     swing = max(np.ptp(_at_rest(x + y)), np.ptp(_at_rest(y - x))) * math.sqrt(0.5)
-    return Truth(
+    return TrueState(
         float(power.mean()),
         float(swing),
         float(recording.column("min_film_m")[rows].min()),
@@ -278,7 +280,7 @@ def truth_at(rig: RigData, episode: Episode, recording: Recording, time_s: float
     )
 
 
-def _fault_of_film(rig: RigData, episode: Episode, time_s: float) -> tuple[float, float]:
+def _fault_of_film(rig: RigData, episode: ForecastEpisode, time_s: float) -> tuple[float, float]:
     """What starvation leaves of the load that the film carries, and how far (m) wear has lowered
     the bore's middle."""
     severity = _severity(rig, episode, time_s)

@@ -17,10 +17,17 @@ from firmware_py.brain.prediction import Future, Predictor
 from firmware_py.brain.store import Model
 from firmware_py.config import Config
 from firmware_py.records import Block, Quality
-from models.prediction.episodes import FORECASTS_S, HORIZON_S, Episode, Truth, heard, truth_at
+from models.prediction.episodes import (
+    FORECASTS_S,
+    HORIZON_S,
+    ForecastEpisode,
+    TrueState,
+    heard,
+    truth_at,
+)
 from models.prediction.rivals import forecasts
 from sim_hil.rigs import RigData
-from sim_hil.runs import Recording
+from sim_hil.runs import SimulatedRecording
 
 Floats = NDArray[np.float64]
 
@@ -58,7 +65,11 @@ def join(parts: list[Said]) -> Said:
 
 
 def listen(
-    rig: RigData, episode: Episode, recording: Recording, model: Model, config: Config
+    rig: RigData,
+    episode: ForecastEpisode,
+    recording: SimulatedRecording,
+    model: Model,
+    config: Config,
 ) -> Said:
     """Feed ``recording`` to the brain's stages and note the forecasts of the episode."""
     channels = ChannelMap.from_config(config)
@@ -95,8 +106,8 @@ def listen(
 
 def _row(
     rig: RigData,
-    episode: Episode,
-    recording: Recording,
+    episode: ForecastEpisode,
+    recording: SimulatedRecording,
     predictor: Predictor,
     measured: Measured,
     now_s: float,
@@ -141,8 +152,8 @@ def _row(
 
 def _to_limit(
     rig: RigData,
-    episode: Episode,
-    recording: Recording,
+    episode: ForecastEpisode,
+    recording: SimulatedRecording,
     predictor: Predictor,
     measured: Measured,
     now_s: float,
@@ -158,5 +169,5 @@ def _to_limit(
     return predictor.time_to_limit(measured, predictor.estimate(measured), film_m, swing_m)
 
 
-def _figures(true: Truth) -> list[float]:
+def _figures(true: TrueState) -> list[float]:
     return [true.power_W, true.peak_to_peak_m, true.min_film_m, true.whirl_margin]

@@ -30,7 +30,7 @@ from models import PHYSICS_VERSION, card
 from models.prediction.episodes import after_procedure, as_shipped, draw, play
 from models.prediction.hearing import Said, join, listen
 from models.prediction.scores import conformal, report, rival_widths
-from models.runs import Run, Settings, SettingsError, progress_bar
+from models.runs import SettingsError, TrainerSettings, TrainingRun, progress_bar
 from models.workers import map_in_order
 from sim_hil.rigs import load_rig
 
@@ -47,7 +47,7 @@ STATES = ("as_built", "zeroed")
 """Of the probes: see :func:`firmware_py.brain.intervals.state_of`."""
 
 
-class PredictorSettings(Settings, frozen=True):
+class PredictorSettings(TrainerSettings, frozen=True):
     """What ``orbitd train predictor`` does; every key may stand in the ``--config`` file."""
 
     rig: str = "bench"
@@ -75,7 +75,7 @@ class Fitted(msgspec.Struct, frozen=True):
     reproduce: str
 
 
-def train(run: Run, settings: PredictorSettings) -> dict[str, object]:
+def train(run: TrainingRun, settings: PredictorSettings) -> dict[str, object]:
     """Hear the training episodes, fit, judge on a few others; returns the report that is written
     beside the factors."""
     started = time.monotonic()

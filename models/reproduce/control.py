@@ -6,12 +6,12 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from models.control.episodes import Board, Fixed, Policy, Score, play
+from models.control.episodes import Board, FixedSetting, Score, SettingPolicy, play
 from models.control.learners import ActorSettings, learn
 from models.control.policies import OfModule
 from models.learning.ddpg import DdpgSettings
 from models.reproduce.claims import POWER
-from models.reproduce.report import Row, Series
+from models.reproduce.report import ClaimRow, Series
 from models.runs import progress_bar
 from sim_hil.plots.style import BLUE, GREY, new_figure, plain
 from sim_hil.rigs import load_rig
@@ -24,17 +24,24 @@ AGENT, NOMINAL, WIDEST = "DDPG agent", "constant nominal", "constant widest"
 def run(quick: bool, seed: int) -> Series:
     """The series; ``quick`` trains for a few steps only, which teaches nothing."""
     settings = ActorSettings(
-        rig="seed", rotors=4 if quick else 16, episode_s=2.0 if quick else 8.0,
-        ddpg=DdpgSettings(steps=160, warm_up=80, batch=32, hidden=(16, 16)) if quick else DdpgSettings(steps=8000),
-    )  # fmt: skip
+        rig="seed",
+        rotors=4 if quick else 16,
+        episode_s=2.0 if quick else 8.0,
+        ddpg=DdpgSettings(steps=160, warm_up=80, batch=32, hidden=(16, 16))
+        if quick
+        else DdpgSettings(steps=8000),
+    )
     count, seconds = (2, 1.0) if quick else (24, 12.0)
     seeds = range(JUDGE_SEED + 1000 * seed, JUDGE_SEED + 1000 * seed + count)
     free, behind = (
         _scores(settings, Board("seed", seconds), seed, seeds, shielded)
         for shielded in (False, True)
     )
-    row = Row(
-        "control", POWER, _told(free), f"behind the guard's shield: {_told(behind)}",
+    row = ClaimRow(
+        "control",
+        POWER,
+        _told(free),
+        f"behind the guard's shield: {_told(behind)}",
         f"Mean shaft power over {count} unseen episodes, {settings.ddpg.steps} training steps, one "
         f"seed. Power falls "
         "with clearance on this rig, so the constant widest is the baseline to beat, at equal "
@@ -42,7 +49,7 @@ def run(quick: bool, seed: int) -> Series:
         "Where no clearance is admissible the shield holds the safe one whatever is wished: "
         "violations that all share.",
         "orbitd evaluate actor --qualify (control on rig bench, where limits bind)",
-    )  # fmt: skip
+    )
     measured: dict[str, object] = {"training_steps": settings.ddpg.steps, "episodes": count}
     drawings = []
     for title, scores in (("without the shield", free), ("behind the guard's shield", behind)):
@@ -63,9 +70,11 @@ def _scores(
         f"DDPG on rig seed{', shielded' if shielded else ''}", settings.ddpg.steps
     ) as bar:
         agent = OfModule(learn(settings, board, seed, bar, shielded=shielded)[0])
-    policies: dict[str, Policy] = {
-        AGENT: agent, NOMINAL: Fixed(bearing.clearance_nominal_m), WIDEST: Fixed(bearing.clearance_max_m),
-    }  # fmt: skip
+    policies: dict[str, SettingPolicy] = {
+        AGENT: agent,
+        NOMINAL: FixedSetting(bearing.clearance_nominal_m),
+        WIDEST: FixedSetting(bearing.clearance_max_m),
+    }
     return {
         name: play(board, seeds, policy, shielded=shielded) for name, policy in policies.items()
     }

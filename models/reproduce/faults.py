@@ -19,13 +19,13 @@ from models.diagnosis.ladder import PaperNetwork
 from models.diagnosis.recordings import FAULT_OF_CLASS
 from models.diagnosis.scores import balanced_accuracy
 from models.reproduce.claims import SIX_CLASSES, TWO_CLASSES
-from models.reproduce.report import Row, Series
+from models.reproduce.report import ClaimRow, Series
 from models.runs import progress_bar
 from sim_hil.build import Build
 from sim_hil.duty import Duty
 from sim_hil.plots.style import BLUE, RED, new_figure, plain
 from sim_hil.rigs import load_rig
-from sim_hil.runs import Recording, record
+from sim_hil.runs import SimulatedRecording, record
 
 Floats = NDArray[np.float64]
 
@@ -47,7 +47,7 @@ HIDDEN: Final = 20
 
 
 @dataclass(frozen=True)
-class Windows:
+class RawWindows:
     """Raw windows of 800 points, and order features, of the same runs; ``group`` is the run's
     number in its class."""
 
@@ -64,21 +64,26 @@ def run(quick: bool, rng: np.random.Generator) -> Series:
     shuffled = _scores(_shuffled(windows.raw, rng), iterations, rng)
     ours = _scores(windows.orders, iterations, rng)
     measured: dict[str, object] = {
-        "seconds_a_run": seconds, "runs_a_class": runs, "rate_hz": RATE_HZ, "raw_windows": len(windows.raw),
-        "paper_network_raw_windows_split_by_run": raw, "paper_network_raw_windows_split_at_random": shuffled,
+        "seconds_a_run": seconds,
+        "runs_a_class": runs,
+        "rate_hz": RATE_HZ,
+        "raw_windows": len(windows.raw),
+        "paper_network_raw_windows_split_by_run": raw,
+        "paper_network_raw_windows_split_at_random": shuffled,
         "order_features_split_by_run": ours,
-    }  # fmt: skip
+    }
     drawing = _draw(windows)
     return Series("Fault recognition", _rows(raw, shuffled, ours, seconds), measured, [drawing])
 
 
 def _rows(
     raw: dict[str, float], shuffled: dict[str, float], ours: dict[str, float], seconds: float
-) -> list[Row]:
-    def row(claim: str, key: str, more: str) -> Row:
+) -> list[ClaimRow]:
+    def row(claim: str, key: str, more: str) -> ClaimRow:
         decided = f"{key}_of_ten_windows"
-        return Row(
-            "fault recognition", claim,
+        return ClaimRow(
+            "fault recognition",
+            claim,
             f"raw windows: {_told(raw, key)}, {raw[decided]:.0%} by vote over ten windows; with "
             f"windows split at "
             f"random {_told(shuffled, key)}",
@@ -88,24 +93,30 @@ def _rows(
             f"{seconds:g} s instead "
             f"of 120 s, split by run; {more}",
             "orbitd evaluate classifier --qualify",
-        )  # fmt: skip
+        )
 
     return [
-        row(SIX_CLASSES, "six_classes",
+        row(
+            SIX_CLASSES,
+            "six_classes",
             "chance is 17 %. One machine at one speed is easy for order features: other builds, "
             "speeds and severities "
-            "are judged by `orbitd evaluate classifier`."),
-        row(TWO_CLASSES, "two_classes",
+            "are judged by `orbitd evaluate classifier`.",
+        ),
+        row(
+            TWO_CLASSES,
+            "two_classes",
             f"trained for two classes alone; merging the six gives {raw['two_from_six']:.0%} (ours "
-            f"{ours['two_from_six']:.0%}); always saying abnormal gives 83 % of balanced runs."),
-    ]  # fmt: skip
+            f"{ours['two_from_six']:.0%}); always saying abnormal gives 83 % of balanced runs.",
+        ),
+    ]
 
 
 def _told(scores: dict[str, float], key: str) -> str:
     return f"{scores[key]:.0%} a window (balanced {scores[f'{key}_balanced']:.0%})"
 
 
-def _windows(seconds: float, runs: int, rng: np.random.Generator) -> Windows:
+def _windows(seconds: float, runs: int, rng: np.random.Generator) -> RawWindows:
     """Every class and run of one machine; runs differ in noise, starting angle and water
     temperature."""
     rig = load_rig("seed")
@@ -117,20 +128,27 @@ def _windows(seconds: float, runs: int, rng: np.random.Generator) -> Windows:
         for kind, fault in enumerate(FAULT_OF_CLASS):
             for number in range(runs):
                 recording = record(
-                    rig, build, Duty.hold(SPEED_RPM, LOAD_N), seconds, clearance=rig.bearing.clearance_nominal_m,
-                    pressure=SUPPLY_PA, faults={fault: SEVERITY.get(fault, 0.0)} if fault else {}, rate_hz=RATE_HZ,
-                    inlet_C=float(rng.uniform(18.0, 24.0)), seed=int(rng.integers(2**31)),
-                )  # fmt: skip
+                    rig,
+                    build,
+                    Duty.hold(SPEED_RPM, LOAD_N),
+                    seconds,
+                    clearance=rig.bearing.clearance_nominal_m,
+                    pressure=SUPPLY_PA,
+                    faults={fault: SEVERITY.get(fault, 0.0)} if fault else {},
+                    rate_hz=RATE_HZ,
+                    inlet_C=float(rng.uniform(18.0, 24.0)),
+                    seed=int(rng.integers(2**31)),
+                )
                 counts = recording.counts[: len(recording.counts) // WINDOW_POINTS * WINDOW_POINTS]
                 cut = counts.reshape(-1, WINDOW_POINTS, len(CHANNELS))
                 raw += [(window.ravel().astype(np.float64), kind, number) for window in cut]
                 orders += [(row, kind, number) for row in _order_features(recording)]
                 samples.append(cut[0].astype(np.float64))
                 bar(kind * runs + number + 1)
-    return Windows(_dataset(raw), _dataset(orders), np.array(samples))
+    return RawWindows(_dataset(raw), _dataset(orders), np.array(samples))
 
 
-def _order_features(recording: Recording) -> list[Floats]:
+def _order_features(recording: SimulatedRecording) -> list[Floats]:
     """Features of every window with whole turns, by the device's own code."""
     status = recording.status
     readings = np.column_stack([status[:, 0] * 1e6, status[:, 3], status[:, 1], status[:, 2]])
@@ -196,8 +214,11 @@ def _split(data: Dataset) -> tuple[Dataset, Dataset, Dataset]:
     runs = int(data.group.max()) + 1
     judged = runs - max(1, runs * JUDGED // RUNS)
     chosen = judged - max(1, runs * VALIDATED // RUNS)
-    return (data.subset(data.group < chosen), data.subset((data.group >= chosen) & (data.group < judged)),
-            data.subset(data.group >= judged))  # fmt: skip
+    return (
+        data.subset(data.group < chosen),
+        data.subset((data.group >= chosen) & (data.group < judged)),
+        data.subset(data.group >= judged),
+    )
 
 
 def _merged(data: Dataset) -> Dataset:
@@ -221,7 +242,7 @@ def _voted(probability: Floats, data: Dataset) -> tuple[Floats, NDArray[np.intp]
     return np.array(means), np.array(kinds)
 
 
-def _draw(windows: Windows) -> tuple[Figure, str]:
+def _draw(windows: RawWindows) -> tuple[Figure, str]:
     """Random samples of two classes, as in Fig. 3 of the paper."""
     figure = new_figure((9.0, 4.5), "Random samples of two classes", "normalised, 800 points each")
     panes = figure.subplots(2, 2, sharex=True)

@@ -26,7 +26,7 @@ code { background: #f5f5f5; padding: .1em .3em; } figcaption { color: #555; font
 
 
 @dataclass(frozen=True)
-class Row:
+class ClaimRow:
     """One claim: as printed, by the paper's own method, by ours, what must be known, and what
     judges ours further."""
 
@@ -44,7 +44,7 @@ class Series:
     captions."""
 
     title: str
-    rows: Sequence[Row]
+    rows: Sequence[ClaimRow]
     measured: dict[str, object]
     drawings: Sequence[tuple[Figure, str]]
 
@@ -56,18 +56,21 @@ def write(out: Path, series: Sequence[Series], command: str, seconds: float) -> 
         replace(one, rows=[_with_command(row, command) for row in one.rows]) for one in series
     ]
     table = {
-        "paper": PAPER, "command": command, "claims": [asdict(row) for one in series for row in one.rows],
+        "paper": PAPER,
+        "command": command,
+        "claims": [asdict(row) for one in series for row in one.rows],
         "shipped": [dict(zip(_BARS, bar, strict=True)) for bar in shipped()],
         "measured": {one.title: one.measured for one in series},
-        "misprints": [dict(zip(("where", "printed", "repair"), m, strict=True)) for m in MISPRINTS], "open": OPEN,
-    }  # fmt: skip
+        "misprints": [dict(zip(("where", "printed", "repair"), m, strict=True)) for m in MISPRINTS],
+        "open": OPEN,
+    }
     (out / "report.json").write_text(json.dumps(table, indent=2) + "\n", encoding="utf-8")
     page = out / "report.html"
     page.write_text(_page(series, command, seconds), encoding="utf-8")
     return page
 
 
-def _with_command(row: Row, command: str) -> Row:
+def _with_command(row: ClaimRow, command: str) -> ClaimRow:
     return replace(row, command=f"{command}; {row.command}")
 
 
@@ -103,14 +106,21 @@ def _page(series: Sequence[Series], command: str, seconds: float) -> str:
         f"<p>{html.escape(PAPER)}. Rig <code>seed</code>, simulated. Made by "
         f"<code>{html.escape(command)}</code> in ",
         f"{seconds:.0f} s.</p>",
-        _table(("series", "claim as printed", "the paper's own method", "ours", "caveat", "command"), rows),
+        _table(
+            ("series", "claim as printed", "the paper's own method", "ours", "caveat", "command"),
+            rows,
+        ),
         *(_section(one) for one in series),
-        "<h2>Misprints and their repairs</h2>", _table(("where", "as printed", "repair"), MISPRINTS),
-        "<h2>What the paper leaves open</h2><ul>", *(f"<li>{html.escape(text)}</li>" for text in OPEN), "</ul>",
+        "<h2>Misprints and their repairs</h2>",
+        _table(("where", "as printed", "repair"), MISPRINTS),
+        "<h2>What the paper leaves open</h2><ul>",
+        *(f"<li>{html.escape(text)}</li>" for text in OPEN),
+        "</ul>",
         "<h2>The models that ship, on rig bench</h2><p><code>orbitd evaluate MODEL "
         "--qualify</code></p>",
-        _table(_BARS, shipped()), "</body></html>\n",
-    ]  # fmt: skip
+        _table(_BARS, shipped()),
+        "</body></html>\n",
+    ]
     return "\n".join(parts)
 
 
@@ -121,8 +131,10 @@ def _section(series: Series) -> str:
         for figure, caption in series.drawings
     )
     numbers = html.escape(json.dumps(series.measured, indent=2))
-    return f"<h2>{html.escape(series.title)}</h2>{''.join(drawn)}<details><summary>all figures</summary>" \
-           f"<pre>{numbers}</pre></details>"  # fmt: skip
+    return (
+        f"<h2>{html.escape(series.title)}</h2>{''.join(drawn)}<details><summary>all figures</summary>"
+        f"<pre>{numbers}</pre></details>"
+    )
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

@@ -15,10 +15,10 @@ from scipy.integrate import solve_ivp
 
 from models import ARTIFACTS
 from models.film.fit import Search
-from models.film.rivals import Bearing, raw_network
+from models.film.rivals import TrainedBearing, raw_network
 from models.film.surrogate import law_of
 from models.reproduce.claims import SPEED, TRANSIENTS
-from models.reproduce.report import Row, Series
+from models.reproduce.report import ClaimRow, Series
 from sim_hil.build import Build
 from sim_hil.duty import RAD_S_PER_RPM, Duty
 from sim_hil.film import equilibrium, film_force
@@ -45,7 +45,7 @@ REYNOLDS, PAPER, OURS, LINEAR = (
 
 
 @dataclass(frozen=True)
-class Case:
+class TrajectoryCase:
     """A run on rig ``seed``: speeds at its start and end, and unbalance over the rig's normal
     one."""
 
@@ -56,8 +56,8 @@ class Case:
 
 
 CASES = (
-    Case("variable speed", 2000.0, SPEED_RPM, 10.0),
-    Case("high vibration", SPEED_RPM, SPEED_RPM, 80.0),
+    TrajectoryCase("variable speed", 2000.0, SPEED_RPM, 10.0),
+    TrajectoryCase("high vibration", SPEED_RPM, SPEED_RPM, 80.0),
 )
 """Eighty times the normal unbalance is that of two magnets of 4 g at 20 mm, the rig's own fault."""
 
@@ -67,7 +67,9 @@ def run(quick: bool, rng: np.random.Generator, out: Path) -> Series:
     rig = load_rig("seed")
     turns = 2 if quick else 15
     search = Search((1e-8,), 1, 30) if quick else Search((1e-8, 1e-4), 3, 300)
-    paper = raw_network(Bearing.of_rig("seed", SPEED_RPM), rng, search, out, 600 if quick else 3000)
+    paper = raw_network(
+        TrainedBearing.of_rig("seed", SPEED_RPM), rng, search, out, 600 if quick else 3000
+    )
     films: dict[str, Force] = {
         PAPER: paper.law,
         OURS: law_of(ARTIFACTS / "surrogate.onnx"),
@@ -101,14 +103,16 @@ def run(quick: bool, rng: np.random.Generator, out: Path) -> Series:
     return Series("Trajectories", _rows(speed, errors), measured, drawings)
 
 
-def _rows(speed: dict[str, float], errors: dict[str, dict[str, float]]) -> list[Row]:
+def _rows(speed: dict[str, float], errors: dict[str, dict[str, float]]) -> list[ClaimRow]:
     apart = {
         name: ", ".join(f"{case} {_told(e)}" for case, e in by_case.items())
         for name, by_case in errors.items()
     }
     return [
-        Row(
-            "trajectories", SPEED, f"{speed[PAPER]:g} times faster than real time",
+        ClaimRow(
+            "trajectories",
+            SPEED,
+            f"{speed[PAPER]:g} times faster than real time",
             f"reduced network {speed[OURS]:g} times; Reynolds solved at every step "
             f"{speed[REYNOLDS]:g} times; springs "
             f"and dampers {speed[LINEAR]:g} times",
@@ -117,9 +121,10 @@ def _rows(speed: dict[str, float], errors: dict[str, dict[str, float]]) -> list[
             "Reynolds film is called from Python.",
             "orbitd bench sim",
         ),
-        Row(
-            "trajectories", TRANSIENTS, f"largest distance from the Reynolds orbit over the "
-                                        f"clearance: {apart[PAPER]}",
+        ClaimRow(
+            "trajectories",
+            TRANSIENTS,
+            f"largest distance from the Reynolds orbit over the clearance: {apart[PAPER]}",
             f"reduced network (the shipped one): {apart[OURS]}; springs and dampers: "
             f"{apart[LINEAR]}",
             f"Unfed film under {LOAD_N:g} N, about the shaft's weight on this bearing; the real "
@@ -129,7 +134,7 @@ def _rows(speed: dict[str, float], errors: dict[str, dict[str, float]]) -> list[
             "and velocities to 0.25 c omega, and extrapolates beyond.",
             "orbitd evaluate surrogate --qualify",
         ),
-    ]  # fmt: skip
+    ]
 
 
 def _told(error_percent: float) -> str:
@@ -137,23 +142,28 @@ def _told(error_percent: float) -> str:
     return f"{error_percent:g} %" if error_percent <= 200.0 else "out of the bearing"
 
 
-def _setting(rig: RigData, case: Case, turns: int) -> tuple[Duty, Build]:
+def _setting(rig: RigData, case: TrajectoryCase, turns: int) -> tuple[Duty, Build]:
     seconds = turns * 120.0 / (case.start_rpm + case.end_rpm)
     build = Build.nominal(rig)
     duty = Duty((0.0, seconds), (case.start_rpm, case.end_rpm), (LOAD_N, LOAD_N))
     return duty, replace(build, unbalance_kg_m=case.unbalance * build.unbalance_kg_m)
 
 
-def compiled(rig: RigData, case: Case, turns: int, force: Force) -> tuple[Floats, float]:
+def compiled(rig: RigData, case: TrajectoryCase, turns: int, force: Force) -> tuple[Floats, float]:
     """Orbit ``(n, 2)`` at :data:`RATE_HZ`, and how many times faster than real time
     :data:`TIMED_TURNS` are made."""
 
     def follow(turns: int) -> Floats:
         duty, build = _setting(rig, case, turns)
         return simulate(
-            rig, duty, clearance=rig.bearing.clearance_nominal_m, force=force, build=build, thermal=False,
+            rig,
+            duty,
+            clearance=rig.bearing.clearance_nominal_m,
+            force=force,
+            build=build,
+            thermal=False,
             rate_hz=RATE_HZ,
-        ).position_m  # fmt: skip
+        ).position_m
 
     orbit = follow(turns)  # compiles
     return orbit, _setting(rig, case, TIMED_TURNS)[0].seconds / _seconds(
@@ -168,7 +178,7 @@ def _seconds(work: Callable[[], object]) -> float:
     return time.process_time() - started
 
 
-def reynolds(rig: RigData, case: Case, turns: int) -> tuple[Floats, float]:
+def reynolds(rig: RigData, case: TrajectoryCase, turns: int) -> tuple[Floats, float]:
     """As :func:`compiled`, with the Reynolds equation solved at every call of an implicit
     solver."""
     duty, build = _setting(rig, case, turns)
@@ -185,9 +195,14 @@ def reynolds(rig: RigData, case: Case, turns: int) -> tuple[Floats, float]:
     def rates(t: float, w: Floats) -> Floats:
         omega, angle = omega0 + slope * t, angle0 + (omega0 + 0.5 * slope * t) * t
         force = film_force(
-            *journal(rig, w), radius_m=b.radius_m, length_m=b.length_m, clearance_m=c,
-            viscosity_Pa_s=rig.oil.viscosity_Pa_s, speed_rad_s=omega, grid=GRID,
-        ).force_N  # fmt: skip
+            *journal(rig, w),
+            radius_m=b.radius_m,
+            length_m=b.length_m,
+            clearance_m=c,
+            viscosity_Pa_s=rig.oil.viscosity_Pa_s,
+            speed_rad_s=omega,
+            grid=GRID,
+        ).force_N
         spin = np.array([np.cos(angle), np.sin(angle)])
         force = force + build.unbalance_kg_m * (
             omega**2 * spin + slope * np.array([spin[1], -spin[0]])
@@ -195,9 +210,14 @@ def reynolds(rig: RigData, case: Case, turns: int) -> tuple[Floats, float]:
         return equation_2(rig, w, force - [0.0, LOAD_N], omega, slope)
 
     position = equilibrium(
-        load_N=LOAD_N, radius_m=b.radius_m, length_m=b.length_m, clearance_m=c, speed_rad_s=omega0,
-        viscosity_Pa_s=rig.oil.viscosity_Pa_s, grid=GRID,
-    ).position_m  # fmt: skip
+        load_N=LOAD_N,
+        radius_m=b.radius_m,
+        length_m=b.length_m,
+        clearance_m=c,
+        speed_rad_s=omega0,
+        viscosity_Pa_s=rig.oil.viscosity_Pa_s,
+        grid=GRID,
+    ).position_m
     tilt = position / (rig.rotor.bearing_to_cg_m + rig.rotor.coupling_to_cg_m)
     start = np.concatenate([rig.rotor.coupling_to_cg_m * tilt, tilt, np.zeros(4)])
     times = np.arange(1, round(duty.seconds * RATE_HZ) + 1) / RATE_HZ
@@ -241,7 +261,7 @@ def equation_2(rig: RigData, w: Floats, bearing_N: Floats, omega: float, slope: 
     )
 
 
-def _draw(rig: RigData, case: Case, orbits: dict[str, Floats]) -> Figure:
+def _draw(rig: RigData, case: TrajectoryCase, orbits: dict[str, Floats]) -> Figure:
     figure = new_figure(
         (9.0, 4.2), case.name, f"rig seed, {case.start_rpm:g} to {case.end_rpm:g} rpm, {LOAD_N} N"
     )

@@ -79,10 +79,12 @@ def loop(kind: str, seconds: float, folder: Path) -> dict[str, float]:
         idle(clock, running)
     late_us = np.array(clock.late_ns) * 1e-3
     return {
-        "late_p50_us": float(np.median(late_us)), "late_p99_us": float(np.quantile(late_us, 0.99)),
-        "late_max_us": float(late_us.max()), "missed_share": clock.missed / len(late_us),
+        "late_p50_us": float(np.median(late_us)),
+        "late_p99_us": float(np.quantile(late_us, 0.99)),
+        "late_max_us": float(late_us.max()),
+        "missed_share": clock.missed / len(late_us),
         "cpu_share": (time.process_time() - busy) / seconds,
-    }  # fmt: skip
+    }
 
 
 def _from_now_on(clock: Clock, seconds: float) -> Callable[[], bool]:
@@ -99,11 +101,14 @@ def rig_beside_empty(seconds: float) -> dict[str, dict[str, float]]:
         environment = {**os.environ, "ORBITD_BUS_DIR": str(Path(name) / "bus")}
         processes = {
             kind: subprocess.Popen(
-                [sys.executable, "-m", "sim_hil.bench.hil", kind, str(seconds), name], env=environment, text=True,
-                stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+                [sys.executable, "-m", "sim_hil.bench.hil", kind, str(seconds), name],
+                env=environment,
+                text=True,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
             )
             for kind in ("rig", "empty")
-        }  # fmt: skip
+        }
         try:
             for process in processes.values():
                 assert process.stdout is not None

@@ -41,7 +41,7 @@ _CONVERGED = 8
 
 
 @dataclass(frozen=True)
-class Orbit:
+class ReadyRotor:
     """A machine at one speed, ready to run: everything `advance_rotor` takes but the state."""
 
     plant: Plant
@@ -100,14 +100,14 @@ def _bench() -> RigData:
     return load_rig("bench")
 
 
-def orbit(force: str, rpm: float) -> Orbit:
+def orbit(force: str, rpm: float) -> ReadyRotor:
     """The rig `bench` at `rpm`, 100 N, 60 um, oil at its inlet temperature."""
     rig = _bench()
     plant = assemble(rig, Build.nominal(rig), STEP_S, thermal=False)
     table = FilmTable.load(rig.bearing.length_m / (2 * rig.bearing.radius_m)).coefficients
     law = DirectLaw.make(table) if force == "direct" else table
     start = equilibrium_at(rig, plant, rpm * RAD_S_PER_RPM, LOAD_N, CLEARANCE_M)
-    return Orbit(plant, law, start.position_m, rpm * RAD_S_PER_RPM)
+    return ReadyRotor(plant, law, start.position_m, rpm * RAD_S_PER_RPM)
 
 
 def whole_rig(seconds: float) -> Callable[[], Batch]:

@@ -21,9 +21,11 @@ class Timing:
 
 
 def beside(
-    reference: Callable[[], object], subject: Callable[[], object], calls: tuple[int, int],
+    reference: Callable[[], object],
+    subject: Callable[[], object],
+    calls: tuple[int, int],
     clock: Callable[[], float] = time.thread_time,
-) -> Timing:  # fmt: skip
+) -> Timing:
     """Time `subject` (which makes `calls[1]` calls) beside `reference` (`calls[0]` calls), on this
     thread's clock."""
     reference()

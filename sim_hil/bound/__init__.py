@@ -21,21 +21,34 @@ from typing import TYPE_CHECKING, Any
 from firmware_py.errors import OrbitdError
 
 if TYPE_CHECKING:
-    from sim_hil.bound.case import Case, Plan
-    from sim_hil.bound.disturbances import Disturbances
+    from sim_hil.bound.case import BoundCase, TargetPlan
+    from sim_hil.bound.disturbances import RampLimits
     from sim_hil.bound.episodes import episode_references
     from sim_hil.bound.reference import Reference, References, references
     from sim_hil.bound.study import Entry
 
 __all__ = [
-    "Disturbances", "DutyFileError", "Plan", "Reference", "References", "episode_references", "main", "references",
-]  # fmt: skip
+    "DutyFileError",
+    "RampLimits",
+    "Reference",
+    "References",
+    "TargetPlan",
+    "episode_references",
+    "main",
+    "references",
+]
 
 KINDS = {"isothermal": False, "thermal": True}
 BOARDS = {"clearance": "clearance alone", "pair": "clearance with supply pressure"}
 
-_HOMES = {"Disturbances": "disturbances", "Plan": "case", "Reference": "reference", "References": "reference",
-          "episode_references": "episodes", "references": "reference"}  # fmt: skip
+_HOMES = {
+    "RampLimits": "disturbances",
+    "TargetPlan": "case",
+    "Reference": "reference",
+    "References": "reference",
+    "episode_references": "episodes",
+    "references": "reference",
+}
 
 
 def __getattr__(name: str) -> Any:
@@ -91,26 +104,32 @@ def main(argv: list[str]) -> int:
     )
 
 
-def _cases(path: Path | None, kinds: list[str], boards: list[str]) -> dict[tuple[str, str], Case]:
+def _cases(
+    path: Path | None, kinds: list[str], boards: list[str]
+) -> dict[tuple[str, str], BoundCase]:
     """The machine on the duty for each board, with and without warming oil."""
-    from sim_hil.bound.case import Case
-    from sim_hil.bound.limits import Limits, duty_of
+    from sim_hil.bound.case import BoundCase
+    from sim_hil.bound.limits import BoundLimits, duty_of
     from sim_hil.rigs import load_rig
 
     table = read_duty(path)
     try:
-        duty, limits = duty_of(table), Limits.of(table)
+        duty, limits = duty_of(table), BoundLimits.of(table)
     except (KeyError, TypeError) as error:
         raise DutyFileError(
             f"{path}: {error!r} missing or of the wrong kind; see duty_bench.json"
         ) from error
     rig = load_rig("bench")
     return {
-        (b, k): Case(rig, duty, limits, KINDS[k], fed=b == "pair") for b in boards for k in kinds
+        (b, k): BoundCase(rig, duty, limits, KINDS[k], fed=b == "pair")
+        for b in boards
+        for k in kinds
     }
 
 
-def _studies(cases: dict[tuple[str, str], Case], quick: bool) -> dict[tuple[str, str], list[Entry]]:
+def _studies(
+    cases: dict[tuple[str, str], BoundCase], quick: bool
+) -> dict[tuple[str, str], list[Entry]]:
     """All cases on all cores, with a line that counts the runs."""
     import os
     from concurrent.futures import ProcessPoolExecutor

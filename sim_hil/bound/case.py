@@ -9,7 +9,7 @@ from functools import partial
 
 import numpy as np
 
-from sim_hil.bound.limits import ORBIT_SHARE, Limits, orbit_share
+from sim_hil.bound.limits import ORBIT_SHARE, BoundLimits, orbit_share
 from sim_hil.build import Build
 from sim_hil.duty import Duty
 from sim_hil.response import SAMPLES_PER_TURN, Schedule, Trajectory, simulate
@@ -25,7 +25,7 @@ SETTLE_S = 2.0
 
 
 @dataclass(frozen=True)
-class Plan:
+class TargetPlan:
     """Targets of the actuators at the starts of the bins: clearance, m, and supply pressure, Pa,
     shape (bins,).
 
@@ -40,7 +40,7 @@ class Plan:
     expected_W: float = math.nan
 
     @classmethod
-    def fixed(cls, clearance_m: float, pressure_Pa: float) -> Plan:
+    def fixed(cls, clearance_m: float, pressure_Pa: float) -> TargetPlan:
         """Both held."""
         return cls(np.array([clearance_m]), np.array([pressure_Pa]))
 
@@ -70,7 +70,7 @@ class Profile:
 
 
 @dataclass(frozen=True)
-class Verdict:
+class LimitVerdict:
     """How near a run came to its limits; `orbit_share` is over the present clearance."""
 
     mean_power_W: float
@@ -84,16 +84,18 @@ class Verdict:
         return self.violation_s == 0.0
 
     @classmethod
-    def of(cls, profile: Profile) -> Verdict:
+    def of(cls, profile: Profile) -> LimitVerdict:
         """Over the whole run."""
         return cls(
-            float(profile.power_W.mean()), float(profile.min_film_m.min()), float(profile.orbit_share.max()),
+            float(profile.power_W.mean()),
+            float(profile.min_film_m.min()),
+            float(profile.orbit_share.max()),
             float(profile.violation_s.sum()),
-        )  # fmt: skip
+        )
 
 
 @dataclass(frozen=True)
-class Case:
+class BoundCase:
     """A machine on a duty with its limits.
 
     Parameters
@@ -110,7 +112,7 @@ class Case:
 
     rig: RigData
     duty: Duty
-    limits: Limits
+    limits: BoundLimits
     thermal: bool
     build: Build | None = None
     inlet_C: float | None = None
@@ -118,7 +120,7 @@ class Case:
     step_s: float = STEP_S
 
     @property
-    def coarse(self) -> Case:
+    def coarse(self) -> BoundCase:
         """The same with coarse steps, half as many rows a turn, for a map."""
         return replace(self, step_s=COARSE_STEP_S)
 
@@ -127,7 +129,7 @@ class Case:
         """Bins of the duty; a last one that is not full is filled by holding its end."""
         return math.ceil(self.duty.seconds / BIN_S - 1e-9)
 
-    def run(self, plan: Plan) -> Trajectory:
+    def run(self, plan: TargetPlan) -> Trajectory:
         """The duty in time, after some settling at its start, sampled often enough for its
         orbits."""
         d = self.duty
@@ -137,11 +139,18 @@ class Case:
             (d.load_N[0], *d.load_N),
         )
         run = simulate(
-            self.rig, led, clearance=_schedule(plan.clearance_m, plan.clearance),
-            pressure=_schedule(plan.pressure_Pa, plan.pressure), seconds=SETTLE_S + self.bins * BIN_S,
-            thermal=self.thermal, build=self.build, inlet_C=self.inlet_C, rate_hz=self._rate_hz(), dt_s=self.step_s,
+            self.rig,
+            led,
+            clearance=_schedule(plan.clearance_m, plan.clearance),
+            pressure=_schedule(plan.pressure_Pa, plan.pressure),
+            seconds=SETTLE_S + self.bins * BIN_S,
+            thermal=self.thermal,
+            build=self.build,
+            inlet_C=self.inlet_C,
+            rate_hz=self._rate_hz(),
+            dt_s=self.step_s,
             fed=self.fed,
-        )  # fmt: skip
+        )
         counted = round(self.bins * BIN_S * self._rate_hz())
         return replace(run, time_s=run.time_s[-counted:], rows=run.rows[-counted:])
 
@@ -152,7 +161,7 @@ class Case:
         wanted_hz = SAMPLES_PER_TURN * turns_per_s * STEP_S / self.step_s
         return math.ceil(max(wanted_hz, 1 / COARSE_STEP_S) * BIN_S) / BIN_S
 
-    def profile(self, plan: Plan) -> Profile:
+    def profile(self, plan: TargetPlan) -> Profile:
         """That run in bins; the pump's power counts in a fed film."""
         run = self.run(plan)
         if self.fed:
@@ -172,7 +181,7 @@ def _delayed(target: Callable[[float], float], time_s: float) -> float:
     return target(time_s - SETTLE_S)
 
 
-def gather(run: Trajectory, limits: Limits) -> Profile:
+def gather(run: Trajectory, limits: BoundLimits) -> Profile:
     """A run in bins of `BIN_S`."""
     period_s = float(run.time_s[1] - run.time_s[0])
     starts = np.arange(0, run.time_s.size, round(BIN_S / period_s))

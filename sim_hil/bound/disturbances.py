@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sim_hil.bound.case import BIN_S, Case
+from sim_hil.bound.case import BIN_S, BoundCase
 from sim_hil.bound.maps import Map, Mapper, build_map, judged_alone
 from sim_hil.duty import RAD_S_PER_RPM, Duty
 from sim_hil.rigs import RigData
@@ -21,7 +21,7 @@ actuator's lag."""
 
 
 @dataclass(frozen=True)
-class Disturbances:
+class RampLimits:
     """How fast load and speed may change unannounced, and how long before its start a faster ramp
     is announced.
 
@@ -58,7 +58,7 @@ class Disturbances:
 
 
 @dataclass(frozen=True)
-class Surroundings:
+class AdmissibleRanges:
     """Admissible clearances, cells `low` to `high` of the map's grid, at operating points: all of
     shape (points,).
 
@@ -71,7 +71,9 @@ class Surroundings:
     low: Floats
     high: Floats
 
-    def ready(self, case: Case, expected: Disturbances, rate_m_s: float, cells: int) -> np.ndarray:
+    def ready(
+        self, case: BoundCase, expected: RampLimits, rate_m_s: float, cells: int
+    ) -> np.ndarray:
         """Clearances from which every point can be met in time, whatever unannounced ramp leads
         there.
 
@@ -92,8 +94,11 @@ class Surroundings:
 
 
 def surroundings(
-    case: Case, pressures_Pa: tuple[float, ...], mapper: Mapper = map, spacing_um: int = SPACING_UM
-) -> Surroundings:
+    case: BoundCase,
+    pressures_Pa: tuple[float, ...],
+    mapper: Mapper = map,
+    spacing_um: int = SPACING_UM,
+) -> AdmissibleRanges:
     """Admissible clearances over the rig's speeds and loads, from runs that visit a grid and the
     duty's corners.
 
@@ -109,7 +114,7 @@ def surroundings(
     allowed = np.asarray(found.admissible[..., look].all(axis=-1).any(axis=0))
     film = found.film_margin_m[..., look].min(axis=-1).max(axis=0)
     low, high = np.array([_widest(allowed[:, i], film[:, i]) for i in range(speed.size)]).T
-    return Surroundings(speed, load, low, high)
+    return AdmissibleRanges(speed, load, low, high)
 
 
 def _tour(rig: RigData, duty: Duty) -> tuple[Duty, Floats, Floats]:
@@ -145,7 +150,7 @@ def _widest(allowed: np.ndarray, film: Floats) -> tuple[int, int]:
     return int(starts[longest]), int(stops[longest] - 1)
 
 
-def in_sight(found: Map, expected: Disturbances, duty: Duty) -> list[tuple[int, int, int]]:
+def in_sight(found: Map, expected: RampLimits, duty: Duty) -> list[tuple[int, int, int]]:
     """Bin from which an announced ramp is known, and its first and last bin."""
     last, ahead = found.power_W.shape[-1] - 1, round(expected.announced_s / BIN_S)
     return [(max(0, m - ahead), m, min(e, last)) for m, e in expected.announced(duty) if m <= last]

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from sim_hil import control_task
-from sim_hil.bound.case import Plan, Profile
-from sim_hil.bound.disturbances import Disturbances
+from sim_hil.bound.case import Profile, TargetPlan
+from sim_hil.bound.disturbances import RampLimits
 from sim_hil.bound.maps import Mapper
 from sim_hil.bound.reference import References, references
 from sim_hil.control_task import CONTROL_S, Episode, actions_of
@@ -17,9 +17,15 @@ from sim_hil.vector_environment import RotorVectorEnv
 
 
 def episode_references(
-    seed: int, *, rig: str = "bench", episode_s: float = 30.0, disturbances: control_task.Disturbances | None = None,
-    spacing_um: int = 8, mapper: Mapper = map, pressures_Pa: tuple[float, ...] | None = None,
-) -> tuple[Episode, References]:  # fmt: skip
+    seed: int,
+    *,
+    rig: str = "bench",
+    episode_s: float = 30.0,
+    disturbances: control_task.Disturbances | None = None,
+    spacing_um: int = 8,
+    mapper: Mapper = map,
+    pressures_Pa: tuple[float, ...] | None = None,
+) -> tuple[Episode, References]:
     """Preview and causal reference of the episode that the environments draw from `seed`, from its
     own start.
 
@@ -37,15 +43,25 @@ def episode_references(
     runner = _Runner(seed, rig, episode_s, declared, pressure=pressures_Pa is not None)
     episode, loaded = runner.episode, runner.environment(1).rig
     end = replace(
-        episode.build, unbalance_kg_m=episode.build.unbalance_kg_m + episode.unbalance_kg_m.at(episode_s),
+        episode.build,
+        unbalance_kg_m=episode.build.unbalance_kg_m + episode.unbalance_kg_m.at(episode_s),
         clearance_error_m=episode.build.clearance_error_m + episode.wear_m.at(episode_s),
-    )  # fmt: skip
-    expected = Disturbances(declared.load_rate_N_s, declared.speed_rate_rpm_s)
+    )
+    expected = RampLimits(declared.load_rate_N_s, declared.speed_rate_rpm_s)
     return episode, references(
-        loaded, episode.duty, build=end, inlet_C=max(episode.inlet_C), seconds=episode_s, start_m=episode.clearance_m,
-        expected=expected, spacing_um=spacing_um, mapper=mapper, judge=runner, held_s=CONTROL_S,
+        loaded,
+        episode.duty,
+        build=end,
+        inlet_C=max(episode.inlet_C),
+        seconds=episode_s,
+        start_m=episode.clearance_m,
+        expected=expected,
+        spacing_um=spacing_um,
+        mapper=mapper,
+        judge=runner,
+        held_s=CONTROL_S,
         pressures_Pa=pressures_Pa,
-    )  # fmt: skip
+    )
 
 
 class _Runner:
@@ -73,12 +89,17 @@ class _Runner:
 
     def environment(self, copies: int) -> RotorVectorEnv:
         """That many rotors."""
-        limits = replace(control_task.Limits(), trip_film_m=-1.0)
+        limits = replace(control_task.EpisodeLimits(), trip_film_m=-1.0)
         return RotorVectorEnv(
-            copies, self._rig, self._episode_s, limits=limits, pressure=self._pressure, disturbances=self._disturbances
-        )  # fmt: skip
+            copies,
+            self._rig,
+            self._episode_s,
+            limits=limits,
+            pressure=self._pressure,
+            disturbances=self._disturbances,
+        )
 
-    def __call__(self, plans: Sequence[Plan]) -> list[Profile]:
+    def __call__(self, plans: Sequence[TargetPlan]) -> list[Profile]:
         """What each plan came to."""
         environment = self.environment(len(plans))
         environment.reset(seed=[self._seed] * len(plans))

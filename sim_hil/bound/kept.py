@@ -13,14 +13,14 @@ from pathlib import Path
 
 import numpy as np
 
-from sim_hil.bound.case import Case, Plan, Profile
+from sim_hil.bound.case import BoundCase, Profile, TargetPlan
 from sim_hil.whole_file import whole_file
 
 _SOURCES = Path(__file__).parent.parent
 _FOLDERS = (".", "bound", "film", "film/data", "rotor", "rigs")
 
 
-def kept_profile(case: Case, plan: Plan) -> Profile:
+def kept_profile(case: BoundCase, plan: TargetPlan) -> Profile:
     """`case.profile(plan)`, from the cache when it lies there already; one that cannot be written
     is no fault."""
     decides = pickle.dumps(

@@ -18,7 +18,7 @@ ORBIT_SHARE = 0.5
 
 
 @dataclass(frozen=True)
-class Limits:
+class BoundLimits:
     """Smallest film to keep, m (above the film that trips), and the largest rate of the clearance,
     m/s."""
 
@@ -26,7 +26,7 @@ class Limits:
     rate_m_s: float
 
     @classmethod
-    def of(cls, table: dict[str, Any]) -> Limits:
+    def of(cls, table: dict[str, Any]) -> BoundLimits:
         """From a duty file."""
         c = table["constraints"]
         return cls(c["h_min_um"] * 1e-6, c["clearance_rate_um_s"] * 1e-6)

@@ -10,12 +10,12 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from sim_hil.bound.case import Case, Plan, Profile
+from sim_hil.bound.case import BoundCase, Profile, TargetPlan
 from sim_hil.bound.kept import kept_profile
 from sim_hil.bound.limits import ORBIT_SHARE
 from sim_hil.rotor.parameters import Floats
 
-Judge = Callable[[Sequence[Plan]], Sequence[Profile]]
+Judge = Callable[[Sequence[TargetPlan]], Sequence[Profile]]
 """Runs plans of one duty and tells what each came to, bin by bin."""
 
 
@@ -26,7 +26,7 @@ class Mapper(Protocol):
         """`work` over `items`, in order."""
 
 
-def judged_alone(case: Case, mapper: Mapper = map) -> Judge:
+def judged_alone(case: BoundCase, mapper: Mapper = map) -> Judge:
     """By the rotor alone on the table film; profiles are kept in the user's cache."""
     return lambda plans: list(mapper(partial(kept_profile, case), plans))
 
@@ -51,13 +51,13 @@ class Map:
         return np.asarray((self.film_margin_m >= 0) & (self.orbit_margin >= 0))
 
 
-def build_map(case: Case, spacing_um: int, pressures_Pa: Iterable[float], judge: Judge) -> Map:
+def build_map(case: BoundCase, spacing_um: int, pressures_Pa: Iterable[float], judge: Judge) -> Map:
     """Run each pressure with a clearance every `spacing_um`, and interpolate the clearances to 1
     um."""
     b, pressures = case.rig.bearing, np.array(list(pressures_Pa), dtype=np.float64)
     low, high = round(b.clearance_min_m * 1e6), round(b.clearance_max_m * 1e6)
     known = sorted({*range(low, high + 1, spacing_um), high})
-    plans = [Plan.fixed(c * 1e-6, p) for p, c in product(pressures.tolist(), known)]
+    plans = [TargetPlan.fixed(c * 1e-6, p) for p, c in product(pressures.tolist(), known)]
     profiles = judge(plans)
     grid = np.arange(low, high + 1, dtype=np.float64)
 
@@ -71,6 +71,9 @@ def build_map(case: Case, spacing_um: int, pressures_Pa: Iterable[float], judge:
         return np.asarray((1 - share) * rows[:, above - 1] + share * rows[:, above])
 
     return Map(
-        pressures, grid * 1e-6, spread("power_W"), spread("min_film_m") - case.limits.min_film_m,
+        pressures,
+        grid * 1e-6,
+        spread("power_W"),
+        spread("min_film_m") - case.limits.min_film_m,
         ORBIT_SHARE - spread("orbit_share"),
-    )  # fmt: skip
+    )

@@ -8,15 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import binary_dilation
 
-from sim_hil.bound.case import Case, Plan, Verdict
+from sim_hil.bound.case import BoundCase, LimitVerdict, TargetPlan
 from sim_hil.bound.disturbances import (
     SPACING_UM,
-    Disturbances,
-    Surroundings,
+    AdmissibleRanges,
+    RampLimits,
     in_sight,
     surroundings,
 )
-from sim_hil.bound.limits import Limits
+from sim_hil.bound.limits import BoundLimits
 from sim_hil.bound.maps import Judge, Map, Mapper, build_map, judged_alone
 from sim_hil.bound.schedules import NoSchedule, causal, preview
 from sim_hil.build import Build
@@ -32,8 +32,8 @@ _AROUND_BINS = 4
 class Reference:
     """A schedule and what it came to in the time domain."""
 
-    plan: Plan
-    verdict: Verdict
+    plan: TargetPlan
+    verdict: LimitVerdict
 
 
 @dataclass(frozen=True)
@@ -49,11 +49,22 @@ class References:
 
 
 def references(
-    rig: RigData, duty: Duty, *, build: Build | None = None, thermal: bool = True, inlet_C: float | None = None,
-    seconds: float | None = None, start_m: float | None = None, limits: Limits | None = None,
-    expected: Disturbances | None = None, spacing_um: int = 8, mapper: Mapper = map, judge: Judge | None = None,
-    held_s: float = 0.0, pressures_Pa: tuple[float, ...] | None = None,
-) -> References:  # fmt: skip
+    rig: RigData,
+    duty: Duty,
+    *,
+    build: Build | None = None,
+    thermal: bool = True,
+    inlet_C: float | None = None,
+    seconds: float | None = None,
+    start_m: float | None = None,
+    limits: BoundLimits | None = None,
+    expected: RampLimits | None = None,
+    spacing_um: int = 8,
+    mapper: Mapper = map,
+    judge: Judge | None = None,
+    held_s: float = 0.0,
+    pressures_Pa: tuple[float, ...] | None = None,
+) -> References:
     """Preview and causal reference of any duty of any build, each feasible in the time domain.
 
     *Preview* is dynamic programming over the map of fixed clearances with the whole duty known and
@@ -87,7 +98,7 @@ def references(
         A pool's `map`, for several cores.
     judge
         Runs plans, fixed ones and schedules, in the caller's own simulation
-        (`Plan.clearance(time_s)` is the target, m) and gives their profiles; the rotor alone on the
+        (`TargetPlan.clearance(time_s)` is the target, m) and gives their profiles; the rotor alone on the
         table film, at least 50 samples a turn, when None. Compare watts only within one simulation:
         `sim_hil.bound.episode_references` does so for the environments.
     held_s
@@ -102,16 +113,16 @@ def references(
         `preview.plan.clearance(time_s)`, `preview.verdict.mean_power_W`, ...; None where no plan
         keeps the limits: such an episode is not to be counted.
     """
-    limits = Limits.of(read_json("duty_bench.json")) if limits is None else limits
+    limits = BoundLimits.of(read_json("duty_bench.json")) if limits is None else limits
     fed, levels_Pa = pressures_Pa is not None, pressures_Pa or (rig.supply.nominal_Pa,)
-    case = Case(
+    case = BoundCase(
         rig, duty if seconds is None else cut(duty, seconds), limits, thermal, build, inlet_C, fed
     )
     found = build_map(case, spacing_um, levels_Pa, judge or judged_alone(case.coarse, mapper))
     judge = judge or judged_alone(case, mapper)
     ends_Pa = tuple(dict.fromkeys((levels_Pa[0], levels_Pa[-1])))
     around = surroundings(case, ends_Pa, mapper, SPACING_UM * len(ends_Pa))
-    blind = best_causal(case, found, around, expected or Disturbances(), judge, start_m)
+    blind = best_causal(case, found, around, expected or RampLimits(), judge, start_m)
     lead_s = rig.actuator.time_constant_s + held_s
     return References(found, best_preview(case, found, judge, lead_s, start_m, blind), blind)
 
@@ -127,14 +138,19 @@ def cut(duty: Duty, seconds: float) -> Duty:
     )
 
 
-def rate_of(case: Case) -> float:
+def rate_of(case: BoundCase) -> float:
     """Rate of the clearance, m/s, that limits and actuator both allow."""
     return min(case.limits.rate_m_s, case.rig.actuator.rate_m_per_s)
 
 
 def best_preview(
-    case: Case, found: Map, judge: Judge, lead_s: float, start_m: float | None = None, blind: Reference | None = None
-) -> Reference | None:  # fmt: skip
+    case: BoundCase,
+    found: Map,
+    judge: Judge,
+    lead_s: float,
+    start_m: float | None = None,
+    blind: Reference | None = None,
+) -> Reference | None:
     """The cheapest path that keeps the limits in time, or the causal one `blind` if that is cheaper
     still.
 
@@ -146,7 +162,7 @@ def best_preview(
         while margin.max() <= MOST_UM:
             plan = preview(found, margin, rate_of(case), lead_s, start_m)
             (profile,) = judge([plan])
-            way = Reference(plan, Verdict.of(profile))
+            way = Reference(plan, LimitVerdict.of(profile))
             if way.verdict.feasible:
                 cheaper = best is None or way.verdict.mean_power_W < best.verdict.mean_power_W
                 return way if cheaper else best
@@ -155,8 +171,13 @@ def best_preview(
 
 
 def best_causal(
-    case: Case, found: Map, around: Surroundings, expected: Disturbances, judge: Judge, start_m: float | None = None
-) -> Reference | None:  # fmt: skip
+    case: BoundCase,
+    found: Map,
+    around: AdmissibleRanges,
+    expected: RampLimits,
+    judge: Judge,
+    start_m: float | None = None,
+) -> Reference | None:
     """The causal path of the smallest margin that keeps the limits in time."""
     ready = around.ready(case, expected, rate_of(case), found.clearance_m.size)
     ramps = in_sight(found, expected, case.duty)
@@ -164,7 +185,7 @@ def best_causal(
         with suppress(NoSchedule):
             plan = causal(found, margin, ready, ramps, rate_of(case), start_m)
             (profile,) = judge([plan])
-            way = Reference(plan, Verdict.of(profile))
+            way = Reference(plan, LimitVerdict.of(profile))
             if way.verdict.feasible:
                 return way
     return None

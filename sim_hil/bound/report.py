@@ -9,8 +9,16 @@ from sim_hil.bound.study import FIXED, NOMINAL, Entry
 
 BASELINES = (NOMINAL, FIXED)
 _COLUMNS = (
-    "way", "clearance", "pressure", "mean power", "film >=", "orbit <=", "violation", "vs nominal", "vs best fixed",
-)  # fmt: skip
+    "way",
+    "clearance",
+    "pressure",
+    "mean power",
+    "film >=",
+    "orbit <=",
+    "violation",
+    "vs nominal",
+    "vs best fixed",
+)
 _TEXTS = 3
 
 
@@ -38,11 +46,15 @@ def show(results: dict[str, list[Entry]]) -> None:
 def _cells(entry: Entry, saving: dict[str, float]) -> list[str]:
     v = entry.verdict
     return [
-        entry.name, _span(entry.clearance_m, 1e6, "um"), _span(entry.pressure_Pa, 1e-5, "bar"),
-        f"{v.mean_power_W:.2f} W", f"{v.min_film_m * 1e6:.2f} um",
-        f"{100 * v.orbit_share:.1f} % c", f"{v.violation_s:.2f} s",
+        entry.name,
+        _span(entry.clearance_m, 1e6, "um"),
+        _span(entry.pressure_Pa, 1e-5, "bar"),
+        f"{v.mean_power_W:.2f} W",
+        f"{v.min_film_m * 1e6:.2f} um",
+        f"{100 * v.orbit_share:.1f} % c",
+        f"{v.violation_s:.2f} s",
         *(f"{-100 * saving[b]:+.2f} %" if b in saving else "-" for b in BASELINES),
-    ]  # fmt: skip
+    ]
 
 
 def _span(bounds: tuple[float, float], scale: float, unit: str) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import binary_dilation, binary_erosion
 
-from sim_hil.bound.case import BIN_S, Plan
+from sim_hil.bound.case import BIN_S, TargetPlan
 from sim_hil.bound.maps import Map
 from sim_hil.rotor.parameters import Floats
 
@@ -31,7 +31,7 @@ def reach_of(rate_m_s: float) -> int:
 
 def preview(
     found: Map, margin_um: np.ndarray, rate_m_s: float, lead_s: float, start_m: float | None = None
-) -> Plan:  # fmt: skip
+) -> TargetPlan:
     """Cheapest path through the admissible cells at the rate of the actuator: dynamic programming.
 
     The clearance moves at most `rate_m_s`, the pressure freely from bin to bin; the path begins at
@@ -73,9 +73,13 @@ def _shifted(row: Floats, offset: int, reach: int) -> Floats:
 
 
 def causal(
-    found: Map, margin: int, ready: np.ndarray, ramps: list[tuple[int, int, int]], rate_m_s: float,
+    found: Map,
+    margin: int,
+    ready: np.ndarray,
+    ramps: list[tuple[int, int, int]],
+    rate_m_s: float,
     start_m: float | None = None,
-) -> Plan:  # fmt: skip
+) -> TargetPlan:
     """Follow the cheapest setting that is admissible now and ready for what may come, at the rate
     of the actuator.
 
@@ -119,7 +123,7 @@ def causal(
 
 def foreseen(
     allowed: np.ndarray, ready: np.ndarray, ramps: list[tuple[int, int, int]], reach: int
-) -> np.ndarray:  # fmt: skip
+) -> np.ndarray:
     """Clearances that are ready for what may come, and for the announced ramps in sight; shape
     (cells, bins).
 
@@ -156,7 +160,7 @@ def cell_of(found: Map, clearance_m: float) -> int:
     return int(np.abs(found.clearance_m - clearance_m).argmin())
 
 
-def plan_of(found: Map, cell: np.ndarray, level: np.ndarray, lead_s: float) -> Plan:
+def plan_of(found: Map, cell: np.ndarray, level: np.ndarray, lead_s: float) -> TargetPlan:
     """The plan along cells and pressure levels, shape (bins,)."""
     power = found.power_W[level, cell, np.arange(cell.size)].mean()
-    return Plan(found.clearance_m[cell], found.pressure_Pa[level], lead_s, float(power))
+    return TargetPlan(found.clearance_m[cell], found.pressure_Pa[level], lead_s, float(power))

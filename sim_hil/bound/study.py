@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim_hil.bound.case import Case, Plan, Verdict
-from sim_hil.bound.disturbances import Disturbances, surroundings
+from sim_hil.bound.case import BoundCase, LimitVerdict, TargetPlan
+from sim_hil.bound.disturbances import RampLimits, surroundings
 from sim_hil.bound.maps import Judge, Map, Mapper, build_map, judged_alone
 from sim_hil.bound.reference import Reference, best_causal, best_preview
 from sim_hil.bound.schedules import cell_of
@@ -31,7 +31,7 @@ class Entry:
     m and Pa."""
 
     name: str
-    verdict: Verdict
+    verdict: LimitVerdict
     clearance_m: tuple[float, float]
     pressure_Pa: tuple[float, float]
 
@@ -44,7 +44,7 @@ class Entry:
         )
 
 
-def pressures(case: Case) -> tuple[float, ...]:
+def pressures(case: BoundCase) -> tuple[float, ...]:
     """Supply pressures to choose from, Pa: the nominal one where the film is not fed."""
     supply = case.rig.supply
     if not case.fed:
@@ -54,17 +54,19 @@ def pressures(case: Case) -> tuple[float, ...]:
     )
 
 
-def study(case: Case, spacings_um: tuple[int, int] = FINE, mapper: Mapper = map) -> list[Entry]:
+def study(
+    case: BoundCase, spacings_um: tuple[int, int] = FINE, mapper: Mapper = map
+) -> list[Entry]:
     """Compute and check all four; an entry without a feasible answer is left out."""
     judge, levels_Pa = judged_alone(case, mapper), pressures(case)
     found = build_map(
         case.coarse, spacings_um[case.fed], levels_Pa, judged_alone(case.coarse, mapper)
     )
-    nominal = Plan.fixed(case.rig.bearing.clearance_nominal_m, case.rig.supply.nominal_Pa)
+    nominal = TargetPlan.fixed(case.rig.bearing.clearance_nominal_m, case.rig.supply.nominal_Pa)
     around = surroundings(case, tuple(dict.fromkeys((levels_Pa[0], levels_Pa[-1]))), mapper)
-    blind = best_causal(case, found, around, Disturbances(), judge)
+    blind = best_causal(case, found, around, RampLimits(), judge)
     ways = {
-        NOMINAL: Reference(nominal, Verdict.of(judge([nominal])[0])),
+        NOMINAL: Reference(nominal, LimitVerdict.of(judge([nominal])[0])),
         FIXED: best_fixed(found, judge),
         PREVIEW: best_preview(case, found, judge, case.rig.actuator.time_constant_s, blind=blind),
         CAUSAL: blind,
@@ -85,10 +87,11 @@ def best_fixed(found: Map, judge: Judge) -> Reference | None:
             max(0, cell - 3 * step), min(found.clearance_m.size, cell + 3 * step + 1), step
         )
         plans = [
-            Plan.fixed(float(found.clearance_m[i]), float(found.pressure_Pa[level])) for i in near
+            TargetPlan.fixed(float(found.clearance_m[i]), float(found.pressure_Pa[level]))
+            for i in near
         ]
         tried = [
-            Reference(plan, Verdict.of(profile))
+            Reference(plan, LimitVerdict.of(profile))
             for plan, profile in zip(plans, judge(plans), strict=True)
         ]
         feasible = [each for each in tried if each.verdict.feasible]

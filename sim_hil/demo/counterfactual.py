@@ -17,7 +17,7 @@ import numpy as np
 
 from sim_hil.bound.limits import path_share
 from sim_hil.build import Build
-from sim_hil.demo.observer import Truth
+from sim_hil.demo.observer import StoryTruth
 from sim_hil.demo.setting import Setting
 from sim_hil.duty import Duty
 from sim_hil.machine import Machine
@@ -31,7 +31,7 @@ SETTLE_S: Final = 1.0
 
 
 @dataclass(frozen=True)
-class Fixed:
+class FixedClearanceRun:
     """One fixed clearance over the whole run."""
 
     clearance_um: float
@@ -60,7 +60,7 @@ class _Rerun:
     min_film_m: float
     clearance_share: float
 
-    def at(self, clearance_um: float) -> Fixed:
+    def at(self, clearance_um: float) -> FixedClearanceRun:
         """Mean power and feasibility with the clearance held at ``clearance_um``."""
         clearance_m = clearance_um * 1e-6
         machine = Machine(self.rig, self.build, self.seed, clearance_m=clearance_m)
@@ -71,7 +71,7 @@ class _Rerun:
             clearance=clearance_m,
         )
         truth = run(machine, self.duty, self.duty.seconds, clearance=clearance_m).truth
-        return Fixed(
+        return FixedClearanceRun(
             clearance_um, float(_column(truth, "shaft_power_W").mean()), self._feasible(truth)
         )
 
@@ -84,7 +84,7 @@ class _Rerun:
         return film >= self.min_film_m and float(share.max()) <= self.clearance_share
 
 
-def rerun_fixed(truth: list[Truth], setting: Setting, seed: int) -> Counterfactual:
+def rerun_fixed(truth: list[StoryTruth], setting: Setting, seed: int) -> Counterfactual:
     """Re-run the speed and load of ``truth`` at fixed clearances, on all cores."""
     config = setting.config
     duty = _recorded_duty(truth)
@@ -110,7 +110,7 @@ def rerun_fixed(truth: list[Truth], setting: Setting, seed: int) -> Counterfactu
     )
 
 
-def _recorded_duty(truth: list[Truth]) -> Duty:
+def _recorded_duty(truth: list[StoryTruth]) -> Duty:
     start_s = truth[0].t_s
     return Duty(
         tuple(each.t_s - start_s for each in truth),

@@ -62,9 +62,12 @@ def _first_in_line() -> None:
 
 def _start(*arguments: str) -> subprocess.Popen[str]:
     return subprocess.Popen(
-        [sys.executable, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        [sys.executable, *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
         preexec_fn=_first_in_line,
-    )  # fmt: skip
+    )
 
 
 def _result(process: subprocess.Popen[str]) -> dict[str, Any]:

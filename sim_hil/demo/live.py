@@ -13,7 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from firmware_py.records import ArmState, Mode
-from sim_hil.demo.observer import Observer
+from sim_hil.demo.observer import StoryObserver
 from sim_hil.demo.story import Beat, Story
 
 RAD_S_TO_RPM = 9.549296585513721
@@ -39,7 +39,7 @@ class Quiet:
 class Screen(Quiet):
     """The live table; on a pipe it prints the story's lines only."""
 
-    def __init__(self, story: Story, observer: Observer, console: Console) -> None:
+    def __init__(self, story: Story, observer: StoryObserver, console: Console) -> None:
         self._story, self._observer, self._console = story, observer, console
         self._lines: deque[Text] = deque(maxlen=LINES)
         self._live = Live(
@@ -103,14 +103,14 @@ def beat_text(beat: Beat) -> str:
             return "the brain's process is killed"
 
 
-def _table(observer: Observer) -> Table:
+def _table(observer: StoryObserver) -> Table:
     table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
     for name, value in (*_machine(observer), *_device(observer)):
         table.add_row(Text(name, style="dim"), value)
     return table
 
 
-def _machine(observer: Observer) -> list[tuple[str, str]]:
+def _machine(observer: StoryObserver) -> list[tuple[str, str]]:
     if not observer.truth:
         return [("rig", "starting")]
     truth = observer.truth[-1]
@@ -125,7 +125,7 @@ def _machine(observer: Observer) -> list[tuple[str, str]]:
     ]
 
 
-def _device(observer: Observer) -> list[tuple[str, str]]:
+def _device(observer: StoryObserver) -> list[tuple[str, str]]:
     rows = []
     if state := observer.state:
         authority = (

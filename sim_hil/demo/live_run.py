@@ -32,7 +32,7 @@ from firmware_py.supervise import Program, Supervisor
 from firmware_py.wire import pty_cable
 from sim_hil.console import ask
 from sim_hil.demo.live import Quiet, beat_text
-from sim_hil.demo.observer import Observer, Truth
+from sim_hil.demo.observer import StoryObserver, StoryTruth
 from sim_hil.demo.setting import Setting, write_config
 from sim_hil.demo.story import Beat, Story
 from sim_hil.truth import RigTruth
@@ -64,7 +64,7 @@ class StartError(OrbitdError):
 class LiveRun:
     """What a run in real time leaves behind."""
 
-    observer: Observer
+    observer: StoryObserver
     counters: dict[str, int]
     lag_ms_max: float
     brain_back_s: float | None
@@ -163,7 +163,7 @@ def open_stage(setting: Setting, seed: int) -> Iterator[Stage]:
 
 
 def play(
-    stage: Stage, story: Story, screen: Quiet, observer: Observer, started_s: float
+    stage: Stage, story: Story, screen: Quiet, observer: StoryObserver, started_s: float
 ) -> LiveRun:
     """Play ``story``; ``started_s`` is when the command was typed (for the time to the first
     command)."""
@@ -203,7 +203,9 @@ def play(
 class _Performer:
     """Does what the beats say, through the rig's console and the device's own commands."""
 
-    def __init__(self, stage: Stage, client: Client, screen: Quiet, observer: Observer) -> None:
+    def __init__(
+        self, stage: Stage, client: Client, screen: Quiet, observer: StoryObserver
+    ) -> None:
         self._stage, self._client, self._screen, self._observer = stage, client, screen, observer
         self._truth_ns = 0
         self._killed_s: float | None = None
@@ -252,10 +254,10 @@ class _Performer:
         )["truth"]:
             record = msgspec.convert(entry, RigTruth)
             self._truth_ns = record.t_ns
-            self._observer.truth.append(Truth.of(record, self._observer.story_s(record.t_ns)))
+            self._observer.truth.append(StoryTruth.of(record, self._observer.story_s(record.t_ns)))
 
 
-def _listen(subscriptions: dict[type[RoomRecord], Any], observer: Observer) -> None:
+def _listen(subscriptions: dict[type[RoomRecord], Any], observer: StoryObserver) -> None:
     """Take in everything that the gate has published."""
     for kind, subscriber in subscriptions.items():
         while (sample := subscriber.try_recv()) is not None:

@@ -20,7 +20,7 @@ from sim_hil.truth import RigTruth
 
 
 @dataclass(frozen=True)
-class Truth:
+class StoryTruth:
     """What the rig in software knows of itself over one tenth of a second."""
 
     t_s: float
@@ -33,7 +33,7 @@ class Truth:
     viscosity_Pa_s: float
 
     @classmethod
-    def of(cls, record: RigTruth, t_s: float) -> Truth:
+    def of(cls, record: RigTruth, t_s: float) -> StoryTruth:
         """The rig's entry at ``t_s`` of the story."""
         return cls(
             t_s,
@@ -48,7 +48,7 @@ class Truth:
 
 
 @dataclass
-class Observer:
+class StoryObserver:
     """A listener: keeps diagnoses, forecasts, states, events and the truth.
 
     ``started_ns`` is the host time at which the story began.
@@ -60,7 +60,7 @@ class Observer:
     states: list[tuple[float, GuardState]] = field(default_factory=list)
     readings: list[tuple[float, RigReading]] = field(default_factory=list)
     events: list[tuple[float, Event]] = field(default_factory=list)
-    truth: list[Truth] = field(default_factory=list)
+    truth: list[StoryTruth] = field(default_factory=list)
     beats: list[tuple[float, Beat]] = field(default_factory=list)
     advice: Advice | None = None
     seen: Counter[str] = field(default_factory=Counter)

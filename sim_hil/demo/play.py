@@ -15,7 +15,7 @@ from sim_hil.demo import latency, live_run, simulated
 from sim_hil.demo.counterfactual import rerun_fixed
 from sim_hil.demo.host import HostProbe, HostTiming
 from sim_hil.demo.live import Quiet, Screen
-from sim_hil.demo.observer import Observer
+from sim_hil.demo.observer import StoryObserver
 from sim_hil.demo.recording import recorded
 from sim_hil.demo.report import BusCount, LoopTiming, Outcome, as_dict, summary
 from sim_hil.demo.scores import KillScore, score_faults, score_film, score_forecasts, score_kill
@@ -36,7 +36,7 @@ def play(options: argparse.Namespace) -> int:
     setting = prepare(options.rig, options.seed).on(link=options.link, **_port(options.link))
     story = draw(options.seconds, options.seed, setting.config.operating, options.fault)
     console = Console(stderr=options.json)
-    observer = Observer(simulated.START_NS)
+    observer = StoryObserver(simulated.START_NS)
     screen = Quiet() if options.json else Screen(story, observer, console)
     play = _play_simulated if options.clock == "sim" else _play_live
     outcome = play(setting, story, observer, screen, options, began_s)
@@ -53,7 +53,7 @@ def _port(link: str) -> dict[str, Any]:
 def _play_simulated(
     setting: Setting,
     story: Story,
-    observer: Observer,
+    observer: StoryObserver,
     screen: Quiet,
     options: argparse.Namespace,
     began_s: float,
@@ -78,7 +78,7 @@ def _play_simulated(
 def _play_live(
     setting: Setting,
     story: Story,
-    observer: Observer,
+    observer: StoryObserver,
     screen: Quiet,
     options: argparse.Namespace,
     began_s: float,
@@ -99,14 +99,23 @@ def _play_live(
         reaction = {"exceedance_to_safe": None, "echo": None}
     counters = run.counters
     bus = BusCount(
-        f"{setting.config.bus.link} {setting.config.bus.interface}" if options.link == "can" else "serial pty",
-        counters["frames_in"] + counters["frames_lost"], counters["frames_in"], counters["frames_lost"],
+        f"{setting.config.bus.link} {setting.config.bus.interface}"
+        if options.link == "can"
+        else "serial pty",
+        counters["frames_in"] + counters["frames_lost"],
+        counters["frames_in"],
+        counters["frames_lost"],
         counters["blocks_lost"],
-    )  # fmt: skip
+    )
     cycles = max(1, counters["cycles"])
-    loop = LoopTiming(1000.0, round(counters["cycles_late"] / cycles, 5), {
-        "p50": counters["lateness_p50_us"] * 1e-3, "p99": counters["lateness_p99_us"] * 1e-3,
-    })  # fmt: skip
+    loop = LoopTiming(
+        1000.0,
+        round(counters["cycles_late"] / cycles, 5),
+        {
+            "p50": counters["lateness_p50_us"] * 1e-3,
+            "p99": counters["lateness_p99_us"] * 1e-3,
+        },
+    )
     return _outcome(
         setting, story, observer, bus, timing, run.lag_ms_max, loop, reaction, run.brain_back_s
     )
@@ -115,7 +124,7 @@ def _play_live(
 def _outcome(
     setting: Setting,
     story: Story,
-    observer: Observer,
+    observer: StoryObserver,
     bus: BusCount,
     host: HostTiming,
     lag_ms: float,
@@ -134,7 +143,17 @@ def _outcome(
     safe_um = config.actuator.safe_radial_clearance_um
     kills: list[KillScore] = [score_kill(observer, safe_um, brain_back_s)] if killed else []
     return Outcome(
-        story, observer, duty_truth, bus, host, lag_ms, loop, reaction, score_faults(observer),
-        score_forecasts(observer), score_film(observer, config.limits.min_film_um, SETTLED_S, slowest_rad_s), kills,
+        story,
+        observer,
+        duty_truth,
+        bus,
+        host,
+        lag_ms,
+        loop,
+        reaction,
+        score_faults(observer),
+        score_forecasts(observer),
+        score_film(observer, config.limits.min_film_um, SETTLED_S, slowest_rad_s),
+        kills,
         rerun_fixed(duty_truth, setting, story.seed),
-    )  # fmt: skip
+    )

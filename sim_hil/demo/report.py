@@ -10,7 +10,7 @@ from typing import Any, Final
 from firmware_py.records import Severity
 from sim_hil.demo.counterfactual import Counterfactual
 from sim_hil.demo.host import HostTiming
-from sim_hil.demo.observer import Observer, Truth
+from sim_hil.demo.observer import StoryObserver, StoryTruth
 from sim_hil.demo.scores import FaultScore, FilmScore, ForecastScore, KillScore
 from sim_hil.demo.story import Story
 
@@ -45,8 +45,8 @@ class Outcome:
     """Everything that was measured in one demo."""
 
     story: Story
-    observer: Observer
-    duty_truth: list[Truth]
+    observer: StoryObserver
+    duty_truth: list[StoryTruth]
     bus: BusCount
     host: HostTiming
     lag_ms_max: float
@@ -192,8 +192,10 @@ def _fault_line(fault: dict[str, Any]) -> str:
         return told + "was not named"
     verdict = "named" if fault["correct"] else "WRONGLY named"
     beside = "".join(f", also {name}" for name in fault["also_named"])
-    return told + (f"{verdict} {fault['named']} after {fault['delay_s']:.1f} s, "
-                   f"{100 * fault['probability']:.0f} %{beside}")  # fmt: skip
+    return told + (
+        f"{verdict} {fault['named']} after {fault['delay_s']:.1f} s, "
+        f"{100 * fault['probability']:.0f} %{beside}"
+    )
 
 
 def _kill_line(kill: dict[str, Any]) -> str:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from firmware_py.records import Diagnosis
-from sim_hil.demo.observer import Observer, Truth
+from sim_hil.demo.observer import StoryObserver, StoryTruth
 from sim_hil.demo.story import FAULT_VERDICTS, Beat
 
 NOT_NAMES = frozenset({"normal", "none", "doubt", "whirl"})
@@ -42,7 +42,7 @@ class FaultScore:
         return self.named == self.expected
 
 
-def score_faults(observer: Observer) -> list[FaultScore]:
+def score_faults(observer: StoryObserver) -> list[FaultScore]:
     """Every injected fault with the last name that was confirmed while it stood.
 
     A name is a verdict repeated :data:`CONFIRMING` times in a row; ``delay_s`` counts to the first
@@ -58,7 +58,7 @@ def score_faults(observer: Observer) -> list[FaultScore]:
     return scores
 
 
-def _cleared_s(observer: Observer, beat: Beat, t_s: float) -> float:
+def _cleared_s(observer: StoryObserver, beat: Beat, t_s: float) -> float:
     """When the fault of ``beat`` was cleared; infinity when it never was."""
     cleared = (
         t for t, b in observer.beats if b.verb == "clear" and b.fault == beat.fault and t > t_s
@@ -104,7 +104,7 @@ class ForecastScore:
     power_error_pct_p95: float | None
 
 
-def score_forecasts(observer: Observer) -> ForecastScore:
+def score_forecasts(observer: StoryObserver) -> ForecastScore:
     """Compare each forecast with the truth one horizon later.
 
     A forecast is set apart when speed, load, clearance or a fault changed inside its horizon: it
@@ -139,7 +139,7 @@ def score_forecasts(observer: Observer) -> ForecastScore:
     )
 
 
-def _held(span: list[Truth], clearance_um: float) -> bool:
+def _held(span: list[StoryTruth], clearance_um: float) -> bool:
     """Whether speed and load held through ``span`` and the clearance ended where the forecast
     assumed."""
     speeds = [truth.speed_rad_s for truth in span]
@@ -162,7 +162,9 @@ class FilmScore:
     violation_s: float
 
 
-def score_film(observer: Observer, limit_um: float, from_s: float, from_rad_s: float) -> FilmScore:
+def score_film(
+    observer: StoryObserver, limit_um: float, from_s: float, from_rad_s: float
+) -> FilmScore:
     """Minimum film after ``from_s`` (before it the rig runs up) at speeds that carry a film at
     all."""
     turning = [
@@ -184,7 +186,7 @@ class KillScore:
     back_s: float | None
 
 
-def score_kill(observer: Observer, safe_um: float, back_s: float | None) -> KillScore:
+def score_kill(observer: StoryObserver, safe_um: float, back_s: float | None) -> KillScore:
     """Follow the node's target and clearance (its own word, every 50 ms) after the brain was
     killed.
 

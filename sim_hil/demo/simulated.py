@@ -13,7 +13,7 @@ from firmware_py.records import Mode, RawFrame, SampleFrame
 from firmware_py.wire.link import Codec, codec_for
 from sim_hil.closed_loop import ClosedLoop, Listener
 from sim_hil.demo.live import Quiet, beat_text
-from sim_hil.demo.observer import Observer, Truth
+from sim_hil.demo.observer import StoryObserver, StoryTruth
 from sim_hil.demo.setting import Setting
 from sim_hil.demo.story import Beat, Story
 from sim_hil.rig import Rig, node_limits
@@ -32,7 +32,7 @@ SESSION = 0x5EED0001
 class SimulatedRun:
     """What a run on the simulated clock leaves behind."""
 
-    observer: Observer
+    observer: StoryObserver
     counters: dict[str, int]
     frames_expected: int
     brain_back_s: float | None
@@ -46,15 +46,19 @@ class Player:
         setting: Setting,
         story: Story,
         screen: Quiet,
-        observer: Observer,
+        observer: StoryObserver,
         listeners: tuple[Listener, ...] = (),
     ) -> None:
         self._story, self._screen, self._observer = story, screen, observer
         codec = codec_for(setting.config)
         self.rig = Rig(
-            setting.rig, codec, node_limits(setting.rig, setting.config), story.seed, build=setting.build,
+            setting.rig,
+            codec,
+            node_limits(setting.rig, setting.config),
+            story.seed,
+            build=setting.build,
             rate_hz=setting.config.sampling.rate_hz,
-        )  # fmt: skip
+        )
         self.guard = GuardCore(setting.config, codec, SESSION)
         models = load_models(setting.config)
         self.loop = ClosedLoop(
@@ -109,7 +113,7 @@ class Player:
         for record in reversed(self.rig.truth):
             if record.t_ns <= self._truth_ns:
                 break
-            self._observer.truth.append(Truth.of(record, self._observer.story_s(record.t_ns)))
+            self._observer.truth.append(StoryTruth.of(record, self._observer.story_s(record.t_ns)))
         if self.rig.truth:
             self._truth_ns = self.rig.truth[-1].t_ns
 

@@ -59,7 +59,7 @@ class Beat:
 
 
 @dataclass(frozen=True)
-class Act:
+class StoryAct:
     """A stretch of the story with one thing to watch."""
 
     name: str
@@ -74,10 +74,10 @@ class Story:
 
     seconds: float
     seed: int
-    acts: tuple[Act, ...]
+    acts: tuple[StoryAct, ...]
     beats: tuple[Beat, ...]
 
-    def act_at(self, t_s: float) -> Act:
+    def act_at(self, t_s: float) -> StoryAct:
         """The act that plays at ``t_s``; the last one after the end."""
         return next((act for act in self.acts if t_s < act.end_s), self.acts[-1])
 
@@ -111,7 +111,7 @@ def draw(seconds: float, seed: int, operating: Operating, fault: str | None = No
         teller.second_fault: 0.17 if seconds >= 60 else 0.0,
         teller.kill: 0.14 if seconds >= 50 else 0.0,
     }
-    acts: list[Act] = []
+    acts: list[StoryAct] = []
     beats = [Beat(0.0, "operating", _START.speed_rpm, _START.load_N), Beat(2.0, "arm")]
     point, start = _START, 0.0
     for scene, share in scenes.items():
@@ -124,7 +124,7 @@ def draw(seconds: float, seed: int, operating: Operating, fault: str | None = No
     return Story(seconds, seed, tuple(acts), tuple(beats))
 
 
-_Scene = tuple[Act, list[Beat], _Point]
+_Scene = tuple[StoryAct, list[Beat], _Point]
 _START = _Point(6000.0, 100.0)
 
 
@@ -139,7 +139,9 @@ class _Teller:
 
     def healthy(self, start: float, end: float, point: _Point) -> _Scene:
         return (
-            Act("healthy", start, end, "healthy running; the device checks, is armed, takes over"),
+            StoryAct(
+                "healthy", start, end, "healthy running; the device checks, is armed, takes over"
+            ),
             [],
             point,
         )
@@ -161,7 +163,9 @@ class _Teller:
             beats.append(Beat(t, "operating", target.speed_rpm, target.load_N, ramp))
             point, t = target, t + ramp + float(self.rng.uniform(4.0, 7.0))
         return (
-            Act("duty", start, end, "changing speed and load; the clearance follows to save power"),
+            StoryAct(
+                "duty", start, end, "changing speed and load; the clearance follows to save power"
+            ),
             beats,
             point,
         )
@@ -176,7 +180,9 @@ class _Teller:
     def kill(self, start: float, end: float, point: _Point) -> _Scene:
         beats = [Beat(start + float(self.rng.uniform(1.0, 2.0)), "kill_brain")]
         return (
-            Act("kill", start, end, "the brain is killed; the actuator goes to its safe value"),
+            StoryAct(
+                "kill", start, end, "the brain is killed; the actuator goes to its safe value"
+            ),
             beats,
             point,
         )
@@ -201,7 +207,7 @@ class _Teller:
             Beat(end - 0.2, "clear", fault=name),
         ]
         return (
-            Act(
+            StoryAct(
                 "fault", start, end, "something is wrong with the machine: does the device name it?"
             ),
             beats,

@@ -39,9 +39,15 @@ class ReynoldsLaw(NamedTuple):
     ) -> "ReynoldsLaw":
         """A film with that many stations around and intervals along the whole length."""
         mesh = build_mesh(
-            radius_m=1.0, length_m=2 * length_over_diameter, feed=(), end_pressure_Pa=(0.0, 0.0),
-            nodes=(stations, intervals), hmax_rad=0.0, eccentricity_ratio=0.0, inlet_Pa=None,
-        )  # fmt: skip
+            radius_m=1.0,
+            length_m=2 * length_over_diameter,
+            feed=(),
+            end_pressure_Pa=(0.0, 0.0),
+            nodes=(stations, intervals),
+            hmax_rad=0.0,
+            eccentricity_ratio=0.0,
+            inlet_Pa=None,
+        )
         theta, face = mesh.theta, mesh.theta_face
         ring = np.array([np.cos(theta), np.sin(theta), np.cos(face), np.sin(face)])
         ruptured = np.zeros(mesh.fixed.shape, np.bool_)
@@ -50,9 +56,18 @@ class ReynoldsLaw(NamedTuple):
 
 @allocating
 def reynolds_force(
-    law: ReynoldsLaw, ex: float, ey: float, vx: float, vy: float, omega: float, c: float, mu: float, R: float,
-    L: float, c_rate: float,
-) -> tuple[float, float, float]:  # fmt: skip
+    law: ReynoldsLaw,
+    ex: float,
+    ey: float,
+    vx: float,
+    vy: float,
+    omega: float,
+    c: float,
+    mu: float,
+    R: float,
+    L: float,
+    c_rate: float,
+) -> tuple[float, float, float]:
     """Force on the journal (fx, fy), N, and braking friction torque, N m; arguments as
     `table_force`.
 

@@ -256,7 +256,13 @@ def _describe(bearing: Bearing, position: Floats, load_angle: float) -> Equilibr
         attitude_rad=_wrapped(sense * (np.arctan2(position[1], position[0]) - load_angle)),
         position_m=position,
         load_N=load,
-        sommerfeld=bearing.viscosity_Pa_s * omega / (2 * np.pi) * bearing.length_m * 2 * bearing.radius_m / load
+        sommerfeld=bearing.viscosity_Pa_s
+        * omega
+        / (2 * np.pi)
+        * bearing.length_m
+        * 2
+        * bearing.radius_m
+        / load
         * (bearing.radius_m / c) ** 2,
         friction_variable=float(film.friction_torque_N_m) / (load * c),
         film=film,
@@ -266,4 +272,4 @@ def _describe(bearing: Bearing, position: Floats, load_angle: float) -> Equilibr
         damping=damping * c * omega / load,
         whirl_ratio=whirl_ratio,
         threshold=threshold,
-    )  # fmt: skip
+    )

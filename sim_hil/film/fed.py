@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from .bearing import Bearing
 from .fed_kernel import FedLaw, fed_force
 from .force import pressure_force, side_flow
-from .pressure import Film, unsolved_film
+from .pressure import SolvedFilm, unsolved_film
 from .records import Feed, FilmError, FilmNotConverged, Floats
 from .solver import solve_pressure
 from .spline import line_coefficients, ring_coefficients
@@ -68,9 +68,14 @@ class FedTable:
         tau = np.arange(cells[3] + 1) / cells[3]
         groove = Feed("groove", 0.0, width_rad, 2 * length_over_diameter * length_share, 1.0)
         bearing = Bearing(
-            radius_m=1.0, length_m=2 * length_over_diameter, clearance_m=_CLEARANCE,
-            viscosity_Pa_s=_CLEARANCE**2 / 12, speed_rad_s=0.0, feed=(groove,), grid=grid,
-        )  # fmt: skip
+            radius_m=1.0,
+            length_m=2 * length_over_diameter,
+            clearance_m=_CLEARANCE,
+            viscosity_Pa_s=_CLEARANCE**2 / 12,
+            speed_rad_s=0.0,
+            feed=(groove,),
+            grid=grid,
+        )
         values = np.array([[_turns(bearing, e, a, gamma, tau) for a in alpha] for e in eps])
         return cls(length_over_diameter, width_rad, length_share, _coefficients(values))
 
@@ -132,7 +137,7 @@ def _turns(bearing: Bearing, eps: float, alpha: float, gamma: Floats, tau: Float
 
 
 def _one_turn(
-    bearing: Bearing, films: list[Film], axes: Floats, direction: Floats, tau: Floats
+    bearing: Bearing, films: list[SolvedFilm], axes: Floats, direction: Floats, tau: Floats
 ) -> Floats:
     """The values at one direction of the squeeze velocity, from no supply pressure to nothing else,
     (tau, 3).
@@ -163,12 +168,12 @@ def _one_turn(
 
 
 def _solved(
-    film: Film,
+    film: SolvedFilm,
     supply_Pa: float,
     squeeze: float,
     held: NDArray[np.bool_],
     ruptured: NDArray[np.bool_],
-) -> Film:
+) -> SolvedFilm:
     """The Reynolds film at that supply pressure and share of the squeeze; `ruptured` is the guess
     and the answer."""
     mesh = film.mesh

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from . import solver
 from .bearing import DEFAULT_GRID, Bearing
-from .pressure import Film, solve_film
+from .pressure import SolvedFilm, solve_film
 from .records import Couette, Feed, FilmError, FilmForce, FilmMemory, Floats, Inlet, Rupture
 
 
@@ -82,10 +82,20 @@ def film_force(
     parts. It holds for every rupture rule here because the pressure is continuous around the ring.
     """
     bearing = Bearing(
-        radius_m, length_m, clearance_m, viscosity_Pa_s, speed_rad_s, rupture, inlet, tuple(feed),
-        (float(end_pressure_Pa[0]), float(end_pressure_Pa[1])), cavitation_pressure_Pa, couette,
-        clearance_rate_m_s, grid,
-    )  # fmt: skip
+        radius_m,
+        length_m,
+        clearance_m,
+        viscosity_Pa_s,
+        speed_rad_s,
+        rupture,
+        inlet,
+        tuple(feed),
+        (float(end_pressure_Pa[0]), float(end_pressure_Pa[1])),
+        cavitation_pressure_Pa,
+        couette,
+        clearance_rate_m_s,
+        grid,
+    )
     bearing.check_memory(memory)
     position, velocity = _states(position_m, velocity_m_s)
     batch = position.shape[:-1]
@@ -146,7 +156,7 @@ def evaluate(
     )
 
 
-def pressure_force(film: Film) -> Floats:
+def pressure_force(film: SolvedFilm) -> Floats:
     """Integral of the scaled pressure over the journal (x, y)."""
     mesh = film.mesh
     after, before = mesh.theta_face, np.roll(mesh.theta_face, 1)
@@ -156,7 +166,7 @@ def pressure_force(film: Film) -> Floats:
     )
 
 
-def _friction(bearing: Bearing, film: Film, position: Floats, force: Floats) -> float:
+def _friction(bearing: Bearing, film: SolvedFilm, position: Floats, force: Floats) -> float:
     """Torque on the journal against its rotation, N m: shear of the moving wall plus `(e x F) /
     2`."""
     if bearing.couette == "full":
@@ -172,7 +182,7 @@ def _friction(bearing: Bearing, film: Film, position: Floats, force: Floats) -> 
     return float(gain * abs(bearing.speed_rad_s) * shear + sense * pressure_part)
 
 
-def side_flow(bearing: Bearing, film: Film) -> float:
+def side_flow(bearing: Bearing, film: SolvedFilm) -> float:
     """Flow out of both ends, m3/s: that of the end faces and what the walls deliver to the half
     cells there."""
     mesh = film.mesh
@@ -191,7 +201,7 @@ def side_flow(bearing: Bearing, film: Film) -> float:
     return side * mesh.copies * bearing.clearance_m * bearing.radius_m**2
 
 
-def _port_flow(bearing: Bearing, film: Film) -> float:
+def _port_flow(bearing: Bearing, film: SolvedFilm) -> float:
     """Flow from the ports into the film, m3/s."""
     mesh = film.mesh
     if not mesh.port.any():
@@ -202,7 +212,7 @@ def _port_flow(bearing: Bearing, film: Film) -> float:
     return flow * mesh.copies * bearing.clearance_m * bearing.radius_m**2
 
 
-def _whole_length(film: Film) -> tuple[Floats, Floats, Floats]:
+def _whole_length(film: SolvedFilm) -> tuple[Floats, Floats, Floats]:
     """Pressure, fill and axial nodes over both halves."""
     mesh = film.mesh
     if mesh.copies == 1:

@@ -58,9 +58,12 @@ def groove_load(eccentricity_ratio: float, pressure_share: float, area_share: fl
         No equilibrium there.
     """
     film: FilmArguments = {
-        "radius_m": _RADIUS_M, "length_m": _LENGTH_M, "clearance_m": _CLEARANCE_M, "viscosity_Pa_s": _VISCOSITY,
+        "radius_m": _RADIUS_M,
+        "length_m": _LENGTH_M,
+        "clearance_m": _CLEARANCE_M,
+        "viscosity_Pa_s": _VISCOSITY,
         "speed_rad_s": _SPEED,
-    }  # fmt: skip
+    }
     per_load = pressure_share / (1.0 - pressure_share)
     near_N = equilibrium(eccentricity_ratio=eccentricity_ratio, **film).load_N
     load_N = near_N / (1.0 + 0.25 * per_load)
@@ -73,10 +76,11 @@ def groove_load(eccentricity_ratio: float, pressure_share: float, area_share: fl
     there = equilibrium(eccentricity_ratio=fed.eccentricity_ratio, **film)
     pressed = equilibrium(load_N=load_N + area_share * pressure_N, **film)
     return GrooveLoad(
-        fed.eccentricity_ratio, (there.load_N - load_N) / pressure_N,
+        fed.eccentricity_ratio,
+        (there.load_N - load_N) / pressure_N,
         float(np.degrees(fed.attitude_rad - there.attitude_rad)),
         pressed.threshold**2 * pressed.load_N / (fed.threshold**2 * fed.load_N),
-    )  # fmt: skip
+    )
 
 
 def main(area_share: float = 0.2) -> None:

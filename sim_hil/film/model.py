@@ -36,10 +36,19 @@ def tabulate(model: FilmModel, length_over_diameter: float) -> FilmTable:
     c, radius = 1e-4, 0.02
     around, along = np.meshgrid(gamma, eps)
     zero = np.zeros(along.size)
-    state = np.column_stack([
-        c * along.ravel(), zero, np.cos(around).ravel(), np.sin(around).ravel(), zero,
-        *(np.full(along.size, each) for each in (c, 0.01, radius, 2 * radius * length_over_diameter)),
-    ])  # fmt: skip
+    state = np.column_stack(
+        [
+            c * along.ravel(),
+            zero,
+            np.cos(around).ravel(),
+            np.sin(around).ravel(),
+            zero,
+            *(
+                np.full(along.size, each)
+                for each in (c, 0.01, radius, 2 * radius * length_over_diameter)
+            ),
+        ]
+    )
     answers = [np.asarray(answer, dtype=np.float64) for answer in model(state)[:3]]
     if not all(np.isfinite(answer).all() for answer in answers):
         raise FilmError(

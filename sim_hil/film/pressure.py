@@ -12,7 +12,7 @@ from .records import FilmError, FilmMemory, FilmNotConverged, Floats, JournalOut
 
 
 @dataclass(frozen=True)
-class Film:
+class SolvedFilm:
     """One solved film on its mesh, scaled as in `solver`.
 
     `supply` is what the walls deliver to each cell, `uncut` the pressure before Guembel's rule cut
@@ -32,7 +32,7 @@ class Film:
 
 def solve_film(
     bearing: Bearing, position: Floats, velocity: Floats, memory: FilmMemory | None = None
-) -> Film:
+) -> SolvedFilm:
     """Pressure and fill of one state, position and velocity of shape (2,), SI."""
     film = unsolved_film(bearing, position, velocity, memory)
     if bearing.rupture == "jfo":
@@ -50,7 +50,7 @@ def solve_film(
 
 def unsolved_film(
     bearing: Bearing, position: Floats, velocity: Floats, memory: FilmMemory | None = None
-) -> Film:
+) -> SolvedFilm:
     """The film of one state before its pressure is known: only the fixed pressures are filled
     in."""
     x, y = position / bearing.clearance_m
@@ -78,7 +78,7 @@ def unsolved_film(
     around = solver.around_conductance(thickness_face, mesh.theta_gap, mesh.z_width)
     axial = solver.axial_conductance(thickness, mesh.theta_width, mesh.z_gap)
     _close_grooves(mesh, around, axial)
-    return Film(
+    return SolvedFilm(
         mesh=mesh,
         thickness=thickness,
         thickness_face=thickness_face,
@@ -100,7 +100,7 @@ def _close_grooves(mesh: Mesh, around: Floats, axial: Floats) -> None:
         around[port | np.roll(port, -1), end] = 0.0
 
 
-def _rupture(bearing: Bearing, film: Film) -> int:
+def _rupture(bearing: Bearing, film: SolvedFilm) -> int:
     """Fill in the pressure of a rule that does not conserve mass, and the streamers; returns the
     sweeps."""
     mesh, pressure = film.mesh, film.pressure
@@ -136,7 +136,7 @@ def _rupture(bearing: Bearing, film: Film) -> int:
     return int(sweeps)
 
 
-def _conserve(bearing: Bearing, film: Film, rate: Floats, memory: FilmMemory | None) -> int:
+def _conserve(bearing: Bearing, film: SolvedFilm, rate: Floats, memory: FilmMemory | None) -> int:
     """Fill in the pressure and the fill of the mass-conserving film; returns the sweeps.
 
     `rate` is the integral of dH/dt over each station's cell.
@@ -176,12 +176,12 @@ def _conserve(bearing: Bearing, film: Film, rate: Floats, memory: FilmMemory | N
     return int(sweeps)
 
 
-def _drag(bearing: Bearing, film: Film) -> Floats:
+def _drag(bearing: Bearing, film: SolvedFilm) -> Floats:
     """Flow that the turning wall drags through each face between stations of a full gap."""
     return abs(bearing.speed_rad_s) / 2 * film.thickness_face[:, None] * film.mesh.z_width
 
 
-def _void_transport(bearing: Bearing, film: Film) -> Floats:
+def _void_transport(bearing: Bearing, film: SolvedFilm) -> Floats:
     """What each cell gains because voids, not oil, leave it with the turning wall, less those that
     come in."""
     void, drag = 1 - film.fill, _drag(bearing, film)

@@ -75,9 +75,14 @@ def thermal_equilibrium(
 
     def at(oil_C: float) -> Equilibrium:
         return equilibrium(
-            load_N=load_N, eccentricity_ratio=eccentricity_ratio, load_angle_rad=load_angle_rad,
-            clearance_m=clearance_m, speed_rad_s=speed_rad_s, viscosity_Pa_s=oil.viscosity_at(oil_C), **film,
-        )  # fmt: skip
+            load_N=load_N,
+            eccentricity_ratio=eccentricity_ratio,
+            load_angle_rad=load_angle_rad,
+            clearance_m=clearance_m,
+            speed_rad_s=speed_rad_s,
+            viscosity_Pa_s=oil.viscosity_at(oil_C),
+            **film,
+        )
 
     def surplus(oil_C: float) -> float:
         """Friction power less what the oil carries off, over the friction power."""

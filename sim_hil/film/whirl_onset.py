@@ -46,17 +46,27 @@ def onset_share(table: FilmTable, eccentricity: float, unbalance_share: float) -
     """
     length_m = 2 * _RADIUS_M * table.length_over_diameter
     rest = equilibrium(
-        eccentricity_ratio=eccentricity, radius_m=_RADIUS_M, length_m=length_m, clearance_m=_CLEARANCE_M,
-        viscosity_Pa_s=_VISCOSITY, speed_rad_s=_SPEED,
-    )  # fmt: skip
+        eccentricity_ratio=eccentricity,
+        radius_m=_RADIUS_M,
+        length_m=length_m,
+        clearance_m=_CLEARANCE_M,
+        viscosity_Pa_s=_VISCOSITY,
+        speed_rad_s=_SPEED,
+    )
     if math.isnan(rest.threshold):
         return _WIDEST
     mass = rest.threshold**2 * rest.load_N / (_CLEARANCE_M * _SPEED**2)
     for share in np.arange(_NARROWEST, _WIDEST + 0.5 * _FINENESS, _FINENESS).tolist():
         swing, apart = _orbit(
-            table.coefficients, _VISCOSITY, mass, rest.load_N, unbalance_share * rest.load_N, share * _CLEARANCE_M,
-            length_m, rest.position_m,
-        )  # fmt: skip
+            table.coefficients,
+            _VISCOSITY,
+            mass,
+            rest.load_N,
+            unbalance_share * rest.load_N,
+            share * _CLEARANCE_M,
+            length_m,
+            rest.position_m,
+        )
         if swing > _SWING_SHARE and apart > _APART_SHARE:
             return float(share - _FINENESS)
     return _WIDEST
@@ -64,9 +74,15 @@ def onset_share(table: FilmTable, eccentricity: float, unbalance_share: float) -
 
 @kernel
 def _orbit(
-    coefficients: Floats, viscosity: float, mass: float, load: float, shaking: float, clearance: float, length: float,
+    coefficients: Floats,
+    viscosity: float,
+    mass: float,
+    load: float,
+    shaking: float,
+    clearance: float,
+    length: float,
     start: Floats,
-) -> tuple[float, float]:  # fmt: skip
+) -> tuple[float, float]:
     """Peak-to-peak of the last tenth of the turns, and the most that one turn ends from where the
     last did, in clearances; by the midpoint rule."""
     x, y, vx, vy = start[0], start[1], 0.0, 0.0

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from sim_hil.bound.limits import ORBIT_SHARE, Limits
+from sim_hil.bound.limits import ORBIT_SHARE, BoundLimits
 from sim_hil.duty import RAD_S_PER_RPM
 from sim_hil.film import equilibrium, film_force
 from sim_hil.film.records import FilmArguments, Floats
@@ -30,9 +30,13 @@ def pressure(options: argparse.Namespace) -> Figure:
     rig = load_rig(options.rig)
     b = rig.bearing
     film = FilmArguments(
-        radius_m=b.radius_m, length_m=b.length_m, clearance_m=options.clearance * 1e-6,
-        viscosity_Pa_s=rig.oil.viscosity_at(rig.oil.inlet_C), speed_rad_s=options.rpm * RAD_S_PER_RPM, grid=(240, 40),
-    )  # fmt: skip
+        radius_m=b.radius_m,
+        length_m=b.length_m,
+        clearance_m=options.clearance * 1e-6,
+        viscosity_Pa_s=rig.oil.viscosity_at(rig.oil.inlet_C),
+        speed_rad_s=options.rpm * RAD_S_PER_RPM,
+        grid=(240, 40),
+    )
     rest = equilibrium(load_N=options.load, **film)
     angle, z, p = _pressure_field(rest.position_m, film)
     caption = f"rig {options.rig}, {options.rpm:g} rpm, {options.load:g} N, radial clearance {options.clearance:g} µm; "
@@ -49,8 +53,17 @@ def pressure(options: argparse.Namespace) -> Figure:
     )
     plain(above, "", "axial position, mm")
     middle = p[:, z.size // 2]
-    below.fill_between(angle, 0, 1, where=middle <= edge, color=GREY, alpha=0.15, linewidth=0, label="ruptured film",
-                       transform=below.get_xaxis_transform())  # fmt: skip
+    below.fill_between(
+        angle,
+        0,
+        1,
+        where=middle <= edge,
+        color=GREY,
+        alpha=0.15,
+        linewidth=0,
+        label="ruptured film",
+        transform=below.get_xaxis_transform(),
+    )
     below.plot(angle, middle, color=BLUE, label="pressure in the middle plane")
     plain(below, "angle from x (right) towards y (up), degrees", "pressure, MPa")
     below.axvline(270, color=GREY, linewidth=0.9, linestyle=":", label="direction of the load")
@@ -62,8 +75,15 @@ def pressure(options: argparse.Namespace) -> Figure:
     gap.plot(angle, thickness, color=ORANGE)
     thinnest = int(np.argmin(thickness))
     gap.plot(angle[thinnest], thickness[thinnest], "o", color=ORANGE, markersize=4)
-    gap.annotate(f"{thickness[thinnest]:.1f} µm", (angle[thinnest], thickness[thinnest]), (0, 7), color=ORANGE,
-                 textcoords="offset points", fontsize=8, ha="center")  # fmt: skip
+    gap.annotate(
+        f"{thickness[thinnest]:.1f} µm",
+        (angle[thinnest], thickness[thinnest]),
+        (0, 7),
+        color=ORANGE,
+        textcoords="offset points",
+        fontsize=8,
+        ha="center",
+    )
     gap.set_ylabel("film thickness, µm", color=ORANGE)
     gap.set_ylim(0, None)
     gap.spines["top"].set_visible(False)
@@ -92,7 +112,7 @@ def power_and_limits(options: argparse.Namespace) -> Figure:
     one and its most."""
     rig = load_rig(options.rig)
     b = rig.bearing
-    limits = Limits.of(read_json("duty_bench.json"))
+    limits = BoundLimits.of(read_json("duty_bench.json"))
     speed = np.linspace(rig.speed_min_rpm, rig.speed_max_rpm, _MAP_SPEEDS)
     clearance = np.linspace(b.clearance_min_m, b.clearance_max_m, _MAP_CLEARANCES)
     loads = np.array(sorted({rig.load_min_N, options.load, rig.load_max_N}))
@@ -106,8 +126,10 @@ def power_and_limits(options: argparse.Namespace) -> Figure:
     all_axes = figure.subplots(loads.size, 3, sharex=True, sharey=True, squeeze=False)
     share = found.peak_to_peak_m / clearance
     figures = (
-        (np.log10(found.power_W), "magma"), (found.min_film_m * 1e6, "viridis"), (np.minimum(share, 1.0), "cividis"),
-    )  # fmt: skip
+        (np.log10(found.power_W), "magma"),
+        (found.min_film_m * 1e6, "viridis"),
+        (np.minimum(share, 1.0), "cividis"),
+    )
     bad = np.maximum(1 - found.min_film_m / limits.min_film_m, share / ORBIT_SHARE - 1)
     for column, ((values, colors), title) in enumerate(zip(figures, _MAP_TITLES, strict=True)):
         levels = MaxNLocator(20).tick_values(float(values.min()), float(values.max()))
@@ -127,9 +149,12 @@ def power_and_limits(options: argparse.Namespace) -> Figure:
             axes.contour(
                 speed, clearance * 1e6, bad[:, row].T, levels=[0], colors=RED, linewidths=2
             )
-            plain(axes, "speed, rpm" * (row == loads.size - 1), f"{load:g} N\n\nradial "
-                                                                f"clearance, µm" * (column == 0),
-                  title * (row == 0))  # fmt: skip
+            plain(
+                axes,
+                "speed, rpm" * (row == loads.size - 1),
+                f"{load:g} N\n\nradial clearance, µm" * (column == 0),
+                title * (row == 0),
+            )
         bar = figure.colorbar(mesh, ax=all_axes[:, column], location="bottom", aspect=40)
         if column == 0:
             ticks = [

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.signal import spectrogram
 
-from sim_hil.bound.limits import ORBIT_SHARE, Limits, orbit_share
+from sim_hil.bound.limits import ORBIT_SHARE, BoundLimits, orbit_share
 from sim_hil.build import Build
 from sim_hil.duty import RAD_S_PER_RPM, Duty
 from sim_hil.plots.style import BLUE, GREEN, GREY, ORANGE, RED, limit_line, new_figure, plain, point
@@ -32,9 +32,13 @@ def orbit(options: argparse.Namespace) -> Figure:
     clearance = options.clearance * 1e-6
     turns_s = 20 * 60 / abs(options.rpm)
     run = simulate(
-        rig, Duty.hold(options.rpm, options.load, 1.5 + turns_s), clearance=clearance, rate_hz=_RATE_HZ,
-        force=options.film, thermal=False,
-    )  # fmt: skip
+        rig,
+        Duty.hold(options.rpm, options.load, 1.5 + turns_s),
+        clearance=clearance,
+        rate_hz=_RATE_HZ,
+        force=options.film,
+        thermal=False,
+    )
     tail = run.last(turns_s)
     figure = new_figure(
         (12, 4.4),
@@ -91,8 +95,13 @@ def waterfall(options: argparse.Namespace) -> Figure:
     low, high, rate_hz = rig.speed_min_rpm, rig.speed_max_rpm, 5000.0
     ramp = Duty((0.0, _RUN_UP_S), (low, high), (options.load, options.load))
     run = simulate(
-        rig, ramp, clearance=options.clearance * 1e-6, rate_hz=rate_hz, force=options.film, thermal=False
-    )  # fmt: skip
+        rig,
+        ramp,
+        clearance=options.clearance * 1e-6,
+        rate_hz=rate_hz,
+        force=options.film,
+        thermal=False,
+    )
     frequency, time_s, power = spectrogram(
         run.position_m[:, 0],
         rate_hz,
@@ -112,8 +121,16 @@ def waterfall(options: argparse.Namespace) -> Figure:
     )
     axes, size = figure.subplots(1, 2, sharey=True, width_ratios=[4, 1])
     shown = frequency <= 2.5 * high / 60
-    mesh = axes.pcolormesh(frequency[shown], rpm, level[shown].T, cmap="magma", vmin=-60, vmax=30, shading="gouraud",
-                           rasterized=True)  # fmt: skip
+    mesh = axes.pcolormesh(
+        frequency[shown],
+        rpm,
+        level[shown].T,
+        cmap="magma",
+        vmin=-60,
+        vmax=30,
+        shading="gouraud",
+        rasterized=True,
+    )
     for order in (0.5, 1.0, 2.0):
         axes.plot(order * rpm / 60, rpm, "--", color="white", linewidth=0.7, alpha=0.6)
         axes.annotate(
@@ -178,8 +195,14 @@ def campbell(options: argparse.Namespace) -> Figure:
     for order in (0.5, 1.0, 2.0):
         above.plot(speeds, order * speeds / 60, "--", color=GREY, linewidth=0.9)
         inside = min(speeds[-1], 60 / order * 1.1 * frequency.max())
-        above.annotate(f"{order:g}X", (inside, order * inside / 60), (4, -8), textcoords="offset points", color=GREY,
-                       fontsize=9)  # fmt: skip
+        above.annotate(
+            f"{order:g}X",
+            (inside, order * inside / 60),
+            (4, -8),
+            textcoords="offset points",
+            color=GREY,
+            fontsize=9,
+        )
     for axes in (above, below):
         axes.axvline(rig.speed_max_rpm, color=GREY, linewidth=0.9, linestyle=":")
     above.annotate(
@@ -210,9 +233,10 @@ def _film_modes(
     found = modes(s.mass, s.diametral, s.polar, supports, rpm * RAD_S_PER_RPM)
     swings = found.frequency_rad_s > 1.0
     return (
-        found.frequency_rad_s[swings] / (2 * np.pi), found.damping_ratio[swings],
+        found.frequency_rad_s[swings] / (2 * np.pi),
+        found.damping_ratio[swings],
         found.forward[swings].astype(np.float64),
-    )  # fmt: skip
+    )
 
 
 def duty(options: argparse.Namespace) -> Figure:
@@ -235,11 +259,16 @@ def duty(options: argparse.Namespace) -> Figure:
     power.plot(time_s, np.add.reduceat(run.power_W, starts) / each, color=ORANGE)
     film.plot(time_s, np.minimum.reduceat(run.min_film_m, starts) * UM, color=BLUE)
     share.plot(time_s, 100 * np.maximum.reduceat(orbit_share(run), starts), color=BLUE)
-    for axes, label in ((speed, "speed, rpm"), (load, "load, N"), (power, "power, W"), (film, "smallest film, µm"),
-                        (share, "peak to peak\nover clearance, %")):  # fmt: skip
+    for axes, label in (
+        (speed, "speed, rpm"),
+        (load, "load, N"),
+        (power, "power, W"),
+        (film, "smallest film, µm"),
+        (share, "peak to peak\nover clearance, %"),
+    ):
         plain(axes, "", label)
         axes.set_ylim(0, None)
-    limits = Limits.of(read_json("duty_bench.json"))
+    limits = BoundLimits.of(read_json("duty_bench.json"))
     limit_line(film, limits.min_film_m * UM, f"least {limits.min_film_m * UM:g} µm")
     limit_line(share, 100 * ORBIT_SHARE, f"most {100 * ORBIT_SHARE:g} %")
     share.set_ylim(0, max(110 * ORBIT_SHARE, share.get_ylim()[1]))

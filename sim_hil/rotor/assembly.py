@@ -13,9 +13,9 @@ from sim_hil.film.records import FilmError
 from sim_hil.film.table import FilmTable
 from sim_hil.rigs import Body, RigData, read_json
 from sim_hil.rotor.parameters import (
-    Act,
+    ActuatorParameters,
     Excite,
-    Film,
+    FilmParameters,
     Floats,
     Foot,
     Pickup,
@@ -37,13 +37,40 @@ _PRESSURE_TIME_CONSTANT_S = 0.1
 
 
 _POSITIVE = frozenset(
-    {"mass", "inertia", "diametral", "radius", "length", "viscosity", "heat_capacity_per_m3", "thermal_capacity",
-     "stiffness", "bolt_stiffness", "time_constant", "pressure_time_constant", "rate"}
-)  # fmt: skip
+    {
+        "mass",
+        "inertia",
+        "diametral",
+        "radius",
+        "length",
+        "viscosity",
+        "heat_capacity_per_m3",
+        "thermal_capacity",
+        "stiffness",
+        "bolt_stiffness",
+        "time_constant",
+        "pressure_time_constant",
+        "rate",
+    }
+)
 _NOT_NEGATIVE = frozenset(
-    {"polar", "to_coupling", "to_bearing", "coupling_stiffness", "coupling_damping", "unbalance", "damping", "clamp",
-     "friction", "windage", "jacket_flow", "backlash", "roughness", "ambient"}
-)  # fmt: skip
+    {
+        "polar",
+        "to_coupling",
+        "to_bearing",
+        "coupling_stiffness",
+        "coupling_damping",
+        "unbalance",
+        "damping",
+        "clamp",
+        "friction",
+        "windage",
+        "jacket_flow",
+        "backlash",
+        "roughness",
+        "ambient",
+    }
+)
 
 
 class AssemblyError(OrbitdError, ValueError):
@@ -78,11 +105,14 @@ def assemble(
         film=_film(rig, build, rig.oil.inlet_C if inlet_C is None else inlet_C, thermal),
         excite=_excite(rig, build),
         pickup=_pickup(build, step_s),
-        act=Act(
-            rig.actuator.rate_m_per_s, rig.actuator.time_constant_s, rig.actuator.backlash_m,
-            _PRESSURE_TIME_CONSTANT_S, 1.0,
+        act=ActuatorParameters(
+            rig.actuator.rate_m_per_s,
+            rig.actuator.time_constant_s,
+            rig.actuator.backlash_m,
+            _PRESSURE_TIME_CONSTANT_S,
+            1.0,
         ),
-    )  # fmt: skip
+    )
     _refuse_absurd(plant, rig)
     return plant
 
@@ -168,9 +198,9 @@ def _foot(rig: RigData, build: Build, body: Body, bolt: Floats) -> Foot:
     )
 
 
-def _film(rig: RigData, build: Build, inlet_C: float, thermal: bool) -> Film:
+def _film(rig: RigData, build: Build, inlet_C: float, thermal: bool) -> FilmParameters:
     oil = rig.oil
-    return Film(
+    return FilmParameters(
         radius=rig.bearing.radius_m,
         length=rig.bearing.length_m,
         viscosity=oil.viscosity_Pa_s * build.viscosity,

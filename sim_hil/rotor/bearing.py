@@ -15,14 +15,14 @@ import math
 from sim_hil.film.table_kernel import EPS_TABLE
 from sim_hil.jit import inlined
 from sim_hil.rotor.film_law import Forces, Law, film_law
-from sim_hil.rotor.parameters import FLOW, OIL, POWER, PRESSURE, Film, Floats, Oil
+from sim_hil.rotor.parameters import FLOW, OIL, POWER, PRESSURE, FilmParameters, Floats, OilState
 
 LEAST_FED = 0.5
 """Share of the film that draws its oil itself from a feed without pressure."""
 
 
 @inlined
-def oil_now(film: Film, scalar: Floats) -> Oil:
+def oil_now(film: FilmParameters, scalar: Floats) -> OilState:
     """The oil at its present temperature and supply."""
     fed = 1.0
     if film.pressure_needed > 0.0:
@@ -30,11 +30,11 @@ def oil_now(film: Film, scalar: Floats) -> Oil:
     filled = film.share * fed
     law = math.exp(-film.viscosity_slope * (scalar[OIL] - film.reference_C))
     bears = filled * filled * math.sqrt(filled)  # filled^2.5
-    return Oil(film.viscosity * law, filled, bears, scalar[PRESSURE])
+    return OilState(film.viscosity * law, filled, bears, scalar[PRESSURE])
 
 
 @inlined
-def heat_oil(film: Film, scalar: Floats, dt: float) -> None:
+def heat_oil(film: FilmParameters, scalar: Floats, dt: float) -> None:
     """One-node oil temperature: ``C dT/dt = P - rho c_p (Q_jacket + Q_side) (T - T_inlet)``."""
     carried = film.heat_capacity_per_m3 * (film.jacket_flow + max(0.0, scalar[FLOW]))
     flow_C = scalar[OIL] - film.inlet_C
@@ -42,7 +42,7 @@ def heat_oil(film: Film, scalar: Floats, dt: float) -> None:
 
 
 @inlined
-def gap(film: Film, ex: float, ey: float, c: float) -> float:
+def gap(film: FilmParameters, ex: float, ey: float, c: float) -> float:
     """Smallest film, m, of a journal at ``(ex, ey)`` from the middle of the unworn bore."""
     y = ey + film.drop
     return c - math.sqrt(ex * ex + y * y)
@@ -51,8 +51,8 @@ def gap(film: Film, ex: float, ey: float, c: float) -> float:
 @inlined
 def bearing_force(
     law: Law,
-    film: Film,
-    oil: Oil,
+    film: FilmParameters,
+    oil: OilState,
     ex: float,
     ey: float,
     vx: float,

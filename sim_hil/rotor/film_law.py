@@ -81,9 +81,18 @@ def _held_inside(ex: float, ey: float, c: float) -> tuple[float, float]:
 
 @kernel
 def _direct(
-    law: DirectLaw, ex: float, ey: float, vx: float, vy: float, omega: float, c: float, mu: float, R: float,
-    L: float, c_rate: float,
-) -> Forces:  # fmt: skip
+    law: DirectLaw,
+    ex: float,
+    ey: float,
+    vx: float,
+    vy: float,
+    omega: float,
+    c: float,
+    mu: float,
+    R: float,
+    L: float,
+    c_rate: float,
+) -> Forces:
     x, y = _held_inside(ex, ey, c)
     fx, fy, torque = direct_force(
         law.ring, law.axial, law.work, x, y, vx, vy, omega, c, mu, R, L, c_rate
@@ -94,9 +103,18 @@ def _direct(
 
 @kernel
 def _reynolds(
-    law: ReynoldsLaw, ex: float, ey: float, vx: float, vy: float, omega: float, c: float, mu: float, R: float,
-    L: float, c_rate: float,
-) -> Forces:  # fmt: skip
+    law: ReynoldsLaw,
+    ex: float,
+    ey: float,
+    vx: float,
+    vy: float,
+    omega: float,
+    c: float,
+    mu: float,
+    R: float,
+    L: float,
+    c_rate: float,
+) -> Forces:
     x, y = _held_inside(ex, ey, c)
     film = reynolds_force(law, x, y, vx, vy, omega, c, mu, R, L, c_rate)
     forces: Forces = _touching(law.table, film, ex, ey, vx, vy, omega, c, R)
@@ -105,9 +123,16 @@ def _reynolds(
 
 @kernel
 def _touching(
-    table: Floats, film: tuple[float, float, float], ex: float, ey: float, vx: float, vy: float, omega: float,
-    c: float, R: float,
-) -> Forces:  # fmt: skip
+    table: Floats,
+    film: tuple[float, float, float],
+    ex: float,
+    ey: float,
+    vx: float,
+    vy: float,
+    omega: float,
+    c: float,
+    R: float,
+) -> Forces:
     """A solved film with the contact, and the side flow of the table."""
     x, y = _held_inside(ex, ey, c)
     sx, sy = vx + 0.5 * omega * y, vy - 0.5 * omega * x
@@ -120,9 +145,18 @@ def _touching(
 
 @kernel
 def _linear(
-    law: LinearLaw, ex: float, ey: float, vx: float, vy: float, omega: float, c: float, mu: float, R: float,
-    L: float, c_rate: float,
-) -> Forces:  # fmt: skip
+    law: LinearLaw,
+    ex: float,
+    ey: float,
+    vx: float,
+    vy: float,
+    omega: float,
+    c: float,
+    mu: float,
+    R: float,
+    L: float,
+    c_rate: float,
+) -> Forces:
     dx, dy = ex - law.x, ey - law.y
     fx = law.fx - law.kxx * dx - law.kxy * dy - law.cxx * vx - law.cxy * vy
     fy = law.fy - law.kyx * dx - law.kyy * dy - law.cyx * vx - law.cyy * vy
@@ -144,32 +178,64 @@ def _linear(
 
 @inlined
 def _tabulated(
-    law: Floats, ex: float, ey: float, vx: float, vy: float, omega: float, c: float, mu: float, R: float,
-    L: float, c_rate: float,
-) -> Forces:  # fmt: skip
+    law: Floats,
+    ex: float,
+    ey: float,
+    vx: float,
+    vy: float,
+    omega: float,
+    c: float,
+    mu: float,
+    R: float,
+    L: float,
+    c_rate: float,
+) -> Forces:
     forces: Forces = table_force(law, ex, ey, vx, vy, omega, c, mu, R, L, c_rate)
     return forces
 
 
 @kernel
 def _fed(
-    law: FedLaw, ex: float, ey: float, vx: float, vy: float, omega: float, c: float, mu: float, R: float, L: float,
-    c_rate: float, supply_Pa: float,
-) -> Forces:  # fmt: skip
+    law: FedLaw,
+    ex: float,
+    ey: float,
+    vx: float,
+    vy: float,
+    omega: float,
+    c: float,
+    mu: float,
+    R: float,
+    L: float,
+    c_rate: float,
+    supply_Pa: float,
+) -> Forces:
     fx, fy, torque, flow, _ = fed_force(law, ex, ey, vx, vy, omega, c, mu, R, L, c_rate, supply_Pa)
     return fx, fy, torque, flow
 
 
 _KERNELS = {
-    DirectLaw: _direct, ReynoldsLaw: _reynolds, LinearLaw: _linear, ReducedNetworkLaw: reduced_forces,
+    DirectLaw: _direct,
+    ReynoldsLaw: _reynolds,
+    LinearLaw: _linear,
+    ReducedNetworkLaw: reduced_forces,
     RawNetworkLaw: raw_forces,
-}  # fmt: skip
+}
 
 
 def film_law(
-    law: Law, ex: float, ey: float, vx: float, vy: float, omega: float, c: float, mu: float, R: float, L: float,
-    c_rate: float, supply_Pa: float = 0.0,
-) -> Forces:  # fmt: skip
+    law: Law,
+    ex: float,
+    ey: float,
+    vx: float,
+    vy: float,
+    omega: float,
+    c: float,
+    mu: float,
+    R: float,
+    L: float,
+    c_rate: float,
+    supply_Pa: float = 0.0,
+) -> Forces:
     """Force (fx, fy), N, friction torque, N m, and side flow, m3/s; arguments as `table_force` and
     `fed_force`."""
     forces: Forces

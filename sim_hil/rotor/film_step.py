@@ -20,7 +20,7 @@ from sim_hil.jit import inlined, kernel
 from sim_hil.rotor.bearing import bearing_force, gap
 from sim_hil.rotor.film_law import Forces, Law
 from sim_hil.rotor.kernel import relative
-from sim_hil.rotor.parameters import Eight, Film, Oil, Plant, Six, State
+from sim_hil.rotor.parameters import Eight, FilmParameters, OilState, Plant, Six, State
 
 THETA = 0.55
 """Share of the new velocity in the film force: 1/2 is centred, a little more damps the stiffest
@@ -33,9 +33,18 @@ _CROSSED_SHARE = 0.5
 
 @kernel
 def film_slopes(
-    law: Law, film: Film, oil: Oil, f0: Forces, ex: float, ey: float, vx: float, vy: float, omega: float, c: float,
+    law: Law,
+    film: FilmParameters,
+    oil: OilState,
+    f0: Forces,
+    ex: float,
+    ey: float,
+    vx: float,
+    vy: float,
+    omega: float,
+    c: float,
     c_rate: float,
-) -> Eight:  # fmt: skip
+) -> Eight:
     """Forward differences of the film force from ``f0``, the force there: dF/de (xx, xy, yx, yy),
     then dF/dv."""
     de = 1e-5 * max(gap(film, ex, ey, c), 0.01 * c)
@@ -45,9 +54,15 @@ def film_slopes(
     f3 = bearing_force(law, film, oil, ex, ey, vx + dv, vy, omega, c, c_rate)
     f4 = bearing_force(law, film, oil, ex, ey, vx, vy + dv, omega, c, c_rate)
     return (
-        (f1[0] - f0[0]) / de, (f2[0] - f0[0]) / de, (f1[1] - f0[1]) / de, (f2[1] - f0[1]) / de,
-        (f3[0] - f0[0]) / dv, (f4[0] - f0[0]) / dv, (f3[1] - f0[1]) / dv, (f4[1] - f0[1]) / dv,
-    )  # fmt: skip
+        (f1[0] - f0[0]) / de,
+        (f2[0] - f0[0]) / de,
+        (f1[1] - f0[1]) / de,
+        (f2[1] - f0[1]) / de,
+        (f3[0] - f0[0]) / dv,
+        (f4[0] - f0[0]) / dv,
+        (f3[1] - f0[1]) / dv,
+        (f4[1] - f0[1]) / dv,
+    )
 
 
 @inlined
@@ -72,7 +87,7 @@ def film_reaction(
     omega: float,
     c: float,
     c_rate: float,
-    oil: Oil,
+    oil: OilState,
     dt: float,
 ) -> Six:
     """``G`` (xx, xy, yx, yy), N s/m, and ``r`` (x, y), N, of ``dF = G dw + r`` over the step to

@@ -34,9 +34,9 @@ from sim_hil.rotor.parameters import (
     POWER,
     PRESSURE,
     TIME,
-    Act,
+    ActuatorParameters,
     Floats,
-    Oil,
+    OilState,
     Plant,
     Six,
     State,
@@ -55,7 +55,9 @@ def relative(plant: Plant, z: Floats) -> tuple[float, float]:
 
 
 @inlined
-def move_actuator(act: Act, scalar: Floats, clearance: float, pressure: float, dt: float) -> float:
+def move_actuator(
+    act: ActuatorParameters, scalar: Floats, clearance: float, pressure: float, dt: float
+) -> float:
     """Rate limit, first-order lag, backlash; returns the rate of change of the clearance, m/s."""
     step = min(max(clearance - scalar[DEMAND], -act.rate * dt), act.rate * dt)
     scalar[DEMAND] += step
@@ -160,7 +162,7 @@ def substep(
     load: float,
     c: float,
     c_rate: float,
-    oil: Oil,
+    oil: OilState,
     ambient: Floats,
     dt: float,
 ) -> None:

@@ -88,9 +88,18 @@ def _friction(
 
 @kernel
 def reduced_forces(
-    law: ReducedNetworkLaw, ex: float, ey: float, vx: float, vy: float, omega: float, c: float, mu: float, R: float,
-    L: float, c_rate: float,
-) -> tuple[float, float, float, float]:  # fmt: skip
+    law: ReducedNetworkLaw,
+    ex: float,
+    ey: float,
+    vx: float,
+    vy: float,
+    omega: float,
+    c: float,
+    mu: float,
+    R: float,
+    L: float,
+    c_rate: float,
+) -> tuple[float, float, float, float]:
     """`film_law` of a reduced network."""
     share = EPS_TABLE * c / max(math.hypot(ex, ey), EPS_TABLE * c)
     x, y = ex * share, ey * share
@@ -120,9 +129,18 @@ def reduced_forces(
 
 @kernel
 def raw_forces(
-    law: RawNetworkLaw, ex: float, ey: float, vx: float, vy: float, omega: float, c: float, mu: float, R: float,
-    L: float, c_rate: float,
-) -> tuple[float, float, float, float]:  # fmt: skip
+    law: RawNetworkLaw,
+    ex: float,
+    ey: float,
+    vx: float,
+    vy: float,
+    omega: float,
+    c: float,
+    mu: float,
+    R: float,
+    L: float,
+    c_rate: float,
+) -> tuple[float, float, float, float]:
     """`film_law` of a raw network."""
     share = EPS_TABLE * c / max(math.hypot(ex, ey), EPS_TABLE * c)
     x, y = ex * share, ey * share

@@ -73,7 +73,7 @@ class Shaft(NamedTuple):
     unbalance_angle: float
 
 
-class Film(NamedTuple):
+class FilmParameters(NamedTuple):
     """Bearing and oil (:mod:`sim_hil.rotor.bearing`).
 
     ``share`` is the part of the film that is filled, ``wear`` adds radial clearance, and ``drop``
@@ -97,7 +97,7 @@ class Film(NamedTuple):
     thermal: float
 
 
-class Oil(NamedTuple):
+class OilState(NamedTuple):
     """The oil in the film now: viscosity, Pa s, share of the film that it fills, that bears, and
     supply, Pa."""
 
@@ -144,7 +144,7 @@ class Pickup(NamedTuple):
     runout_sin: tuple[Three, Three]
 
 
-class Act(NamedTuple):
+class ActuatorParameters(NamedTuple):
     """Clearance and pressure actuator; ``pressure_gain`` below 1 is a lost supply."""
 
     rate: float
@@ -160,10 +160,10 @@ class Plant(NamedTuple):
     shaft: Shaft
     pedestal: Foot
     motor: Foot
-    film: Film
+    film: FilmParameters
     excite: Excite
     pickup: Pickup
-    act: Act
+    act: ActuatorParameters
 
 
 class State(NamedTuple):

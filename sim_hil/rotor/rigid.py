@@ -34,12 +34,12 @@ from sim_hil.rotor.parameters import (
     OIL,
     POWER,
     PRESSURE,
-    Act,
+    ActuatorParameters,
     Eight,
-    Film,
+    FilmParameters,
     Floats,
     Four,
-    Oil,
+    OilState,
     Shaft,
     Two,
 )
@@ -48,9 +48,18 @@ GAMMA = 1 - math.sqrt(0.5)
 RENEW_STEPS = 4
 _RENEW_SHARE = 0.1
 COLUMNS = (
-    "x_m", "y_m", "vx_m_s", "vy_m_s", "min_film_m", "clearance_m", "power_W", "oil_C", "angle_rad", "side_flow_m3_s",
+    "x_m",
+    "y_m",
+    "vx_m_s",
+    "vy_m_s",
+    "min_film_m",
+    "clearance_m",
+    "power_W",
+    "oil_C",
+    "angle_rad",
+    "side_flow_m3_s",
     "pressure_Pa",
-)  # fmt: skip
+)
 """Columns of the output: journal at the bearing; smallest film, mean power and side flow since the
 row before."""
 
@@ -99,10 +108,15 @@ def rates(
         - gravity_share
     )
     return (
-        x_rate, y_rate, tilt_x_rate, tilt_y_rate, (bx + cx) / s.mass, (by + cy) / s.mass - GRAVITY,
+        x_rate,
+        y_rate,
+        tilt_x_rate,
+        tilt_y_rate,
+        (bx + cx) / s.mass,
+        (by + cy) / s.mass - GRAVITY,
         (b * bx - d * cx - s.polar * (omega * tilt_y_rate + alpha * tilt_y)) / s.diametral,
         (b * by - d * cy + s.polar * (omega * tilt_x_rate + alpha * tilt_x)) / s.diametral,
-    )  # fmt: skip
+    )
 
 
 @inlined
@@ -130,16 +144,36 @@ def solve_stage(shaft: Shaft, slopes: Eight, reach: float, move: Eight) -> Eight
 def mixed(p: float, a: Eight, q: float, b: Eight) -> Eight:
     """`p a + q b`."""
     return (
-        p * a[0] + q * b[0], p * a[1] + q * b[1], p * a[2] + q * b[2], p * a[3] + q * b[3],
-        p * a[4] + q * b[4], p * a[5] + q * b[5], p * a[6] + q * b[6], p * a[7] + q * b[7],
-    )  # fmt: skip
+        p * a[0] + q * b[0],
+        p * a[1] + q * b[1],
+        p * a[2] + q * b[2],
+        p * a[3] + q * b[3],
+        p * a[4] + q * b[4],
+        p * a[5] + q * b[5],
+        p * a[6] + q * b[6],
+        p * a[7] + q * b[7],
+    )
 
 
 @inlined
 def step(
-    shaft: Shaft, film: Film, law: Law, oil: Oil, slopes: Eight, rough: bool, force: Forces, w: Eight, heavy: Two,
-    ahead: Two, omega: float, alpha: float, load: float, c: float, c_rate: float, dt: float,
-) -> Eight:  # fmt: skip
+    shaft: Shaft,
+    film: FilmParameters,
+    law: Law,
+    oil: OilState,
+    slopes: Eight,
+    rough: bool,
+    force: Forces,
+    w: Eight,
+    heavy: Two,
+    ahead: Two,
+    omega: float,
+    alpha: float,
+    load: float,
+    c: float,
+    c_rate: float,
+    dt: float,
+) -> Eight:
     """State after one step (numbers, not arrays: these stay in registers).
 
     `force` acts at its start; the unbalance points in the direction `heavy` there and `ahead` at
@@ -169,9 +203,19 @@ def step(
 
 @kernel
 def advance_rotor(
-    shaft: Shaft, film: Film, act: Act, law: Law, w: Floats, scalar: Floats, drive: Floats, target: Floats,
-    period: float, substeps: int, renew: int, out: Floats,
-) -> None:  # fmt: skip
+    shaft: Shaft,
+    film: FilmParameters,
+    act: ActuatorParameters,
+    law: Law,
+    w: Floats,
+    scalar: Floats,
+    drive: Floats,
+    target: Floats,
+    period: float,
+    substeps: int,
+    renew: int,
+    out: Floats,
+) -> None:
     """Advance by `len(out)` periods of `substeps` steps, renewing J every `renew` steps.
 
     Parameters
@@ -251,9 +295,19 @@ def advance_rotor(
 
 @njit(parallel=True, cache=True)
 def advance_rotors(
-    shaft: Shaft, film: Film, act: Act, law: Floats, w: Floats, scalar: Floats, drive: Floats, target: Floats,
-    period: float, substeps: int, renew: int, out: Floats,
-) -> None:  # fmt: skip
+    shaft: Shaft,
+    film: FilmParameters,
+    act: ActuatorParameters,
+    law: Floats,
+    w: Floats,
+    scalar: Floats,
+    drive: Floats,
+    target: Floats,
+    period: float,
+    substeps: int,
+    renew: int,
+    out: Floats,
+) -> None:
     """Many rotors on the table film, one a thread: the arrays of `advance_rotor` with a leading
     axis."""
     for r in prange(w.shape[0]):

@@ -19,9 +19,9 @@ from rich.box import SIMPLE
 from rich.console import Console
 from rich.table import Table
 
-from sim_hil.verify.row import Row
+from sim_hil.verify.row import ComparisonRow
 
-Group = Callable[[], Iterator[Row]]
+Group = Callable[[], Iterator[ComparisonRow]]
 
 
 def groups(quick: bool) -> dict[str, Group]:
@@ -86,15 +86,22 @@ def main(argv: list[str]) -> int:
     return 1 if failed else 0
 
 
-def _record(title: str, row: Row) -> dict[str, object]:
+def _record(title: str, row: ComparisonRow) -> dict[str, object]:
     numbers = {"value": row.value, "reference": row.reference, "difference": row.difference}
     finite = {name: x if math.isfinite(x) else None for name, x in numbers.items()}
     kind = "absolute" if row.absolute else "relative"
-    return {"group": title, "quantity": row.quantity, **finite, "source": row.source, "tolerance": row.tolerance,
-            "kind": kind, "pass": row.passed}  # fmt: skip
+    return {
+        "group": title,
+        "quantity": row.quantity,
+        **finite,
+        "source": row.source,
+        "tolerance": row.tolerance,
+        "kind": kind,
+        "pass": row.passed,
+    }
 
 
-def _print(results: dict[str, list[Row]]) -> None:
+def _print(results: dict[str, list[ComparisonRow]]) -> None:
     """The groups as tables; sources stand below, where they may be long."""
     console = Console(width=None if Console().is_terminal else 100)
     for title, rows in results.items():
@@ -122,7 +129,7 @@ def _letter(i: int) -> str:
     return chr(ord("a") + i)
 
 
-def _judgement(row: Row) -> tuple[str, str, str]:
+def _judgement(row: ComparisonRow) -> tuple[str, str, str]:
     def amount(x: float) -> str:
         return f"{x:.3g}" if row.absolute else f"{100 * x:.3g} %"
 

@@ -13,7 +13,7 @@ import numpy as np
 from sim_hil.film import FilmForce, equilibrium, film_force
 from sim_hil.film.equilibrium import whirl_threshold
 from sim_hil.film.records import Floats, Rupture
-from sim_hil.verify.row import Row, reference
+from sim_hil.verify.row import ComparisonRow, reference
 
 R: Final = 0.02
 C: Final = 60e-6
@@ -27,21 +27,28 @@ _film_of = partial(film_force, radius_m=R, clearance_m=C, viscosity_Pa_s=MU)
 _turning = partial(_film_of, speed_rad_s=OMEGA)
 
 
-def short_bearing() -> Iterator[Row]:
+def short_bearing() -> Iterator[ComparisonRow]:
     """Ocvirk's pi film: the finite film at small length, and the whirl formula on the exact
     coefficients."""
     source = "short bearing, pi film (Ocvirk), closed form"
     for row in reference("short_bearing_closed_form.json")["rows"]:
         eps = row["eps"]
         state = equilibrium(
-            eccentricity_ratio=eps, rupture="gumbel", radius_m=R, length_m=R / 8, clearance_m=C,
-            viscosity_Pa_s=MU, speed_rad_s=OMEGA,
-        )  # fmt: skip
+            eccentricity_ratio=eps,
+            rupture="gumbel",
+            radius_m=R,
+            length_m=R / 8,
+            clearance_m=C,
+            viscosity_Pa_s=MU,
+            speed_rad_s=OMEGA,
+        )
         case = f"short bearing L/D=1/16 eps={eps}:"
         # 3 %: circumferential flow, which the closed form leaves out, is of the order of (L/D)^2 /
         # (1 - eps)
-        yield Row(f"{case} S (L/D)^2", state.sommerfeld / 16**2, row["S_times_LD2"], source, 3e-2)
-        yield Row(
+        yield ComparisonRow(
+            f"{case} S (L/D)^2", state.sommerfeld / 16**2, row["S_times_LD2"], source, 3e-2
+        )
+        yield ComparisonRow(
             f"{case} attitude, deg",
             math.degrees(state.attitude_rad),
             row["attitude_deg"],
@@ -51,12 +58,12 @@ def short_bearing() -> Iterator[Row]:
         )
         sommerfeld, turned = row["S_times_LD2"] * 16**2, math.sin(math.radians(row["attitude_deg"]))
         friction = 2 * math.pi**2 * sommerfeld / math.sqrt(1 - eps * eps) + eps / 2 * turned
-        yield Row(f"{case} (R/c) f", state.friction_variable, friction, source, 3e-2)
+        yield ComparisonRow(f"{case} (R/c) f", state.friction_variable, friction, source, 3e-2)
         for letter, matrix in (("K", state.stiffness), ("C", state.damping)):
             # of the largest coefficient: the smallest ones are differences of large ones
             allowed = 3e-2 * max(abs(row[letter + name]) for name in _NAMES)
             for name, value in zip(_NAMES, matrix.ravel(), strict=True):
-                yield Row(
+                yield ComparisonRow(
                     f"{case} {letter}{name}",
                     float(value),
                     row[letter + name],
@@ -74,19 +81,21 @@ def short_bearing() -> Iterator[Row]:
 
 def _whirl(
     case: str, row: dict[str, float | None], exact: tuple[float, float], finite: tuple[float, float]
-) -> Iterator[Row]:
+) -> Iterator[ComparisonRow]:
     source = "whirl threshold (Lund 1966) of the short bearing"
     for k, name in enumerate(("whirl_ratio", "threshold_omega_sqrt_cm_over_W")):
         value = row[name]
         if value is None:
             stable = float(math.isnan(exact[k]) and math.isnan(finite[k]))
-            yield Row(f"{case} no {name}: stable at any speed", stable, 1.0, source, 0.0, True)
+            yield ComparisonRow(
+                f"{case} no {name}: stable at any speed", stable, 1.0, source, 0.0, True
+            )
         else:
-            yield Row(f"{case} {name} of the exact K, C", exact[k], value, source, 5e-4)
-            yield Row(f"{case} {name}", finite[k], value, source, 1e-2)
+            yield ComparisonRow(f"{case} {name} of the exact K, C", exact[k], value, source, 5e-4)
+            yield ComparisonRow(f"{case} {name}", finite[k], value, source, 1e-2)
 
 
-def short_bearing_forces() -> Iterator[Row]:
+def short_bearing_forces() -> Iterator[ComparisonRow]:
     """Force and side flow of a journal that rests or whirls."""
     length = R / 16
     scale = MU * R * length**3 / C**2
@@ -97,11 +106,13 @@ def short_bearing_forces() -> Iterator[Row]:
         tangential = math.pi * eps * slip / (4 * (1 - eps**2) ** 1.5)
         film = _turning((eps * C, 0.0), (0.0, whirl * eps * C), rupture="gumbel", length_m=length)
         case = f"short bearing L/D=1/32 eps={eps} whirl={whirl / OMEGA:.1f} omega:"
-        yield Row(f"{case} F_r, N", float(film.force_N[0]), radial * scale, source, 5e-3)
-        yield Row(f"{case} F_t, N", float(film.force_N[1]), tangential * scale, source, 5e-3)
+        yield ComparisonRow(f"{case} F_r, N", float(film.force_N[0]), radial * scale, source, 5e-3)
+        yield ComparisonRow(
+            f"{case} F_t, N", float(film.force_N[1]), tangential * scale, source, 5e-3
+        )
         if not whirl:
             flow = eps * OMEGA * R * C * length
-            yield Row(
+            yield ComparisonRow(
                 f"{case} side flow, m3/s",
                 float(film.side_flow_m3_s),
                 flow,
@@ -110,7 +121,7 @@ def short_bearing_forces() -> Iterator[Row]:
             )
 
 
-def squeeze_film() -> Iterator[Row]:
+def squeeze_film() -> Iterator[ComparisonRow]:
     """Damping of a filled film without rotation, along and across the eccentricity; Petroff's
     friction."""
     rate = 1e-3
@@ -125,7 +136,7 @@ def squeeze_film() -> Iterator[Row]:
             state = ((eps * C, 0.0), velocity)
             film = _film_of(*state, rupture="full", length_m=R / 16, speed_rad_s=0.0)
             value = -float(film.force_N @ velocity) / rate**2
-            yield Row(
+            yield ComparisonRow(
                 f"squeeze film L/D=1/32 eps={eps} {name}, N s/m",
                 value,
                 of_short,
@@ -134,7 +145,7 @@ def squeeze_film() -> Iterator[Row]:
             )
             force, _ = _infinite(*state, "full", 0.0)
             value = -float(force @ velocity) / rate**2
-            yield Row(
+            yield ComparisonRow(
                 f"squeeze film, long, eps={eps} {name}, N s/m per m",
                 value,
                 of_long,
@@ -143,12 +154,12 @@ def squeeze_film() -> Iterator[Row]:
             )
     film = _turning((0.0, 0.0), (0.0, 0.0), length_m=R)
     petroff = 2 * math.pi * MU * OMEGA * R**3 * R / C
-    yield Row(
+    yield ComparisonRow(
         "friction torque at eps=0, N m", float(film.friction_torque_N_m), petroff, "Petroff", 1e-9
     )
 
 
-def long_bearing() -> Iterator[Row]:
+def long_bearing() -> Iterator[ComparisonRow]:
     """Sommerfeld's infinitely long bearing."""
     for row in reference("long_bearing_closed_form.json")["rows"]:
         eps = row["eps"]
@@ -162,14 +173,16 @@ def long_bearing() -> Iterator[Row]:
                 f"long bearing {kind} eps={eps}:",
                 f"{kind} Sommerfeld (1904), closed form",
             )
-            yield Row(f"{case} W_bar", load / UNIT_N_M, expected["W_bar"], source, 1e-3)
-            yield Row(f"{case} S", UNIT_N_M / (math.pi * load), expected["S"], source, 1e-3)
+            yield ComparisonRow(f"{case} W_bar", load / UNIT_N_M, expected["W_bar"], source, 1e-3)
+            yield ComparisonRow(
+                f"{case} S", UNIT_N_M / (math.pi * load), expected["S"], source, 1e-3
+            )
             attitude = math.degrees(math.atan2(force[1], -force[0]))
-            yield Row(
+            yield ComparisonRow(
                 f"{case} attitude, deg", attitude, expected["attitude_deg"], source, 0.05, True
             )
             if kind == "full":
-                yield Row(
+                yield ComparisonRow(
                     f"{case} (R/c) f", torque / (load * C), expected["friction_var"], source, 1e-3
                 )
 
@@ -198,7 +211,7 @@ def _infinite(
     return (long.force_N - short.force_N) / added, torque
 
 
-def light_load() -> Iterator[Row]:
+def light_load() -> Iterator[ComparisonRow]:
     """Full films with ends: what side leakage leaves of the infinitely long bearing's load.
 
     To first order in eps that is `1 - tanh(L/D)/(L/D)`, exactly; beyond, :func:`_side_leakage`.
@@ -208,11 +221,11 @@ def light_load() -> Iterator[Row]:
         load = _full_load(eps, ratio) / (6 * math.pi * eps)
         source = "exact for eps -> 0: 1 - tanh(L/D)/(L/D)"
         case = f"light load L/D={ratio}: load over the infinitely long bearing's"
-        yield Row(case, load, 1 - math.tanh(ratio) / ratio, source, 2e-3)
+        yield ComparisonRow(case, load, 1 - math.tanh(ratio) / ratio, source, 2e-3)
     for row in reference("long_bearing_closed_form.json")["rows"]:
         source = "long bearing x side leakage; the 3 % that its file allows at L/D=8 leave the ends' 1/8 out"
         expected = row["full"]["W_bar"] * _side_leakage(row["eps"], 8.0)
-        yield Row(
+        yield ComparisonRow(
             f"L/D=8 eps={row['eps']} full: W_bar",
             _full_load(row["eps"], 8.0),
             expected,

@@ -19,12 +19,12 @@ from sim_hil.response import simulate
 from sim_hil.rigs import load_rig
 from sim_hil.verify.closed_forms import MU, OMEGA, C, R
 from sim_hil.verify.properties import apart, film_of, states
-from sim_hil.verify.row import Row, residual
+from sim_hil.verify.row import ComparisonRow, residual
 
 _GROOVE = partial(Feed, "groove", width_rad=math.radians(20), length_m=0.8 * R)
 
 
-def feeds() -> Iterator[Row]:
+def feeds() -> Iterator[ComparisonRow]:
     """A groove all round has a closed form: pressure falls evenly to the ends, whatever the
     eccentricity.
 
@@ -36,15 +36,20 @@ def feeds() -> Iterator[Row]:
         film = film_of((0.0, -eps * C), (0.0, 0.0), speed_rad_s=0.0, feed=[ring], grid=(96, 40))
         flow = 4 * math.pi * R * C**3 * pressure / (12 * MU * (R - width) / 2) * (1 + 1.5 * eps**2)
         source = "groove all round, closed form"
-        yield Row(
+        yield ComparisonRow(
             f"fed all round, eps={eps}: flow in, L/min",
             6e4 * float(film.inflow_m3_s),
             6e4 * flow,
             source,
             1e-3,
         )
-        yield Row(f"fed all round, eps={eps}: flow out, L/min", 6e4 * float(film.side_flow_m3_s), 6e4 * flow, source,
-                  1e-3)  # fmt: skip
+        yield ComparisonRow(
+            f"fed all round, eps={eps}: flow out, L/min",
+            6e4 * float(film.side_flow_m3_s),
+            6e4 * flow,
+            source,
+            1e-3,
+        )
     e, v = states(12, 4)
     top = _GROOVE(angle_rad=math.pi / 2, pressure_Pa=pressure)
     once = film_of(e, v, feed=[top])
@@ -64,7 +69,7 @@ def feeds() -> Iterator[Row]:
     yield residual(case, apart(turned.force_N, once.force_N @ turn.T), "rotation", 1e-9)
 
 
-def fed_table() -> Iterator[Row]:
+def fed_table() -> Iterator[ComparisonRow]:
     """The tabulated film with a groove on top against the film itself on a fine grid."""
     law = FedTable.load(0.5, math.radians(20), 0.8).law(math.pi / 2)
     e, v = states(40, 5)
@@ -93,7 +98,7 @@ def fed_table() -> Iterator[Row]:
             f"{source} median of the relative error",
             1e-2,
         )
-        yield Row(
+        yield ComparisonRow(
             f"{case} side flow",
             float(flow.max()),
             0.0,
@@ -103,16 +108,21 @@ def fed_table() -> Iterator[Row]:
         )
 
 
-def warm_oil() -> Iterator[Row]:
+def warm_oil() -> Iterator[ComparisonRow]:
     """Friction carried off by the oil, and the rotor's temperature after 40 s."""
     rig = replace(load_rig("bench"), windage_W_s3=0.0)
     bearing, jacket = rig.bearing, rig.thermal.jacket_flow_m3_s
     balanced = replace(Build.nominal(rig), unbalance_kg_m=0.0)
     for rpm, load in ((12000, 30), (3000, 100)):
         warm = thermal_equilibrium(
-            oil=rig.oil, clearance_m=C, speed_rad_s=rpm * RAD_S_PER_RPM, load_N=load, jacket_flow_m3_s=jacket,
-            radius_m=bearing.radius_m, length_m=bearing.length_m,
-        )  # fmt: skip
+            oil=rig.oil,
+            clearance_m=C,
+            speed_rad_s=rpm * RAD_S_PER_RPM,
+            load_N=load,
+            jacket_flow_m3_s=jacket,
+            radius_m=bearing.radius_m,
+            length_m=bearing.length_m,
+        )
         flow = warm.equilibrium.side_flow_m3_s + jacket
         carried = (
             rig.oil.density_kg_m3
@@ -121,7 +131,7 @@ def warm_oil() -> Iterator[Row]:
             * (warm.oil_C - rig.oil.inlet_C)
         )
         case = f"{rpm} rpm, {load} N, 60 um:"
-        yield Row(
+        yield ComparisonRow(
             f"{case} friction power, W",
             warm.power_W,
             carried,
@@ -133,9 +143,9 @@ def warm_oil() -> Iterator[Row]:
             rig, duty, seconds=40.0, clearance=C, rate_hz=2000.0, dt_s=1e-4, build=balanced
         ).last(1.0)
         source = "integrated rotor, balanced, after 40 s"
-        yield Row(
+        yield ComparisonRow(
             f"{case} oil, degC", warm.oil_C, float(run.column("oil_C")[-1]), source, 0.01, True
         )
-        yield Row(
+        yield ComparisonRow(
             f"{case} power with warm oil, W", warm.power_W, float(run.power_W.mean()), source, 1e-3
         )

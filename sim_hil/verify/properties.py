@@ -15,7 +15,7 @@ from sim_hil.film.direct import DirectFilm, direct_force
 from sim_hil.film.records import Floats, Inlet, Rupture
 from sim_hil.film.table import FilmTable, table_force
 from sim_hil.verify.closed_forms import MU, OMEGA, C, R
-from sim_hil.verify.row import Row, residual
+from sim_hil.verify.row import ComparisonRow, residual
 
 _GRID = (96, 12)
 film_of = partial(
@@ -42,7 +42,7 @@ def apart(found: Floats, expected: Floats) -> float:
     return float(np.max(np.hypot(*(found - expected).T) / np.hypot(*expected.T)))
 
 
-def scaling() -> Iterator[Row]:
+def scaling() -> Iterator[ComparisonRow]:
     """What speed, viscosity, clearance, rotation and reflection do to the force."""
     e, v = states(12, 1)
     turn = np.array([[0.0, -1.0], [1.0, 0.0]])
@@ -83,7 +83,7 @@ def scaling() -> Iterator[Row]:
             yield residual(case, apart(found.force_N, expected), source, 1e-9)
 
 
-def fast_films() -> Iterator[Row]:
+def fast_films() -> Iterator[ComparisonRow]:
     """The films that the rotor runs on against the film they stand for, on a fine grid."""
     e, v = states(40, 3)
     table, direct = FilmTable.load(0.5).coefficients, DirectFilm.make()
@@ -107,7 +107,7 @@ def fast_films() -> Iterator[Row]:
         yield residual(case, apart(found, exact), f"film_force, {rupture}, fine grid", allowed)
 
 
-def whirl_and_dissipation() -> Iterator[Row]:
+def whirl_and_dissipation() -> Iterator[ComparisonRow]:
     """No force in pure whirl at half speed; the film never drives the effective squeeze, nor gives
     power."""
     e, v = states(40, 2)
@@ -124,7 +124,7 @@ def whirl_and_dissipation() -> Iterator[Row]:
     against = float(
         np.max(np.sum(film.force_N * (v - half), axis=1) / (np.hypot(*film.force_N.T) * C * OMEGA))
     )
-    yield Row(
+    yield ComparisonRow(
         "reynolds: F . v_s not above zero, 40 states",
         float(against <= 0),
         1.0,
@@ -133,7 +133,7 @@ def whirl_and_dissipation() -> Iterator[Row]:
         True,
     )
     power = film.friction_torque_N_m * OMEGA - np.sum(film.force_N * v, axis=1)
-    yield Row(
+    yield ComparisonRow(
         "reynolds: dissipated power above zero, 40 states",
         float(power.min() > 0),
         1.0,
@@ -143,7 +143,7 @@ def whirl_and_dissipation() -> Iterator[Row]:
     )
 
 
-def complementarity() -> Iterator[Row]:
+def complementarity() -> Iterator[ComparisonRow]:
     """Pressure and Reynolds residual of the ruptured film, by finite differences of our own on the
     returned field."""
     e = np.array([0.3, -0.6]) * C
@@ -165,7 +165,7 @@ def complementarity() -> Iterator[Row]:
     full = p[:, 1:-1] > 1e-9 * p.max()
     source = "Swift-Stieber: p >= 0, div q <= wedge, one of them equal"
     name = "reynolds, own finite differences:"
-    yield Row(f"{name} smallest pressure, Pa", float(p.min()), 0.0, source, 1e-9, True)
+    yield ComparisonRow(f"{name} smallest pressure, Pa", float(p.min()), 0.0, source, 1e-9, True)
     yield residual(
         f"{name} largest residual where p > 0", float(np.abs(excess[full]).max()), source, 5e-3
     )
@@ -184,13 +184,13 @@ def _thickness(e: Floats, theta: Floats) -> Floats:
     return np.asarray(C - e @ [np.cos(theta), np.sin(theta)])
 
 
-def flow_balance() -> Iterator[Row]:
+def flow_balance() -> Iterator[ComparisonRow]:
     """The mass-conserving film loses nothing, neither in all nor along the streamers."""
     e = np.array([0.2, -0.6]) * C
     groove = Feed("groove", math.pi / 2, math.radians(20), 0.8 * R, 1e5)
     film = film_of(e, (0.0, 0.0), rupture="jfo", feed=[groove], fields=True)
     source = "mass conservation (Jakobsson, Floberg, Olsson)"
-    yield Row(
+    yield ComparisonRow(
         "jfo: side flow, m3/s, against inflow",
         float(film.side_flow_m3_s),
         float(film.inflow_m3_s),
@@ -211,7 +211,7 @@ def flow_balance() -> Iterator[Row]:
     yield residual(case, float(change.max()), source, 1e-6)
 
 
-def grid_convergence() -> Iterator[Row]:
+def grid_convergence() -> Iterator[ComparisonRow]:
     """Loads on three grids, each twice as fine, and the default grid against their limit."""
 
     def load(rupture: Rupture, grid: tuple[int, int]) -> float:
@@ -224,9 +224,11 @@ def grid_convergence() -> Iterator[Row]:
         limit = loads[2] + (loads[2] - loads[1]) / 3
         order = math.log2(abs((loads[0] - loads[1]) / (loads[1] - loads[2])))
         default = load(rupture, DEFAULT_GRID)
-        yield Row(
+        yield ComparisonRow(
             f"{rupture}: load on the default grid, N", default, limit, "Richardson limit", 5e-3
         )
         # a rupture line that crosses the cells adds a first-order grain to the second order of the
         # scheme
-        yield Row(f"{rupture}: observed order of convergence", order, 2.0, "three grids", 1.0, True)
+        yield ComparisonRow(
+            f"{rupture}: observed order of convergence", order, 2.0, "three grids", 1.0, True
+        )

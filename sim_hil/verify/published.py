@@ -7,17 +7,22 @@ from collections.abc import Iterator
 
 from sim_hil.film import Equilibrium, Feed, equilibrium
 from sim_hil.verify.closed_forms import MU, OMEGA, C, R
-from sim_hil.verify.row import Row, reference
+from sim_hil.verify.row import ComparisonRow, reference
 
 
 def _state(eps: float, ratio: float) -> Equilibrium:
     return equilibrium(
-        eccentricity_ratio=eps, inlet="groove_hmax", radius_m=R, length_m=2 * R * ratio, clearance_m=C,
-        viscosity_Pa_s=MU, speed_rad_s=OMEGA,
-    )  # fmt: skip
+        eccentricity_ratio=eps,
+        inlet="groove_hmax",
+        radius_m=R,
+        length_m=2 * R * ratio,
+        clearance_m=C,
+        viscosity_Pa_s=MU,
+        speed_rad_s=OMEGA,
+    )
 
 
-def raimondi_boyd() -> Iterator[Row]:
+def raimondi_boyd() -> Iterator[ComparisonRow]:
     """Performance of the full bearing, L/D = 1, 1/2, 1/4; the digits of 1958 carry one to two
     percent."""
     table = reference("raimondi_boyd_1958.json")
@@ -31,29 +36,31 @@ def raimondi_boyd() -> Iterator[Row]:
             case = f"L/D={ratio} eps={eps}:"
             source = "Raimondi and Boyd 1958, digits recalled, not checked against print"
             angle = math.degrees(state.attitude_rad)
-            yield Row(f"{case} S", state.sommerfeld, sommerfeld, source, allowed["S"])
-            yield Row(
+            yield ComparisonRow(f"{case} S", state.sommerfeld, sommerfeld, source, allowed["S"])
+            yield ComparisonRow(
                 f"{case} attitude, deg", angle, attitude, source, allowed["attitude_deg"], True
             )
-            yield Row(
+            yield ComparisonRow(
                 f"{case} (R/c) f",
                 state.friction_variable,
                 friction,
                 source,
                 allowed["friction_var"],
             )
-            yield Row(f"{case} Q_s/(RcNL)", side_flow, flow * share, source, allowed["side_flow"])
-            yield Row(f"{case} P/p_max", mean, pressure, source, allowed["P_over_pmax"])
+            yield ComparisonRow(
+                f"{case} Q_s/(RcNL)", side_flow, flow * share, source, allowed["side_flow"]
+            )
+            yield ComparisonRow(f"{case} P/p_max", mean, pressure, source, allowed["P_over_pmax"])
 
 
-def raimondi_boyd_excerpt() -> Iterator[Row]:
+def raimondi_boyd_excerpt() -> Iterator[ComparisonRow]:
     """The columns of the L/D = 1 table that the stored excerpt shows."""
     table = reference("raimondi_boyd_LD1.json")
     for row in table["rows"]:
         state = _state(row["eps"], 1.0)
         case = f"L/D=1 eps={row['eps']} (excerpt):"
-        yield Row(f"{case} S", state.sommerfeld, row["S"], "raimondi_boyd_LD1.json", 2e-2)
-        yield Row(
+        yield ComparisonRow(f"{case} S", state.sommerfeld, row["S"], "raimondi_boyd_LD1.json", 2e-2)
+        yield ComparisonRow(
             f"{case} (R/c) f",
             state.friction_variable,
             row["friction_var"],
@@ -62,7 +69,7 @@ def raimondi_boyd_excerpt() -> Iterator[Row]:
         )
 
 
-def two_axial_grooves() -> Iterator[Row]:
+def two_axial_grooves() -> Iterator[ComparisonRow]:
     """Static and dynamic columns of the bearing with grooves at right angles to the load, L/D =
     1/2."""
     table = reference("two_axial_grooves_LD05.json")
@@ -71,14 +78,19 @@ def two_axial_grooves() -> Iterator[Row]:
         grooves = [Feed("groove", angle, width, R, 0.0) for angle in (0.0, math.pi)]
         for sommerfeld, eps, attitude, *coefficients in book["rows"]:
             state = equilibrium(
-                eccentricity_ratio=eps, feed=grooves, radius_m=R, length_m=R, clearance_m=C, viscosity_Pa_s=MU,
+                eccentricity_ratio=eps,
+                feed=grooves,
+                radius_m=R,
+                length_m=R,
+                clearance_m=C,
+                viscosity_Pa_s=MU,
                 speed_rad_s=OMEGA,
-            )  # fmt: skip
+            )
             case = f"{name} eps={eps}:"
             digit = allowed["S"] + allowed.get("S_digit", 0.0) / sommerfeld
-            yield Row(f"{case} S", state.sommerfeld, sommerfeld, source, digit)
+            yield ComparisonRow(f"{case} S", state.sommerfeld, sommerfeld, source, digit)
             angle = math.degrees(state.attitude_rad)
-            yield Row(
+            yield ComparisonRow(
                 f"{case} attitude, deg", angle, attitude, source, allowed["attitude_deg"], True
             )
             for letter, found, printed in zip(
@@ -88,4 +100,6 @@ def two_axial_grooves() -> Iterator[Row]:
                 for axes, value, expected in zip(
                     ("xx", "xy", "yx", "yy"), found.ravel(), printed, strict=True
                 ):
-                    yield Row(f"{case} {letter}{axes}", float(value), expected, source, share, True)
+                    yield ComparisonRow(
+                        f"{case} {letter}{axes}", float(value), expected, source, share, True
+                    )

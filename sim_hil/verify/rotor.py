@@ -22,7 +22,7 @@ from sim_hil.rotor.modes import Support, modes, state_matrix
 from sim_hil.rotor.parameters import TRUTH_COLUMNS, new_state
 from sim_hil.rotor.rigid import COLUMNS, advance_rotor
 from sim_hil.runs import run
-from sim_hil.verify.row import Row, residual
+from sim_hil.verify.row import ComparisonRow, residual
 
 _FACTS = "rig_bench.json"
 
@@ -32,7 +32,7 @@ def _bench() -> RigData:
     return load_rig("bench")
 
 
-def rigid_modes() -> Iterator[Row]:
+def rigid_modes() -> Iterator[ComparisonRow]:
     """A symmetric rotor: bouncing at sqrt(2k/m), tilting split by the gyroscopic moment, free
     precession."""
     m, j_d, j_p, k, reach = 6.0, 0.06, 0.004, 1e6, 0.25
@@ -45,7 +45,7 @@ def rigid_modes() -> Iterator[Row]:
         expected = (bounce, bounce, root - half, root + half)
         source = "rigid rotor on two equal springs, closed form"
         for i, value in enumerate(expected):
-            yield Row(
+            yield ComparisonRow(
                 f"mode {i + 1} at {omega:g} rad/s, rad/s",
                 float(found.frequency_rad_s[i]),
                 value,
@@ -55,7 +55,7 @@ def rigid_modes() -> Iterator[Row]:
         if omega:
             turning = float(np.sign(omega))
             name = f"sense of the lower and upper tilting mode at {omega:g} rad/s"
-            yield Row(
+            yield ComparisonRow(
                 f"{name}: lower",
                 float(found.forward[2]),
                 -turning,
@@ -63,7 +63,7 @@ def rigid_modes() -> Iterator[Row]:
                 0,
                 True,
             )
-            yield Row(
+            yield ComparisonRow(
                 f"{name}: upper",
                 float(found.forward[3]),
                 turning,
@@ -73,7 +73,7 @@ def rigid_modes() -> Iterator[Row]:
             )
     free = modes(m, j_d, j_p, [Support(0.0, k)], 600.0).frequency_rad_s
     precession = float(free[free > 1e-3].min())
-    yield Row(
+    yield ComparisonRow(
         "free precession J_p omega / J_d, rad/s",
         precession,
         j_p * 600.0 / j_d,
@@ -82,7 +82,7 @@ def rigid_modes() -> Iterator[Row]:
     )
 
 
-def linear_rotor() -> Iterator[Row]:
+def linear_rotor() -> Iterator[ComparisonRow]:
     """The integrated rotor on springs against the matrix exponential of its own equation,
     gyroscopics included."""
     rig = _bench()
@@ -100,8 +100,20 @@ def linear_rotor() -> Iterator[Row]:
         n, period = 80, 5e-5
         drive = np.tile([omega, load], (n + 1, 1))
         rows = np.empty((n, len(COLUMNS)))
-        advance_rotor(plant.shaft, plant.film, plant.act, law, w, state.scalar, drive,
-                      np.tile([60e-6, 1e5], (n, 1)), period, steps, 1, rows)  # fmt: skip
+        advance_rotor(
+            plant.shaft,
+            plant.film,
+            plant.act,
+            law,
+            w,
+            state.scalar,
+            drive,
+            np.tile([60e-6, 1e5], (n, 1)),
+            period,
+            steps,
+            1,
+            rows,
+        )
         exact = (
             expm(state_matrix(s.mass, s.diametral, s.polar, supports, omega) * n * period) @ start
         )
@@ -109,11 +121,15 @@ def linear_rotor() -> Iterator[Row]:
         allowed = (
             8e-3 / steps**2
         )  # second order: the stiffest mode (3600 rad/s) turns 0.18 rad in 50 us
-        yield residual(f"free motion at {omega:g} rad/s, step {50 / steps:g} us", apart,
-                       "matrix exponential of equation (2) after 4 ms, share of the start", allowed)  # fmt: skip
+        yield residual(
+            f"free motion at {omega:g} rad/s, step {50 / steps:g} us",
+            apart,
+            "matrix exponential of equation (2) after 4 ms, share of the start",
+            allowed,
+        )
 
 
-def step_halving() -> Iterator[Row]:
+def step_halving() -> Iterator[ComparisonRow]:
     """The orbit at dt and dt/2 where the film is stiffest, and at the fastest points."""
     stiff = (1500, 300, 40e-6)
     for point in (stiff, (3000, 100, 60e-6), (10000, 100, 60e-6), (12000, 30, 60e-6)):
@@ -124,17 +140,19 @@ def step_halving() -> Iterator[Row]:
         *(_steady(*stiff, dt, force="direct") for dt in (50e-6, 25e-6)),
     )
     whole, finer = (_whole_machine(*stiff, dt) for dt in (40e-6, 20e-6))
-    yield Row(f"{_case(*stiff)} whole machine, p-p, um", whole, finer, "40 us beside 20 us", 5e-3)
+    yield ComparisonRow(
+        f"{_case(*stiff)} whole machine, p-p, um", whole, finer, "40 us beside 20 us", 5e-3
+    )
 
 
 def _case(rpm: float, load: float, clearance: float) -> str:
     return f"{rpm:g} rpm, {load:g} N, {clearance * 1e6:.0f} um:"
 
 
-def _halved(case: str, coarse: Trajectory, fine: Trajectory) -> Iterator[Row]:
+def _halved(case: str, coarse: Trajectory, fine: Trajectory) -> Iterator[ComparisonRow]:
     orbit = fine.peak_to_peak_m()
     apart = float(np.hypot(*(coarse.position_m - fine.position_m).T).max()) / (orbit / 2)
-    yield Row(
+    yield ComparisonRow(
         f"{case} p-p, um", 1e6 * coarse.peak_to_peak_m(), 1e6 * orbit, "50 us beside 25 us", 5e-3
     )
     yield residual(
@@ -143,7 +161,7 @@ def _halved(case: str, coarse: Trajectory, fine: Trajectory) -> Iterator[Row]:
         "largest distance of the orbits at 50 us and 25 us",
         5e-3,
     )
-    yield Row(
+    yield ComparisonRow(
         f"{case} power, W",
         float(coarse.power_W.mean()),
         float(fine.power_W.mean()),
@@ -182,24 +200,26 @@ def _steady(
     ).last(0.5)
 
 
-def whirl_onset() -> Iterator[Row]:
+def whirl_onset() -> Iterator[ComparisonRow]:
     """The linear threshold against the integrated rotor, and what the rig's file says of whirl."""
     for clearance in (60e-6, 80e-6):
         linear = brentq(lambda rpm, c=clearance: _linear_growth(rpm, c), 9000.0, 15000.0, xtol=1.0)
         below, above = (_growth(share * linear, clearance) for share in (0.97, 1.03))
         integrated = linear * (0.97 + 0.06 * below / (below - above))
         case = f"30 N, {clearance * 1e6:.0f} um, balanced: whirl from, rpm"
-        yield Row(case, integrated, linear, "eigenvalues of rotor, coupling and film's K, C", 1e-2)
+        yield ComparisonRow(
+            case, integrated, linear, "eigenvalues of rotor, coupling and film's K, C", 1e-2
+        )
     source = f"{_FACTS}: half-order whirl sets in between 60 and 70 um"
     for clearance, sets_in in ((60e-6, 0.0), (70e-6, 1.0)):
         whirls = float(_steady(12000, 30, clearance).peak_to_peak_m() > 0.5 * clearance)
-        yield Row(
+        yield ComparisonRow(
             f"12000 rpm, 30 N, {clearance * 1e6:.0f} um: whirl", whirls, sets_in, source, 0, True
         )
     orbits = [_steady(12000, 30, 70e-6, unbalance=factor).peak_to_peak_m() for factor in (1.0, 4.0)]
     source = f"{_FACTS}: more unbalance quenches it"
     case = "12000 rpm, 30 N, 70 um: 4 x unbalance, smaller orbit"
-    yield Row(case, float(orbits[1] < orbits[0]), 1.0, source, 0, True)
+    yield ComparisonRow(case, float(orbits[1] < orbits[0]), 1.0, source, 0, True)
 
 
 def _linear_growth(rpm: float, clearance: float) -> float:

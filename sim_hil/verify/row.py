@@ -9,7 +9,7 @@ from typing import Any
 
 
 @dataclass(frozen=True)
-class Row:
+class ComparisonRow:
     """A quantity here and in the reference.
 
     `difference` and `tolerance` are relative, or in the unit of the quantity where `absolute`; a
@@ -35,9 +35,9 @@ class Row:
         return None if self.tolerance is None else abs(self.difference) <= self.tolerance
 
 
-def residual(quantity: str, value: float, source: str, tolerance: float) -> Row:
+def residual(quantity: str, value: float, source: str, tolerance: float) -> ComparisonRow:
     """A quantity that should be zero."""
-    return Row(quantity, value, 0.0, source, tolerance, absolute=True)
+    return ComparisonRow(quantity, value, 0.0, source, tolerance, absolute=True)
 
 
 def reference(name: str) -> dict[str, Any]:

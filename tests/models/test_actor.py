@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from firmware_py.guard.shield import Ramp
-from models.control.episodes import Board, Fixed, Score, play, play_all
+from models.control.episodes import Board, FixedSetting, Score, play, play_all
 from models.control.judge import Bench
 from models.control.predictive import ModelPredictive
 from models.control.rivals import AdaptivePI, EccentricityPI, Fed, Lookup
 from models.control.shielded import (
     ANNOUNCED_S,
-    Keeper,
+    ShieldAdapter,
     ShieldedRotor,
     ShieldedRotors,
     column,
@@ -56,7 +56,8 @@ def test_one_rotor_of_many_meets_the_same_shield_as_one_alone() -> None:
     environment = ShieldedRotors(RotorVectorEnv(3, episode_s=2.0))
     observation, _ = environment.reset(seed=5)
     keepers = [
-        Keeper(shipped_config("bench"), episode.duty) for episode in environment.rotors.episodes
+        ShieldAdapter(shipped_config("bench"), episode.duty)
+        for episode in environment.rotors.episodes
     ]
     wish = actions_of(load_rig("bench"), np.full((3, 1), 160e-6))
     for step in range(4):
@@ -106,7 +107,7 @@ def test_the_widest_wish_breaks_no_limit_behind_the_shield_of_a_fed_bearing(
     board, seeds, policy = (
         Board("bench", 6.0, pressure=True),
         (7100001, 7100035, 7100045),
-        Fixed(160e-6, pressure_Pa),
+        FixedSetting(160e-6, pressure_Pa),
     )
     alone, behind = (
         play(board, seeds, policy, shielded=shielded).violation_s for shielded in (False, True)
@@ -120,9 +121,14 @@ def test_an_announced_ramp_narrows_before_it_starts_and_is_over_after_its_end() 
     duty = Duty(
         (0.0, 10.0, 11.0, 20.0), (6000.0, 6000.0, 12000.0, 12000.0), (100.0, 100.0, 30.0, 30.0)
     )
-    keeper = Keeper(config, duty)
-    observation = seen(speed_rad_s=6000 * RAD_S_PER_RPM, clearance_m=80e-6, oil_outlet_C=41.0,
-                       eccentricity_x_m=30e-6, eccentricity_y_m=-28e-6)[0]  # fmt: skip
+    keeper = ShieldAdapter(config, duty)
+    observation = seen(
+        speed_rad_s=6000 * RAD_S_PER_RPM,
+        clearance_m=80e-6,
+        oil_outlet_C=41.0,
+        eccentricity_x_m=30e-6,
+        eccentricity_y_m=-28e-6,
+    )[0]
     free = keeper.interval(observation, 10.0 - ANNOUNCED_S - 0.1)
     ready = keeper.interval(observation, 9.9)
     assert free is not None
@@ -133,11 +139,13 @@ def test_an_announced_ramp_narrows_before_it_starts_and_is_over_after_its_end() 
 
 def test_same_episodes_give_the_same_score_and_the_shield_tells_where_it_intervened() -> None:
     board = Board("bench", 1.0)
-    first, second = (play(board, range(3, 6), Fixed(160e-6), shielded=True) for _ in range(2))
+    first, second = (
+        play(board, range(3, 6), FixedSetting(160e-6), shielded=True) for _ in range(2)
+    )
     assert msgspec.to_builtins(first.power_W.tolist()) == second.power_W.tolist()
     assert first.power_W.shape == (3,)
     assert first.intervened.max() > 0
-    assert (play(board, range(3, 6), Fixed(50e-6), shielded=False).intervened == 0).all()
+    assert (play(board, range(3, 6), FixedSetting(50e-6), shielded=False).intervened == 0).all()
 
 
 def test_a_score_sums_time_in_violation_and_keeps_the_worst() -> None:
@@ -154,7 +162,7 @@ def test_a_score_sums_time_in_violation_and_keeps_the_worst() -> None:
 
 def test_episodes_come_back_in_their_order_policy_by_policy() -> None:
     board, seeds = Board("bench", 0.3), range(40, 53)
-    played = [(Fixed(50e-6), True), (Fixed(70e-6), False)]
+    played = [(FixedSetting(50e-6), True), (FixedSetting(70e-6), False)]
     scores = play_all(board, seeds, played, 1, lambda done: None)
     for (policy, shielded), score in zip(played, scores, strict=True):
         alone = play(board, seeds[11:12], policy, shielded=shielded)
@@ -164,7 +172,9 @@ def test_episodes_come_back_in_their_order_policy_by_policy() -> None:
 
 def test_with_the_pressure_its_pump_counts_and_the_shield_still_keeps_the_clearance() -> None:
     board = Board("bench", 0.5, pressure=True)
-    low, high = (play(board, [3], Fed(Fixed(160e-6), p), shielded=True) for p in (0.5e5, 3e5))
+    low, high = (
+        play(board, [3], Fed(FixedSetting(160e-6), p), shielded=True) for p in (0.5e5, 3e5)
+    )
     assert low.power_W[0] < high.power_W[0]
     assert low.intervened[0] == 1.0
     assert board.reach.shape == (2, 2)
@@ -173,7 +183,8 @@ def test_with_the_pressure_its_pump_counts_and_the_shield_still_keeps_the_cleara
 def test_direct_reynolds_confirms_the_table() -> None:
     board = Board("bench", 0.3)
     table, direct = (
-        play(b, [3], Fixed(60e-6), shielded=False) for b in (board, replace(board, direct=True))
+        play(b, [3], FixedSetting(60e-6), shielded=False)
+        for b in (board, replace(board, direct=True))
     )
     assert table.power_W[0] != direct.power_W[0]
     assert table.power_W[0] == pytest.approx(direct.power_W[0], rel=2e-3)
@@ -188,9 +199,15 @@ def test_rejected_episodes_are_told_beyond_the_least_violation() -> None:
 
     counted = np.array([True, False])
     bench = Bench(
-        Board("bench", 20.0), [1, 2], counted, {"causal": np.array([40.0])}, Fixed(60e-6),
-        Score(*(np.full(1, v) for v in (60.0, 0.0, 2e-5, 0.1, 0.0, 0.0))), np.array([0.0, 1.0]), np.array([0.0, 0.1]),
-    )  # fmt: skip
+        Board("bench", 20.0),
+        [1, 2],
+        counted,
+        {"causal": np.array([40.0])},
+        FixedSetting(60e-6),
+        Score(*(np.full(1, v) for v in (60.0, 0.0, 2e-5, 0.1, 0.0, 0.0))),
+        np.array([0.0, 1.0]),
+        np.array([0.0, 0.1]),
+    )
     figures = bench.figures(score(0.0, 3.0))
     assert figures["violation_s"] == 0.0
     assert figures["rejected_violation_s_beyond"] == pytest.approx(2.0)
@@ -268,10 +285,10 @@ def test_one_file_answers_like_the_module_inside_the_rigs_range(tmp_path, pressu
     from models import export
     from models.control.policies import (
         OUTPUTS,
+        BoundedSettings,
         Columns,
         OfFile,
         OfModule,
-        Settings,
         random_observations,
         scale,
     )
@@ -282,7 +299,7 @@ def test_one_file_answers_like_the_module_inside_the_rigs_range(tmp_path, pressu
     outputs = OUTPUTS[: reach.shape[1]]
     actor = Actor(scale(), len(outputs), (32, 32))
     torch.nn.init.normal_(actor.net[-1].weight, std=0.5)
-    module = Settings(actor, reach)
+    module = BoundedSettings(actor, reach)
     metadata = export.Metadata("actor", "0", tuple(OBSERVATIONS), outputs, {}, (), "", {}, ())
     path, columns = tmp_path / "actor.onnx", Columns(module, len(outputs))
     export.export(

@@ -10,16 +10,22 @@ from models.diagnosis import recordings
 from models.diagnosis.alarms import Rule, detection, false_alarms, hear, held, onsets
 from models.diagnosis.data_cache import load, make_recordings
 from models.diagnosis.dataset import Dataset, DatasetError, join, pooled
-from models.diagnosis.recordings import Plan, record_build, training_cases
-from models.diagnosis.windowed import Look, usable_windows, views_of
+from models.diagnosis.recordings import RecordingPlan, record_build, training_cases
+from models.diagnosis.windowed import WindowSampling, usable_windows, views_of
 
-PLAN = Plan("bench", 5, 5000, 1.1, training_cases)
+PLAN = RecordingPlan("bench", 5, 5000, 1.1, training_cases)
 
 
 def rows(n, seed=0, kind=0, **columns):
     rng = np.random.default_rng(seed)
-    found = {"kind": np.full(n, kind), "severity": np.full(n, 100.0), "group": np.zeros(n, int),
-             "recording": np.zeros(n, int), "loop": np.zeros(n, int), "duty": np.zeros(n, int)}  # fmt: skip
+    found = {
+        "kind": np.full(n, kind),
+        "severity": np.full(n, 100.0),
+        "group": np.zeros(n, int),
+        "recording": np.zeros(n, int),
+        "loop": np.zeros(n, int),
+        "duty": np.zeros(n, int),
+    }
     return Dataset(rng.normal(size=(n, len(FEATURE_NAMES))), **(found | columns))
 
 
@@ -36,14 +42,14 @@ def test_recordings_follow_from_plan_and_build_and_are_kept(tmp_path):
 
 
 def test_views_hold_every_recording_and_are_read_back(tmp_path):
-    look = Look(raw_builds=1)
+    look = WindowSampling(raw_builds=1)
     made, read = views_of(tmp_path, PLAN, 1, 1, look), views_of(tmp_path, PLAN, 1, 1, look)
     np.testing.assert_array_equal(made.orders.features, read.orders.features)
     assert made.orders.features.shape[1] == len(FEATURE_NAMES)
     assert len(made.raw) == len(made.waves) == 6
     assert made.raw.features.shape[1] == 800 * 8
     assert np.isfinite(made.waves.features).all()
-    decided = views_of(tmp_path, PLAN, 1, 1, Look(windows=2))
+    decided = views_of(tmp_path, PLAN, 1, 1, WindowSampling(windows=2))
     assert len(decided.raw) == len(decided.waves) == 0
     np.testing.assert_array_equal(decided.orders.features, pooled(made.orders, 2).features)
 
@@ -99,8 +105,17 @@ def test_features_do_not_depend_on_the_rate():
         status = np.column_stack(
             [taken.status[:, 0] * 1e6, taken.status[:, 3], taken.status[:, 1:3]]
         )
-        raw = recordings.Raw(taken.counts, round(taken.time_s[0] * 1e6), np.round(taken.mark_s * 1e6).astype(np.int64),
-                             status, rate, 0, 100.0, 0, 0)  # fmt: skip
+        raw = recordings.Raw(
+            taken.counts,
+            round(taken.time_s[0] * 1e6),
+            np.round(taken.mark_s * 1e6).astype(np.int64),
+            status,
+            rate,
+            0,
+            100.0,
+            0,
+            0,
+        )
         found.append(features(usable_windows(raw)[-1]))
     change = dict(zip(FEATURE_NAMES, np.abs(found[1] - found[0]), strict=True))
     for name in (
@@ -123,7 +138,7 @@ def builds(n, seed, **columns):
 
 
 def graph(seed=0):
-    from models.diagnosis.graph import Diagnosis
+    from models.diagnosis.graph import DiagnosisGraph
     from models.diagnosis.novelty import fit_novelty, fleet
     from models.learning.network import Mlp
 
@@ -134,10 +149,15 @@ def graph(seed=0):
         builds(40, 2),
     )
     residual, parts = fit_novelty(train, inner, 0.9)
-    return Diagnosis(
-        rng.normal(size=n), rng.uniform(0.1, 2.0, n), net.layers(net.initial(rng)), np.full(4, 1.3), residual, parts,
+    return DiagnosisGraph(
+        rng.normal(size=n),
+        rng.uniform(0.1, 2.0, n),
+        net.layers(net.initial(rng)),
+        np.full(4, 1.3),
+        residual,
+        parts,
         fleet(parts, residual(inner.features), 0.9),
-    )  # fmt: skip
+    )
 
 
 def test_the_operating_point_is_taken_out_of_the_features():
@@ -364,8 +384,14 @@ def test_detection_delay_counts_from_the_first_faulty_window():
     assert detection(heard, Rule(1.0, np.full(5, 1e9)))["unbalance"]["confirmed_median_s"] is None
 
 
-@pytest.mark.parametrize("case", [recordings.Case(0, 100.0, {}), recordings.Case(4, 40.0, {"unbalance": 40.0}),
-                                  recordings.Case(-1, 3, {"wear": 1.0})])  # fmt: skip
+@pytest.mark.parametrize(
+    "case",
+    [
+        recordings.RecordingCase(0, 100.0, {}),
+        recordings.RecordingCase(4, 40.0, {"unbalance": 40.0}),
+        recordings.RecordingCase(-1, 3, {"wear": 1.0}),
+    ],
+)
 def test_the_judged_words_are_the_device_s(case):
     """One recording through the device's own diagnoser, and as the judge hears it."""
     from firmware_py.brain.diagnosis import Diagnoser
@@ -375,7 +401,7 @@ def test_the_judged_words_are_the_device_s(case):
     from models.diagnosis.dataset import CLASSES
     from models.diagnosis.judge import of_file, rule_of
 
-    raw = record_build(Plan("bench", 3, 5000, 4.0, lambda rng: [case]), 0)[0]
+    raw = record_build(RecordingPlan("bench", 3, 5000, 4.0, lambda rng: [case]), 0)[0]
     windows = [replace(w, end_ns=w.end_tick_us * 1000) for w in usable_windows(raw)]
     path = ARTIFACTS / "classifier.onnx"
     session = Session(path.name, path.read_bytes())
@@ -426,7 +452,9 @@ def test_whirl_of_features_is_that_of_the_orders():
     from firmware_py.brain.diagnosis import is_whirl
     from models.diagnosis.alarms import whirls
 
-    plan = Plan("bench", 11, 5000, 1.6, lambda rng: [recordings.Case(0, 100.0, {})] * 4)
+    plan = RecordingPlan(
+        "bench", 11, 5000, 1.6, lambda rng: [recordings.RecordingCase(0, 100.0, {})] * 4
+    )
     windows = [
         w for build in range(4) for raw in record_build(plan, build) for w in usable_windows(raw)
     ]

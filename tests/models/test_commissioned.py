@@ -14,7 +14,7 @@ from models.control.commissioned import (
     Commissioned,
     apparent_mass_kg,
 )
-from models.control.episodes import Board, Fixed, play
+from models.control.episodes import Board, FixedSetting, play
 from models.control.shielded import column, shipped_config
 from sim_hil.build import Build
 from sim_hil.control_task import OBSERVATIONS, Disturbances, Episode
@@ -104,17 +104,23 @@ def test_a_stiff_coupling_and_no_gyroscopic_moment_leave_the_effective_mass_of_t
 
 def test_no_film_at_rest_whirls_at_a_higher_order_than_the_apparent_mass_counts_on() -> None:
     orders = [
-        equilibrium(eccentricity_ratio=e, radius_m=RIG.bearing.radius_m, length_m=RIG.bearing.length_m,
-                    clearance_m=60e-6, viscosity_Pa_s=0.01, speed_rad_s=600.0).whirl_ratio
+        equilibrium(
+            eccentricity_ratio=e,
+            radius_m=RIG.bearing.radius_m,
+            length_m=RIG.bearing.length_m,
+            clearance_m=60e-6,
+            viscosity_Pa_s=0.01,
+            speed_rad_s=600.0,
+        ).whirl_ratio
         for e in np.linspace(0.02, 0.7, 18)
-    ]  # fmt: skip
+    ]
     assert 0.51 < max(orders) < WHIRL_ORDER_MAX
 
 
 def test_commissioning_saves_power_behind_the_shield_and_breaks_no_limit() -> None:
     seeds = range(7100000, 7100006)
     drawn, known = (
-        play(Board("bench", 10.0, commissioned=c), seeds, Fixed(160e-6), shielded=True)
+        play(Board("bench", 10.0, commissioned=c), seeds, FixedSetting(160e-6), shielded=True)
         for c in (False, True)
     )
     assert known.power_W.mean() < drawn.power_W.mean() - 0.2

@@ -37,9 +37,14 @@ def rows(monkeypatch):
     )
     group = np.repeat(np.arange(builds), n)
     found = Dataset(
-        x.reshape(-1, len(FEATURE_NAMES)).astype(np.float32), np.tile([case.kind for case in cases], builds),
-        np.tile([float(case.severity) for case in cases], builds), group, 100 * group + np.tile(np.arange(n), builds),
-        np.zeros(builds * n, int), np.zeros(builds * n, int))  # fmt: skip
+        x.reshape(-1, len(FEATURE_NAMES)).astype(np.float32),
+        np.tile([case.kind for case in cases], builds),
+        np.tile([float(case.severity) for case in cases], builds),
+        group,
+        100 * group + np.tile(np.arange(n), builds),
+        np.zeros(builds * n, int),
+        np.zeros(builds * n, int),
+    )
     monkeypatch.setattr(commissioning, "views_of", lambda *_: SimpleNamespace(orders=found))
     return found
 

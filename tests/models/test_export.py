@@ -8,9 +8,22 @@ import pytest
 from models import ARTIFACTS
 
 FIELDS = {
-    "kind", "version", "status", "channels", "units", "rate_hz", "window", "inputs", "outputs", "domain", "rigs",
-    "physics_version", "data_hash", "commit", "metrics",
-}  # fmt: skip
+    "kind",
+    "version",
+    "status",
+    "channels",
+    "units",
+    "rate_hz",
+    "window",
+    "inputs",
+    "outputs",
+    "domain",
+    "rigs",
+    "physics_version",
+    "data_hash",
+    "commit",
+    "metrics",
+}
 
 
 def test_manifest_names_every_shipped_model_with_its_hash():
@@ -50,7 +63,11 @@ def test_metadata_of_another_width_is_refused(tmp_path):
     metadata = export.Metadata("actor", "0", ("a", "b"), ("y",), {}, (), "", {}, ())
     with pytest.raises(export.ExportError, match="names 2 inputs, the graph takes 3"):
         export.export(
-            torch.nn.Linear(3, 1), torch.zeros(1, 3), tmp_path / "m.onnx", input_name="x", output_names=("y",),
+            torch.nn.Linear(3, 1),
+            torch.zeros(1, 3),
+            tmp_path / "m.onnx",
+            input_name="x",
+            output_names=("y",),
             metadata=metadata,
-        )  # fmt: skip
+        )
     assert not list(tmp_path.iterdir())

@@ -9,7 +9,7 @@ import pytest
 
 from models.diagnosis import measured, measured_normal
 from models.diagnosis.dataset import DatasetError
-from models.diagnosis.dataset_folder import Measured, read_folder
+from models.diagnosis.dataset_folder import MeasuredRecording, read_folder
 from models.diagnosis.measured_features import VIEWS, windows_of
 from models.diagnosis.public_recordings import write
 
@@ -30,7 +30,9 @@ def recordings(shift=40.0, groups=4, n=800, labels=("a", "b")):
             )
             samples = (1 + group) * (tone + 0.3 * rng.normal(size=(n, 2)))
             found.append(
-                Measured(f"{group}{label}", samples, 200.0, ("x", "y"), label, f"{group} m/s")
+                MeasuredRecording(
+                    f"{group}{label}", samples, 200.0, ("x", "y"), label, f"{group} m/s"
+                )
             )
     return found
 

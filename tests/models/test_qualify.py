@@ -10,7 +10,7 @@ import torch
 
 from models import PHYSICS_VERSION, checkpoint, export
 from models.qualify import Bar, Bars, Better, QualifyError, figure, load_bars, metadata, qualify
-from models.runs import Run, Settings, SettingsError
+from models.runs import SettingsError, TrainerSettings, TrainingRun
 
 BARS = Bars(
     seed=7,
@@ -183,7 +183,7 @@ def test_bars_name_every_kind_and_a_limit_each():
     )
 
 
-class Some(Settings, frozen=True):
+class Some(TrainerSettings, frozen=True):
     points: int = 3
 
 
@@ -202,15 +202,17 @@ def test_kept_work_is_done_once_and_draws_on(tmp_path):
             )
         return np.concatenate(parts)
 
-    whole = train(Run(tmp_path / "one", "some", 5, Some(), smoke=False))
+    whole = train(TrainingRun(tmp_path / "one", "some", 5, Some(), smoke=False))
     done.clear()
     with pytest.raises(KeyboardInterrupt):
-        train(Run(tmp_path / "two", "some", 5, Some(), smoke=False), stop_after="c")
+        train(TrainingRun(tmp_path / "two", "some", 5, Some(), smoke=False), stop_after="c")
     assert np.array_equal(
-        train(Run(tmp_path / "two", "some", 5, Some(), smoke=False, resume=True)), whole
+        train(TrainingRun(tmp_path / "two", "some", 5, Some(), smoke=False, resume=True)), whole
     )
     assert done == ["a", "b", "c"]
-    assert np.array_equal(train(Run(tmp_path / "two", "some", 5, Some(), smoke=False)), whole)
+    assert np.array_equal(
+        train(TrainingRun(tmp_path / "two", "some", 5, Some(), smoke=False)), whole
+    )
     assert done == ["a", "b", "c"] * 2  # without --resume everything is done again
 
 
@@ -227,28 +229,30 @@ def test_a_checkpoint_of_other_code_is_named_and_left_alone(tmp_path, monkeypatc
 
 
 def test_a_damaged_checkpoint_is_named_and_left_alone(tmp_path):
-    run = Run(tmp_path, "some", 0, Some(), smoke=False)
+    run = TrainingRun(tmp_path, "some", 0, Some(), smoke=False)
     run.kept("films", lambda: [1, 2, 3])
     path = run.folder / "checkpoints" / "films.ckpt"
     damaged = path.read_bytes()[:-1]
     path.write_bytes(damaged)
     with pytest.raises(checkpoint.CheckpointError, match=r"films\.ckpt.*damaged.*--resume"):
-        Run(tmp_path, "some", 0, Some(), smoke=False, resume=True).kept("films", lambda: [1, 2, 3])
+        TrainingRun(tmp_path, "some", 0, Some(), smoke=False, resume=True).kept(
+            "films", lambda: [1, 2, 3]
+        )
     assert path.read_bytes() == damaged
 
 
 def test_resuming_wants_the_same_settings(tmp_path):
     with pytest.raises(SettingsError, match="nothing to resume"):
-        Run(tmp_path, "some", 0, Some(), smoke=False, resume=True)
-    Run(tmp_path, "some", 0, Some(), smoke=False)
+        TrainingRun(tmp_path, "some", 0, Some(), smoke=False, resume=True)
+    TrainingRun(tmp_path, "some", 0, Some(), smoke=False)
     with pytest.raises(SettingsError, match="other settings"):
-        Run(tmp_path, "some", 0, Some(points=4), smoke=False, resume=True)
+        TrainingRun(tmp_path, "some", 0, Some(points=4), smoke=False, resume=True)
 
 
 def test_metrics_go_to_csv_and_tensorboard(tmp_path):
     from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
-    run = Run(tmp_path, "some", 0, Some(), smoke=False, config=tmp_path / "mine.toml")
+    run = TrainingRun(tmp_path, "some", 0, Some(), smoke=False, config=tmp_path / "mine.toml")
     run.log({"step": 10, "return": 1.5, "why": "patience"})
     run.log({"step": 20, "return": 2.5, "why": "patience"})
     run.close()

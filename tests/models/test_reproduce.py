@@ -17,11 +17,11 @@ from models.reproduce.claims import (
     TRANSIENTS,
     TWO_CLASSES,
 )
-from models.reproduce.report import Row, Series, write
+from models.reproduce.report import ClaimRow, Series, write
 
 
 def test_the_report_holds_its_figures_and_escapes_its_text(tmp_path):
-    row = Row("some", "a < b", "1", "2", "careful", "orbitd evaluate surrogate")
+    row = ClaimRow("some", "a < b", "1", "2", "careful", "orbitd evaluate surrogate")
     page = write(
         tmp_path,
         [Series("Some", [row], {"x": 1.5}, [(Figure(), "empty")])],
@@ -35,8 +35,13 @@ def test_the_report_holds_its_figures_and_escapes_its_text(tmp_path):
     table = json.loads((tmp_path / "report.json").read_text())
     assert table["claims"][0]["claim"] == "a < b"
     assert table["claims"][0]["command"] == "orbitd reproduce; orbitd evaluate surrogate"
-    assert {"model": "surrogate", "figure": "unseen_films.points_driven", "reached": "0", "bar": "most 0",
-            "holds": "yes"} in table["shipped"]  # fmt: skip
+    assert {
+        "model": "surrogate",
+        "figure": "unseen_films.points_driven",
+        "reached": "0",
+        "bar": "most 0",
+        "holds": "yes",
+    } in table["shipped"]
     assert table["measured"] == {"Some": {"x": 1.5}}
     assert len(table["misprints"]) == len(MISPRINTS)
     assert table["open"] == list(OPEN)

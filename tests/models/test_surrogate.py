@@ -106,9 +106,16 @@ def test_one_file_answers_like_the_module_and_is_always_finite(module, tmp_path)
     from models.film.states import STATE
 
     metadata = export.Metadata(
-        kind="surrogate", version="0", inputs=STATE, outputs=("force", "friction_torque", "side_flow", "inside"),
-        domain={}, rigs=(), data_hash="", metrics={}, units=(),
-    )  # fmt: skip
+        kind="surrogate",
+        version="0",
+        inputs=STATE,
+        outputs=("force", "friction_torque", "side_flow", "inside"),
+        domain={},
+        rigs=(),
+        data_hash="",
+        metrics={},
+        units=(),
+    )
     path = tmp_path / "surrogate.onnx"
     example = torch.from_numpy(states(2))
     export.export(
@@ -129,8 +136,10 @@ def test_judged_states_scale_back_to_the_two_numbers():
     judged = solve_states(state[:2], (48, 8))
     np.testing.assert_allclose(np.hypot(*judged.ab.T), np.hypot(*state[:2, :2].T) / state[:2, 5])
     turned = squeeze_velocity(state[:2])
-    np.testing.assert_allclose(judged.ab[:, 0], np.sum(state[:2, :2] * turned, axis=1) / (
-        state[:2, 5] * np.hypot(*turned.T)))  # fmt: skip
+    np.testing.assert_allclose(
+        judged.ab[:, 0],
+        np.sum(state[:2, :2] * turned, axis=1) / (state[:2, 5] * np.hypot(*turned.T)),
+    )
 
 
 def test_shipped_surrogate_passes_every_bar():

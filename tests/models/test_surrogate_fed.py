@@ -122,10 +122,10 @@ def test_drawn_points_fill_one_side_of_the_groove():
 @pytest.mark.slow
 def test_smoke_training_makes_a_whole_run(tmp_path):
     from models.film.surrogate_fed import SETTINGS, train
-    from models.runs import Run
+    from models.runs import TrainingRun
 
     settings = SETTINGS().smoked()
-    run = Run(tmp_path, "surrogate_fed", 0, settings, smoke=True)
+    run = TrainingRun(tmp_path, "surrogate_fed", 0, settings, smoke=True)
     report = train(run, settings)
     assert report["export_parity"] <= 1e-6
     assert {p.name for p in run.folder.iterdir()} >= {

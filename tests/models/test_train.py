@@ -6,10 +6,10 @@ import sys
 
 import pytest
 
-from models.runs import Settings, SettingsError, load_settings
+from models.runs import SettingsError, TrainerSettings, load_settings
 
 
-class Some(Settings, frozen=True):
+class Some(TrainerSettings, frozen=True):
     points: int = 3
 
 
@@ -57,18 +57,26 @@ def test_smoke_training_makes_a_whole_run_and_repeats_itself(kind, tmp_path):
     code = "import sys; from models.train import main; sys.exit(main(sys.argv[1:]))"
     outs = [tmp_path / "first", tmp_path / "second"]
     started = [
-        subprocess.Popen([sys.executable, "-c", code, kind, "--smoke", "--seed", "3", "--out", str(out)],
-                         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        subprocess.Popen(
+            [sys.executable, "-c", code, kind, "--smoke", "--seed", "3", "--out", str(out)],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
         for out in outs
-    ]  # fmt: skip
+    ]
     said = [process.communicate()[0] for process in started]
     weights = []
     for process, text, out in zip(started, said, outs, strict=True):
         assert process.returncode == 0, text[-3000:]
         run = out / f"{kind}-seed3-smoke"
         assert {p.name for p in run.iterdir()} >= {
-            "config.json", "metrics.csv", f"{kind}.onnx", f"{kind}.json", f"{kind}.md",
-        }  # fmt: skip
+            "config.json",
+            "metrics.csv",
+            f"{kind}.onnx",
+            f"{kind}.json",
+            f"{kind}.md",
+        }
         config = json.loads((run / "config.json").read_text())
         assert (config["model"], config["seed"], config["smoke"]) == (kind, 3, True)
         assert f"orbitd train {kind} --seed 3 --smoke" in (run / f"{kind}.md").read_text()

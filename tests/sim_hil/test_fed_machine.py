@@ -36,9 +36,15 @@ def test_the_journal_rests_where_the_fed_film_carries_the_load(supply_Pa: float)
     row = settled(True, supply_Pa)
     groove = Feed("groove", math.pi / 2, math.radians(20), 0.016, supply_Pa)
     film = film_force(
-        row[7:9], np.zeros(2), radius_m=0.02, length_m=0.02, clearance_m=60e-6, viscosity_Pa_s=0.01,
-        speed_rad_s=SPEED_RAD_S, feed=[groove],
-    )  # fmt: skip
+        row[7:9],
+        np.zeros(2),
+        radius_m=0.02,
+        length_m=0.02,
+        clearance_m=60e-6,
+        viscosity_Pa_s=0.01,
+        speed_rad_s=SPEED_RAD_S,
+        feed=[groove],
+    )
     np.testing.assert_allclose(film.force_N, [0.0, 100.0], atol=1.0)
     assert column(row, "side_flow_m3_s") == pytest.approx(film.side_flow_m3_s, rel=0.02)
 

@@ -20,7 +20,7 @@ from sim_hil.machine import Machine
 from sim_hil.rigs import load_rig
 from sim_hil.rotor.assembly import assemble
 from sim_hil.rotor.parameters import Floats
-from sim_hil.runs import Recording, record, run
+from sim_hil.runs import SimulatedRecording, record, run
 from sim_hil.sensors.chain import units
 
 RIG = load_rig("bench")
@@ -32,7 +32,7 @@ VERTICAL, HORIZONTAL, MOTOR, PRESSURE, CONTACT = 2, 3, 4, 6, 7
 @cache
 def recorded(
     faults: tuple[tuple[str, float], ...] = (), rpm: float = 6000, load_N: float = 100
-) -> Recording:
+) -> SimulatedRecording:
     duty = Duty.hold(rpm, load_N)
     return record(
         RIG, BUILD, duty, 2.0, clearance=60e-6, seed=11, faults=dict(faults), rate_hz=RATE
@@ -297,9 +297,11 @@ def test_runout_of_a_probe_is_a_dent_once_a_turn() -> None:
 def test_unknown_names_and_severities_are_refused() -> None:
     assert len(SENSOR_FAULTS) == 8
     for name, severity in (
-        ("bent_shaft", 1.0), ("sensor_gain:disp_z", 1.0), ("sensor_x:disp_x", 1.0),
+        ("bent_shaft", 1.0),
+        ("sensor_gain:disp_z", 1.0),
+        ("sensor_x:disp_x", 1.0),
         ("sensor_runout:microphone", 1.0),
-    ):  # fmt: skip
+    ):
         with pytest.raises(UnknownFault, match="choose one of"):
             check_fault(name, severity)
     with pytest.raises(UnknownFault, match=r"outside 0 \.\. 100"):

@@ -43,9 +43,12 @@ class Truth(NamedTuple):
 
 
 def drive_through(
-    machine: Machine, seconds: float, load_N: float, rpm: Callable[[float], float],
+    machine: Machine,
+    seconds: float,
+    load_N: float,
+    rpm: Callable[[float], float],
     clearance: Callable[[float], float],
-) -> Truth:  # fmt: skip
+) -> Truth:
     """Run with speed and clearance as functions of the elapsed share of the time."""
     n = round(CHUNK_S * machine.rate_hz)
     chunks = round(seconds / CHUNK_S)
@@ -64,9 +67,13 @@ def drive_through(
 
 
 def hold(
-    rpm: float, load_N: float, clearance_m: float = 60e-6, seconds: float = 0.6, seed: int = 1,
+    rpm: float,
+    load_N: float,
+    clearance_m: float = 60e-6,
+    seconds: float = 0.6,
+    seed: int = 1,
     faults: FaultSet | None = None,
-) -> Truth:  # fmt: skip
+) -> Truth:
     machine = Machine(RIG, Build.of_seed(RIG, seed), seed, clearance_m=clearance_m)
     for name, severity in (faults or {}).items():
         machine.inject(name, severity)

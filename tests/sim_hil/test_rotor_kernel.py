@@ -12,7 +12,16 @@ from sim_hil.rotor.assembly import assemble
 from sim_hil.rotor.bearing import bearing_force, oil_now
 from sim_hil.rotor.joints import foot_forces, normal_force
 from sim_hil.rotor.kernel import GRAVITY, move_actuator, substep
-from sim_hil.rotor.parameters import ANGLE, CLEARANCE, OIL, PRESSURE, Oil, Plant, State, new_state
+from sim_hil.rotor.parameters import (
+    ANGLE,
+    CLEARANCE,
+    OIL,
+    PRESSURE,
+    OilState,
+    Plant,
+    State,
+    new_state,
+)
 from sim_hil.rotor.stator import rub_force
 
 DT = 1e-6
@@ -39,9 +48,19 @@ def one_step(
 ) -> State:
     film = plant.film
     substep(
-        plant, state, TABLE, (0.0,) * 6, omega, alpha, load, 60e-6, 0.0, Oil(1e-15 * film.viscosity, 1.0, 1.0, 0.0),
-        np.zeros(4), dt,
-    )  # fmt: skip
+        plant,
+        state,
+        TABLE,
+        (0.0,) * 6,
+        omega,
+        alpha,
+        load,
+        60e-6,
+        0.0,
+        OilState(1e-15 * film.viscosity, 1.0, 1.0, 0.0),
+        np.zeros(4),
+        dt,
+    )
     return state
 
 
@@ -202,7 +221,7 @@ def test_narrow_film_bears_less_shears_less_and_sheds_less() -> None:
     full, half = (
         np.array(
             bearing_force(
-                TABLE, film, Oil(0.01, s, s**2.5, 0.0), 1e-5, -3e-5, 0.0, 0.0, 600.0, 6e-5, 0.0
+                TABLE, film, OilState(0.01, s, s**2.5, 0.0), 1e-5, -3e-5, 0.0, 0.0, 600.0, 6e-5, 0.0
             )
         )
         for s in (1.0, 0.5)

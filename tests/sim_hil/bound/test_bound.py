@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from sim_hil import bound
-from sim_hil.bound.case import Case, Plan, Verdict, gather
-from sim_hil.bound.disturbances import Disturbances, Surroundings
+from sim_hil.bound.case import BoundCase, LimitVerdict, TargetPlan, gather
+from sim_hil.bound.disturbances import AdmissibleRanges, RampLimits
 from sim_hil.bound.kept import kept_profile
-from sim_hil.bound.limits import Limits, duty_of, orbit_share
+from sim_hil.bound.limits import BoundLimits, duty_of, orbit_share
 from sim_hil.bound.maps import Map
 from sim_hil.bound.reference import cut, references
 from sim_hil.bound.schedules import NoSchedule, causal, foreseen, narrowed, preview, viable
@@ -23,7 +23,7 @@ from sim_hil.rigs import load_rig, read_json
 from sim_hil.rotor.rigid import COLUMNS
 from sim_hil.vector_environment import RotorVectorEnv
 
-LIMITS = Limits(10e-6, 50e-6)
+LIMITS = BoundLimits(10e-6, 50e-6)
 NO_MARGIN = np.zeros(1, dtype=int)
 RATE = 20e-6  # two cells of 1 um in a bin of 0.1 s
 
@@ -57,7 +57,7 @@ def circling(radius_m, turns=60.0, centre_m=0.0, rate_hz=10000.0, speed_hz=100.0
 
 
 def judge(run, limits):
-    return Verdict.of(gather(run, limits))
+    return LimitVerdict.of(gather(run, limits))
 
 
 @pytest.mark.parametrize(("radius_um", "feasible"), [(12.4, True), (12.6, False)])
@@ -91,7 +91,7 @@ def test_present_clearance_counts():
 
 def test_the_published_duty_file_is_the_published_duty():
     assert duty_of(read_json("duty_bench.json")) == Duty.published()
-    limits = Limits.of(read_json("duty_bench.json"))
+    limits = BoundLimits.of(read_json("duty_bench.json"))
     assert (limits.min_film_m, limits.rate_m_s) == pytest.approx(
         (LIMITS.min_film_m, LIMITS.rate_m_s)
     )
@@ -150,13 +150,13 @@ def test_an_announced_ramp_is_weathered_to_its_end_and_met_in_time():
 def test_ready_for_any_ramp_that_nobody_announces():
     """Load may rise by 50 N/s from 100 to 200 N, where 20 cells are left, in 2 s; the actuator
     makes 5 um/s."""
-    case = Case(load_rig("bench"), Duty.hold(3000, 100, 1.0), LIMITS, False)
-    around = Surroundings(
+    case = BoundCase(load_rig("bench"), Duty.hold(3000, 100, 1.0), LIMITS, False)
+    around = AdmissibleRanges(
         np.array([3000.0, 3000.0]), np.array([100.0, 200.0]), np.zeros(2), np.array([100.0, 20.0])
     )
-    ready = around.ready(case, Disturbances(), 5e-6, 121)
+    ready = around.ready(case, RampLimits(), 5e-6, 121)
     assert np.flatnonzero(ready[:, 0])[-1] == int(20 + 5 * (2 - 0.25))
-    slower = around.ready(case, Disturbances(load_ramp_N_s=10.0), 5e-6, 121)
+    slower = around.ready(case, RampLimits(load_ramp_N_s=10.0), 5e-6, 121)
     assert np.flatnonzero(slower[:, 0])[-1] == int(20 + 5 * (10 - 0.25))
 
 
@@ -164,11 +164,11 @@ def test_only_ramps_faster_than_declared_are_announced():
     duty = Duty(
         (0.0, 2.0, 4.0, 5.0, 6.0), (3000, 3000, 3000, 3000, 6000), (100, 100, 200, 300, 300)
     )
-    assert Disturbances().announced(duty) == [(40, 50), (50, 60)]
+    assert RampLimits().announced(duty) == [(40, 50), (50, 60)]
 
 
 def test_a_step_is_announced():
-    assert Disturbances().announced(Duty((0.0, 1.0, 1.0), (3000, 3000, 3000), (100, 100, 101))) == [
+    assert RampLimits().announced(Duty((0.0, 1.0, 1.0), (3000, 3000, 3000), (100, 100, 101))) == [
         (10, 10)
     ]
 
@@ -198,7 +198,7 @@ def test_a_plan_is_read_ahead_by_the_lag():
 
 
 def test_pressure_is_held_through_its_bin():
-    plan = Plan(np.full(3, 60e-6), np.array([1e5, 2e5, 3e5]))
+    plan = TargetPlan(np.full(3, 60e-6), np.array([1e5, 2e5, 3e5]))
     assert [plan.pressure(t) for t in (-1.0, 0.0, 0.15, 0.2, 9.0)] == [1e5, 1e5, 2e5, 3e5, 3e5]
 
 
@@ -211,38 +211,38 @@ def test_a_wrong_duty_file_is_refused(text, tmp_path):
 
 
 def test_power_falls_and_film_shrinks_with_clearance_on_a_short_duty():
-    case = Case(load_rig("bench"), Duty.hold(1500, 300, 1.0), LIMITS, False)
-    narrow, wide = (case.profile(Plan.fixed(c, 1e5)) for c in (50e-6, 90e-6))
+    case = BoundCase(load_rig("bench"), Duty.hold(1500, 300, 1.0), LIMITS, False)
+    narrow, wide = (case.profile(TargetPlan.fixed(c, 1e5)) for c in (50e-6, 90e-6))
     assert narrow.power_W.size == 10
     assert narrow.power_W.mean() > wide.power_W.mean()
     assert narrow.min_film_m.min() > 10e-6 > wide.min_film_m.min()
-    assert (Verdict.of(narrow).violation_s, Verdict.of(wide).violation_s) == (
+    assert (LimitVerdict.of(narrow).violation_s, LimitVerdict.of(wide).violation_s) == (
         0.0,
         pytest.approx(1.0),
     )
 
 
 def test_the_pump_counts_in_a_fed_film():
-    case = Case(load_rig("bench"), Duty.hold(12000, 30, 0.5), LIMITS, False, fed=True)
+    case = BoundCase(load_rig("bench"), Duty.hold(12000, 30, 0.5), LIMITS, False, fed=True)
     low, high = (
-        case.profile(Plan.fixed(60e-6, pressure)).power_W.mean() for pressure in (0.5e5, 3e5)
+        case.profile(TargetPlan.fixed(60e-6, pressure)).power_W.mean() for pressure in (0.5e5, 3e5)
     )
     assert 5 < high - low < 20  # of which friction takes about six watts
 
 
 def test_supply_pressure_holds_off_whirl():
-    case = Case(load_rig("bench"), Duty.hold(12000, 30, 0.5), LIMITS, False)
+    case = BoundCase(load_rig("bench"), Duty.hold(12000, 30, 0.5), LIMITS, False)
     unfed, fed = (
-        c.profile(Plan.fixed(80e-6, 1e5)) for c in (case, dataclasses.replace(case, fed=True))
+        c.profile(TargetPlan.fixed(80e-6, 1e5)) for c in (case, dataclasses.replace(case, fed=True))
     )
-    assert Verdict.of(unfed).orbit_share > 1 > 0.5 > Verdict.of(fed).orbit_share
+    assert LimitVerdict.of(unfed).orbit_share > 1 > 0.5 > LimitVerdict.of(fed).orbit_share
 
 
 def test_profiles_are_kept_under_what_decides_them(tmp_path, monkeypatch):
     monkeypatch.setattr("sim_hil.bound.kept._folder", lambda: tmp_path / "kept")
     case, plan = (
-        Case(load_rig("bench"), Duty.hold(6000, 100, 0.3), LIMITS, False),
-        Plan.fixed(60e-6, 1e5),
+        BoundCase(load_rig("bench"), Duty.hold(6000, 100, 0.3), LIMITS, False),
+        TargetPlan.fixed(60e-6, 1e5),
     )
     first = kept_profile(case, plan)
     path = next((tmp_path / "kept").iterdir())
@@ -259,7 +259,7 @@ def test_a_short_duty_is_bounded_in_order():
     duty = Duty(
         (0.0, 2.0, 5.0, 7.0, 10.0), (6000, 1500, 1500, 6000, 6000), (100, 300, 300, 100, 100)
     )
-    case = Case(load_rig("bench"), duty, LIMITS, False)
+    case = BoundCase(load_rig("bench"), duty, LIMITS, False)
     entries = {e.name: e.verdict for e in study(case, (10, 10))}
     assert all(v.feasible for name, v in entries.items() if name != "nominal fixed")
     powers = [

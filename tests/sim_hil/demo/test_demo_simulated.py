@@ -14,16 +14,33 @@ from typing import Any
 import pytest
 
 KEYS = {
-    "duration_s", "seed", "bus", "host", "rig", "loop", "latency_ms", "faults", "forecast", "power", "film", "kills",
-    "trips", "ok", "ok_is", "failed_terms",
-}  # fmt: skip
+    "duration_s",
+    "seed",
+    "bus",
+    "host",
+    "rig",
+    "loop",
+    "latency_ms",
+    "faults",
+    "forecast",
+    "power",
+    "film",
+    "kills",
+    "trips",
+    "ok",
+    "ok_is",
+    "failed_terms",
+}
 
 
 def demo(*options: str) -> dict[str, Any]:
     done = subprocess.run(
         [sys.executable, "-m", "firmware_py", "demo", "--clock", "sim", "--json", *options],
-        capture_output=True, text=True, timeout=300, check=False,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
     assert done.stdout, done.stderr
     result: dict[str, Any] = json.loads(done.stdout)
     assert done.returncode == (0 if result["ok"] else 1)
@@ -87,7 +104,10 @@ def test_same_seed_same_result_and_its_recording_replays(tmp_path: Path) -> None
     assert plain == recorded
     replay = subprocess.run(
         [sys.executable, "-m", "firmware_py", "replay", str(recording), "--json"],
-        capture_output=True, text=True, timeout=200, check=False,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        timeout=200,
+        check=False,
+    )
     assert replay.returncode == 0, replay.stdout + replay.stderr
     assert json.loads(replay.stdout)

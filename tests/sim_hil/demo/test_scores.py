@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from firmware_py.records import Diagnosis, Forecast, NodeState, RigReading, RigStatus
-from sim_hil.demo.observer import Observer, Truth
+from sim_hil.demo.observer import StoryObserver, StoryTruth
 from sim_hil.demo.scores import (
     confirmed_names,
     score_faults,
@@ -22,8 +22,8 @@ def diagnosis(verdict: str, doubt: bool = False) -> Diagnosis:
 
 def truth(
     t_s: float, *, power_W: float = 50.0, film_um: float = 30.0, load_N: float = 100.0
-) -> Truth:
-    return Truth(t_s, 600.0, load_N, 60.0, power_W, film_um, 10.0, 0.01)
+) -> StoryTruth:
+    return StoryTruth(t_s, 600.0, load_N, 60.0, power_W, film_um, 10.0, 0.01)
 
 
 def forecast(
@@ -48,8 +48,8 @@ def forecast(
     )
 
 
-def observed(*verdicts: str, start_s: float = 10.0) -> Observer:
-    observer = Observer(0)
+def observed(*verdicts: str, start_s: float = 10.0) -> StoryObserver:
+    observer = StoryObserver(0)
     observer.beats = [
         (start_s, Beat(start_s, "inject", fault="unbalance", severity=16.0)),
         (start_s + 20, Beat(start_s + 20, "clear", fault="unbalance")),
@@ -118,7 +118,7 @@ def test_names_after_the_fault_was_mended_do_not_count() -> None:
 
 
 def test_forecast_errors_are_those_one_horizon_later() -> None:
-    observer = Observer(0)
+    observer = StoryObserver(0)
     observer.truth = [truth(0.1 * i, power_W=50.0 if i < 30 else 40.0) for i in range(60)]
     observer.forecasts = [(2.05, forecast(power_W=44.0, peak_um=12.0))]
     score = score_forecasts(observer)
@@ -128,7 +128,7 @@ def test_forecast_errors_are_those_one_horizon_later() -> None:
 
 
 def test_forecasts_across_a_change_are_set_apart() -> None:
-    observer = Observer(0)
+    observer = StoryObserver(0)
     observer.truth = [truth(0.1 * i, load_N=100.0 if i < 30 else 200.0) for i in range(60)]
     observer.forecasts = [
         (1.5, forecast(50.0, 10.0)),
@@ -140,7 +140,7 @@ def test_forecasts_across_a_change_are_set_apart() -> None:
 
 
 def test_forecasts_beyond_the_end_or_of_bad_quality_are_not_scored() -> None:
-    observer = Observer(0)
+    observer = StoryObserver(0)
     observer.truth = [truth(0.1 * i) for i in range(30)]
     observer.forecasts = [(2.5, forecast(50.0, 10.0)), (0.2, forecast(50.0, 10.0, quality=1))]
     score = score_forecasts(observer)
@@ -148,8 +148,8 @@ def test_forecasts_beyond_the_end_or_of_bad_quality_are_not_scored() -> None:
 
 
 def test_film_violation_counts_tenths_of_a_second_after_the_run_up() -> None:
-    observer = Observer(0)
-    standing = Truth(1.7, 10.0, 100.0, 60.0, 0.0, 0.5, 0.1, 0.01)
+    observer = StoryObserver(0)
+    standing = StoryTruth(1.7, 10.0, 100.0, 60.0, 0.0, 0.5, 0.1, 0.01)
     observer.truth = [
         truth(0.5, film_um=2.0),
         truth(1.5, film_um=9.9),
@@ -161,7 +161,7 @@ def test_film_violation_counts_tenths_of_a_second_after_the_run_up() -> None:
 
 
 def test_kill_follows_the_nodes_own_target_and_the_clearance() -> None:
-    observer = Observer(0)
+    observer = StoryObserver(0)
     observer.beats = [(5.0, Beat(5.0, "kill_brain"))]
     for t_s, target, actual in ((4.9, 80.0, 80.0), (5.1, 50.0, 78.0), (5.7, 50.0, 50.4)):
         node = NodeState(0, 0, 1, 1, 0, target, 1.0, True, 0, 0, 0, 0)

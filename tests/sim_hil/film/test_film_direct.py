@@ -38,9 +38,17 @@ def test_follows_the_fine_film(eps, tolerance, stations):
             film.ring, film.axial, film.work, *e, *v, 300.0, C, MU, R, L, c_rate
         )
         truth = film_force(
-            e, v, radius_m=R, length_m=L, clearance_m=C, viscosity_Pa_s=MU, speed_rad_s=300.0,
-            rupture="gumbel", clearance_rate_m_s=c_rate, grid=(320, 40),
-        )  # fmt: skip
+            e,
+            v,
+            radius_m=R,
+            length_m=L,
+            clearance_m=C,
+            viscosity_Pa_s=MU,
+            speed_rad_s=300.0,
+            rupture="gumbel",
+            clearance_rate_m_s=c_rate,
+            grid=(320, 40),
+        )
         allowed = tolerance if stations == 64 else 3e-3
         assert np.hypot(fx - truth.force_N[0], fy - truth.force_N[1]) < allowed * np.hypot(
             *truth.force_N

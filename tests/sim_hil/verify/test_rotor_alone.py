@@ -79,8 +79,9 @@ def test_direct_film_stays_near_the_table():
     )
     assert direct.peak_to_peak_m() == pytest.approx(table.peak_to_peak_m(), rel=0.02)
     assert direct.power_W.mean() == pytest.approx(table.power_W.mean(), rel=0.01)
-    assert hold(10000, 100, clearance=60e-6, force=FilmTable.load(0.5)).rows[-1, 0] == pytest.approx(hold(
-        10000, 100, clearance=60e-6).rows[-1, 0])  # fmt: skip
+    assert hold(10000, 100, clearance=60e-6, force=FilmTable.load(0.5)).rows[
+        -1, 0
+    ] == pytest.approx(hold(10000, 100, clearance=60e-6).rows[-1, 0])
 
 
 def test_reversed_rotation_mirrors_the_path():
@@ -106,9 +107,15 @@ def test_closing_clearance_follows_the_rate_of_the_actuator():
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"clearance": 30e-6}, {"clearance": 60e-6, "dt_s": 1e-3}, {"clearance": 60e-6, "force": "magic"},
-              {"clearance": 60e-6, "force": FilmTable(1.0, np.zeros((4, 4, 5)))}, {"clearance": 60e-6, "seconds": 0.0}],
-)  # fmt: skip
+    "wrong",
+    [
+        {"clearance": 30e-6},
+        {"clearance": 60e-6, "dt_s": 1e-3},
+        {"clearance": 60e-6, "force": "magic"},
+        {"clearance": 60e-6, "force": FilmTable(1.0, np.zeros((4, 4, 5)))},
+        {"clearance": 60e-6, "seconds": 0.0},
+    ],
+)
 def test_what_cannot_be_run_is_refused(wrong):
     with pytest.raises(SimulationError):
         simulate(BENCH, Duty.hold(3000, 100, 0.1), **wrong)

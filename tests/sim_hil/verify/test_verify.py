@@ -9,7 +9,7 @@ import pytest
 
 from sim_hil import verify
 from sim_hil.verify.closed_forms import _side_leakage
-from sim_hil.verify.row import Row, reference, residual
+from sim_hil.verify.row import ComparisonRow, reference, residual
 
 
 @pytest.mark.parametrize(
@@ -22,12 +22,12 @@ from sim_hil.verify.row import Row, reference, residual
     ],
 )
 def test_a_row_is_judged_by_its_tolerance(value, expected, absolute, passed):
-    assert Row("q", value, expected, "s", 0.02, absolute).passed is passed
+    assert ComparisonRow("q", value, expected, "s", 0.02, absolute).passed is passed
 
 
 def test_nan_never_passes_and_a_row_without_tolerance_is_not_judged():
     assert residual("q", math.nan, "s", 1.0).passed is False
-    assert Row("q", 1.0, 2.0, "s", None).passed is None
+    assert ComparisonRow("q", 1.0, 2.0, "s", None).passed is None
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +49,9 @@ def test_everything_quick_is_within_tolerance(quick):
 
 def test_a_row_outside_its_tolerance_ends_with_one(monkeypatch, capsys):
     monkeypatch.setattr(
-        verify, "groups", lambda quick: {"g": lambda: iter([Row("q", 2.0, 1.0, "s", 0.1)])}
+        verify,
+        "groups",
+        lambda quick: {"g": lambda: iter([ComparisonRow("q", 2.0, 1.0, "s", 0.1)])},
     )
     assert verify.main([]) == 1
     assert "0 of 1 within tolerance" in capsys.readouterr().out
@@ -57,8 +59,8 @@ def test_a_row_outside_its_tolerance_ends_with_one(monkeypatch, capsys):
 
 def test_a_table_of_hundred_columns_shows_every_row_and_its_source(monkeypatch, capsys):
     rows = [
-        Row("minimum film, um", 26.2, 26.1, "a table", 0.02),
-        Row("power, W", 9.0, 9.5, "another book", None),
+        ComparisonRow("minimum film, um", 26.2, 26.1, "a table", 0.02),
+        ComparisonRow("power, W", 9.0, 9.5, "another book", None),
     ]
     monkeypatch.setattr(verify, "groups", lambda quick: {"Group": lambda: iter(rows)})
     assert verify.main([]) == 0
@@ -76,8 +78,11 @@ def test_side_leakage_is_exact_for_a_light_load():
 
 def test_every_reference_row_is_in_the_quick_table(quick):
     quantities = " ".join(row["quantity"] for row in quick[1]["rows"])
-    for name, label in (("short_bearing_closed_form", "L/D=1/16 eps={}"), ("long_bearing_closed_form", "full eps={}"),
-                        ("raimondi_boyd_LD1", "eps={} (excerpt)")):  # fmt: skip
+    for name, label in (
+        ("short_bearing_closed_form", "L/D=1/16 eps={}"),
+        ("long_bearing_closed_form", "full eps={}"),
+        ("raimondi_boyd_LD1", "eps={} (excerpt)"),
+    ):
         for row in reference(f"{name}.json")["rows"]:
             assert label.format(row["eps"]) in quantities
 
