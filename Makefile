@@ -4,6 +4,12 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 PIP    := PYTHONWARNINGS=ignore $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 DEMO   ?=
+# Tests run side by side, one a core and four at most; what measures time runs alone afterwards.
+WORKERS ?= $(shell n=$$(nproc); echo $$((n < 4 ? n : 4)))
+PYTEST := $(BIN)/python -m pytest
+APART  := -n $(WORKERS) --dist worksteal
+# Tests start hundreds of interpreters, which would compile every module again.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: help demo test lint types layers test-train test-slow pair-study test-kill fuzz test-systemd test-socketcan lock dialect clean golden
 
@@ -14,7 +20,8 @@ demo: $(VENV)/.sim   ## the whole device against the rotor rig in software; opti
 	@$(BIN)/orbitd demo $(DEMO)
 
 test: $(VENV)/.dev   ## the default tests (about 12 minutes)
-	@$(BIN)/python -m pytest --ignore=tests/models
+	@$(PYTEST) --ignore=tests/models -m "not slow and not timing" $(APART)
+	@$(PYTEST) --ignore=tests/models -m "timing and not slow"
 
 lint: $(VENV)/.dev   ## ruff: rules and format
 	@$(BIN)/ruff check firmware_py sim_hil models tests deploy
@@ -27,10 +34,10 @@ layers: $(VENV)/.dev ## import order
 	@$(BIN)/lint-imports
 
 test-train: $(VENV)/.dev $(VENV)/.train   ## trainers, exports and a smoke training of every model (about 3 minutes)
-	@$(BIN)/python -m pytest tests/models -m "slow or not slow"
+	@$(PYTEST) tests/models -m "slow or not slow" $(APART)
 
 test-slow: $(VENV)/.dev   ## the heavier suites (about 10 minutes)
-	@$(BIN)/python -m pytest -m slow --ignore=tests/models
+	@$(PYTEST) --ignore=tests/models -m slow
 
 test-kill: $(VENV)/.dev   ## kills and stops every process 30 times each (about 90 minutes on an idle machine, resumable: kills.jsonl)
 	@$(BIN)/python tests/faults/kill_matrix.py --repeats 30 --out kills.jsonl

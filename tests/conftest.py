@@ -1,10 +1,20 @@
-"""A test that is skipped for a reason outside ``allowed_skips.txt`` fails the run."""
+"""A test that is skipped for a reason outside ``allowed_skips.txt`` fails the run.
+
+Tests that run side by side compute with one thread each: with more, each waits for the other's.
+"""
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
+
+from models.workers import THREADS
+
+if "PYTEST_XDIST_WORKER" in os.environ:  # before numpy is imported
+    for name in THREADS:
+        os.environ.setdefault(name, "1")
 
 ALLOWED = {
     line.strip()

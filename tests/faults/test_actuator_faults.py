@@ -1,5 +1,8 @@
 """The whole rig in software with an ill actuator or node: which alarm, and when."""
 
+from copy import deepcopy
+from functools import cache
+
 import pytest
 
 from firmware_py.config import SHIPPED, load
@@ -14,38 +17,62 @@ MS = 1_000_000
 ARM_MS, FAULT_MS, MOVE_MS = 1500, 3500, 4000
 
 
+class Played:
+    """Rig and guard core against each other, a millisecond a step."""
+
+    def __init__(self) -> None:
+        config = load(SHIPPED / "bench.toml")[0]
+        drawing, codec = load_rig("bench"), codec_for(config)
+        self.rig = Rig(drawing, codec, node_limits(drawing, config), 3)
+        self.core = GuardCore(config, codec, 77)
+        self.out: list[RawFrame] = []
+        self.events: list[tuple[float, Event]] = []
+        """With their time after the move to 90 um, s."""
+        self.steps = 0
+
+    def until(self, end: int, *asked: CommandRequest) -> None:
+        """Step to ``end``; what is asked comes with the first step."""
+        commands = list(asked)
+        while self.steps < end:
+            now_ns = 10**12 + (self.steps + 1) * MS
+            frames = self.rig.step(now_ns, self.out)
+            decision = self.core.step(
+                Cycle(self.steps, now_ns, frames, None, commands, True, True, True)
+            )
+            self.out, commands = decision.frames_out, []
+            self.events += [(1e-3 * (self.steps - MOVE_MS), event) for event in decision.events]
+            self.steps += 1
+
+
+@cache
+def _at_60_um(arms: bool) -> Played:
+    """Armed (or not) and, if so, moved to 60 um by hand, up to where a fault begins."""
+    made = Played()
+    made.until(ARM_MS)
+    asked = (
+        CommandRequest(1, "mode", mode=1),
+        CommandRequest(2, "arm"),
+        CommandRequest(3, "set_clearance", 60.0),
+    )
+    made.until(FAULT_MS, *(asked if arms else ()))
+    return made
+
+
+@cache
 def played(
     fault: str, severity: float, seconds: float, *, arms: bool = True
 ) -> list[tuple[float, Event]]:
     """Events with their time after the move to 90 um (manual), which follows the fault by half a
     second."""
-    config = load(SHIPPED / "bench.toml")[0]
-    drawing, codec = load_rig("bench"), codec_for(config)
-    rig = Rig(drawing, codec, node_limits(drawing, config), 3)
-    core, now_ns, out, events = (
-        GuardCore(config, codec, 77),
-        10**12,
-        list[RawFrame](),
-        list[tuple[float, Event]](),
+    made = deepcopy(_at_60_um(arms))
+    if fault:
+        made.rig.inject(fault, severity)
+    made.until(MOVE_MS)
+    made.until(
+        MOVE_MS + round(seconds * 1000),
+        *([CommandRequest(4, "set_clearance", 90.0)] if arms else ()),
     )
-    for k in range(MOVE_MS + round(seconds * 1000)):
-        now_ns += MS
-        commands: list[CommandRequest] = []
-        if k == ARM_MS and arms:
-            commands = [
-                CommandRequest(1, "mode", mode=1),
-                CommandRequest(2, "arm"),
-                CommandRequest(3, "set_clearance", 60.0),
-            ]
-        if k == FAULT_MS and fault:
-            rig.inject(fault, severity)
-        if k == MOVE_MS and arms:
-            commands = [CommandRequest(4, "set_clearance", 90.0)]
-        frames = rig.step(now_ns, out)
-        decision = core.step(Cycle(k, now_ns, frames, None, commands, True, True, True))
-        out = decision.frames_out
-        events += [(1e-3 * (k - MOVE_MS), event) for event in decision.events]
-    return events
+    return made.events
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,8 @@ import pytest
 
 from tests.gate.flood import device, measure
 
+pytestmark = pytest.mark.timing
+
 BAR_S = 0.2
 """For the median."""
 

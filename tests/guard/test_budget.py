@@ -35,6 +35,7 @@ from .scripted_node import MS, Bench, working
 
 CODEC = CanCodec()
 CYCLES = 300
+pytestmark = pytest.mark.timing
 
 # ------------------------------------------------------------------ microseconds, beside a reference
 

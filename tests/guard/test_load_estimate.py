@@ -1,3 +1,4 @@
+from functools import cache
 from math import pi, radians
 
 import msgspec
@@ -15,6 +16,7 @@ RNG = np.random.default_rng(7)
 PROBES = radians(45.0), radians(135.0)
 
 
+@cache
 def position(load_N: float, rpm: float, clearance_m: float, viscosity: float = 0.01) -> np.ndarray:
     bearing = bench().bearing
     return equilibrium(

@@ -272,6 +272,7 @@ def test_a_write_is_synchronised_before_it_is_renamed_and_then_the_folder(
     assert did == ["fsync file", "rename", "fsync folder"]
 
 
+@pytest.mark.timing
 @pytest.mark.parametrize("cause", [28, 30, 5], ids=["disk full", "read-only", "input/output error"])
 def test_a_disk_that_refuses_is_a_fault_tried_again_and_never_waited_for(
     tmp_path: Path, cause: int

@@ -1,6 +1,7 @@
 """What the shaft power tells of the oil: credible at every corner, kept, and forgotten when it is
 contradicted."""
 
+from functools import cache
 from math import pi
 
 import msgspec
@@ -10,7 +11,7 @@ from firmware_py.config import Config
 from firmware_py.guard.bearing_laws import StaticFilm
 from firmware_py.guard.load_estimate import LoadEstimator, Look
 from firmware_py.guard.oil_estimate import OilEstimator, OilState, Steady
-from sim_hil.film import equilibrium
+from sim_hil.film import Equilibrium, equilibrium
 
 from .scripted_node import bench
 
@@ -146,15 +147,19 @@ def test_the_load_stays_credible_in_every_clearance_after_learning_in_another(
             assert found.low_N <= load_N <= found.high_N
 
 
+@cache
+def standing(clearance_m: float, share: float, load_N: float, speed: float) -> Equilibrium:
+    """Where the journal stands in oil at 45 °C of so many times the declared viscosity."""
+    return equilibrium(load_N=load_N, radius_m=0.02, length_m=0.02, clearance_m=clearance_m, speed_rad_s=speed,
+                       viscosity_Pa_s=share * bench().oil.viscosity_Pa_s(45.0))  # fmt: skip
+
+
 def seen(
     clearance_m: float, built_m: float, share: float, load_N: float, speed: float, error_W: float
 ) -> Look:
     """What a machine shows whose bearing, oil and power reading are off by so much."""
     config = bench()
-    film = equilibrium(
-        load_N=load_N, radius_m=0.02, length_m=0.02, clearance_m=clearance_m + built_m, speed_rad_s=speed,
-        viscosity_Pa_s=share * config.oil.viscosity_Pa_s(45.0),
-    )  # fmt: skip
+    film = standing(clearance_m + built_m, share, load_N, speed)
     power_W = (
         float(film.film.friction_torque_N_m) * speed
         + config.rotor.windage_W_s3 * speed**3

@@ -39,6 +39,7 @@ def result(process: subprocess.Popen[str]) -> dict[str, object]:
     return json.loads(output)
 
 
+@pytest.mark.timing
 def test_rig_and_device_that_know_only_the_dbc_work_together() -> None:
     rig = start("play_rig.py", "--seconds", "60")
     seen = result(
