@@ -21,8 +21,9 @@ import msgspec
 
 from firmware_py.config import SHIPPED, Check, Config, ConfigFile, Device, load, read_device
 from firmware_py.config.schema import NAME_PATTERN, WORDS
+from firmware_py.wire.listener import INSTANCE_MODE
 from firmware_py.wire.room_socket import RoomError
-from firmware_py.wire.rooms import INSTANCE_MODE, checked_dir, runtime_dir
+from firmware_py.wire.rooms import checked_dir, runtime_dir
 
 SERVICE_RUNTIME: Final = Path("/run/orbitd")
 SERVICE_CONFIG: Final = Path("/etc/orbitd/orbitd.toml")

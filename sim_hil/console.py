@@ -24,7 +24,7 @@ import msgspec
 from firmware_py import launch
 from firmware_py.errors import OrbitdError
 from firmware_py.options import finite
-from firmware_py.wire.room_socket import listen, own
+from firmware_py.wire.listener import listen, own
 
 if TYPE_CHECKING:
     from sim_hil.rig import Rig

@@ -1,17 +1,27 @@
-"""``orbitd mode|arm|disarm|reset|set|announce``: a person's commands, each answered by the
-guard."""
+"""``orbitd mode|arm|disarm|reset|set|announce``: a person's commands, each answered by the guard.
+
+``disarm`` goes to the guard itself, past the gate; only where no guard answers there is the gate
+asked, which knows more of why.
+"""
 
 from __future__ import annotations
 
 import argparse
+import uuid
+from typing import TYPE_CHECKING, Final
 
 import msgspec
 
 from firmware_py import launch
-from firmware_py.gate import keys
-from firmware_py.gate.client import Client
 from firmware_py.options import finite
 from firmware_py.records import CommandReply, Mode, PlannedRamp
+from firmware_py.wire import disarm_room
+
+if TYPE_CHECKING:
+    from firmware_py.gate.client import Client
+
+GUARD_WITHIN_S: Final = 1.0
+"""As the gate's own patience with the guard."""
 
 
 def mode(argv: list[str]) -> int:
@@ -32,7 +42,9 @@ def arm(argv: list[str]) -> int:
 def disarm(argv: list[str]) -> int:
     """``orbitd disarm``."""
     parser = _parser("disarm", "stop moving the actuator; the node goes to its safe value")
-    return _ask(parser.parse_args(argv), "disarm")
+    options = parser.parse_args(argv)
+    reply = disarm_room.ask(launch.place(options).runtime, uuid.uuid4().hex, GUARD_WITHIN_S)
+    return _ask(options, "disarm") if reply is None else _tell(options, "disarm", reply)
 
 
 def reset(argv: list[str]) -> int:
@@ -99,6 +111,9 @@ def connect(options: argparse.Namespace) -> Client:
     SessionError
         No gate runs there.
     """
+    from firmware_py.gate import keys
+    from firmware_py.gate.client import Client  # Zenoh, which `disarm` does without
+
     found = launch.place(options)
     return Client(found.runtime, keys.prefix(found.device.site, found.device.rig))
 
@@ -108,6 +123,10 @@ def _ask(
 ) -> int:
     with connect(options) as client:
         reply = client.ask(verb, value)
+    return _tell(options, verb, reply)
+
+
+def _tell(options: argparse.Namespace, verb: str, reply: CommandReply) -> int:
     print(msgspec.json.encode(reply).decode() if options.json else _words(verb, reply))
     return 0 if reply.accepted else 1
 

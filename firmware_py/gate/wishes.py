@@ -13,6 +13,7 @@ from firmware_py.records import (
     BRAIN_VERBS,
     COMMISSION_ACTIONS,
     VERBS,
+    WISH_ID,
     CommandRequest,
     Mode,
     PlannedRamp,
@@ -40,7 +41,7 @@ class Wish(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The payload of a command: ``id`` is any text that the asker has not used before, such as a
     UUID."""
 
-    id: Annotated[str, msgspec.Meta(pattern=r"^[!-~]{1,64}$")]
+    id: Annotated[str, msgspec.Meta(pattern=WISH_ID)]
     value: Any = None
 
 

@@ -32,6 +32,8 @@ from firmware_py.records import (
     GuardState,
     RoomRecord,
 )
+from firmware_py.wire import disarm_room
+from firmware_py.wire.disarm_room import DisarmRoom
 from firmware_py.wire.link import Link, codec_for, open_link
 from firmware_py.wire.rooms import RoomServer
 
@@ -52,14 +54,19 @@ class Guard:
         Bus or serial port to the node.
     server
         Socket on which brain and gate call.
+    disarm
+        Socket on which any local program may disarm.
     memory
         Where trips, timers and starts survive a restart.
     """
 
-    def __init__(self, core: GuardCore, link: Link, server: RoomServer, memory: Memory) -> None:
+    def __init__(
+        self, core: GuardCore, link: Link, server: RoomServer, disarm: DisarmRoom, memory: Memory
+    ) -> None:
         self._core = core
         self._link = link
         self._server = server
+        self._disarm = disarm
         self._memory = memory
         self._outbox = Outbox()
         self._gate_known = False
@@ -88,11 +95,12 @@ class Guard:
         """Told to stop: give link and socket back, and note that it was no crash."""
         self._link.close()
         self._memory.close()
+        self._disarm.close()
         self._server.close()
 
     def _read(self, now_ns: int) -> Cycle:
         """What is waiting, up to the limits: advice from the brain alone, requests from the gate
-        alone."""
+        alone, and ``disarm`` from its own room."""
         advice: Advice | None = None
         commands: list[CommandRequest] = []
         for role, record in self._server.poll(now_ns):
@@ -102,6 +110,9 @@ class Guard:
                 commands.append(record)
             elif role == "gate" and isinstance(record, EventAck):
                 self._outbox.acknowledge(record.seq)
+        disarm = self._disarm.poll(now_ns)
+        if disarm is not None:
+            commands.append(disarm)
         frames = self._link.receive(now_ns)
         return Cycle(
             self.seq,
@@ -126,8 +137,9 @@ class Guard:
         if cycle.brain_connected:
             for record in [*decision.events, *shared]:
                 self._server.send("brain", record)
+        replies = [reply for reply in decision.replies if not self._disarm.answer(reply)]
         if cycle.gate_connected:
-            for record in decision.replies:
+            for record in replies:
                 self._server.send("gate", record)
             self._outbox.tell(lambda event: self._server.send("gate", event), EVENTS_PER_CYCLE)
             for record in shared:
@@ -139,6 +151,7 @@ class Guard:
         counters = state.counters | self.timing.counters()
         counters |= {f"link_{name}": count for name, count in self._link.counters.items()}
         counters |= {f"room_{name}": count for name, count in self._server.counters.items()}
+        counters |= self._disarm.counters
         counters |= {
             "periods_skipped": self.skipped,
             "events_dropped": self._outbox.dropped,
@@ -168,13 +181,14 @@ def build(config: Config, runtime: Path, state: Path, peers: Mapping[str, int | 
     server = RoomServer(
         runtime / "guard.sock", peers, ROOM_LIMITS
     )  # first: from here on this one is the guard
+    disarm = DisarmRoom(runtime / disarm_room.SOCKET)
     memory = Memory(state, prepare=_first_in_line)
     complain(memory)
     session = int.from_bytes(os.urandom(4), "little") | 1
     core = GuardCore(
         config, codec_for(config), session, memory.latched, memory.start, memory.timers
     )
-    return Guard(core, open_link(config, "device"), server, memory)
+    return Guard(core, open_link(config, "device"), server, disarm, memory)
 
 
 def main(argv: list[str]) -> int:
@@ -191,7 +205,7 @@ def main(argv: list[str]) -> int:
         signal.signal(number, lambda received, _frame: stop.append(received))
     state = Path(os.environ.get("STATE_DIRECTORY", started.runtime))
     guard = build(started.config, started.runtime, state, started.peers)
-    _real_time()
+    real_time()
     run(guard, MonotonicClock(), from_environment(), lambda: not stop)
     guard.close()
     return 0
@@ -207,7 +221,7 @@ def _bounded(advice: Advice) -> Advice:
     )
 
 
-def _real_time() -> None:
+def real_time() -> None:
     """First in line for the processor where that is allowed, and no garbage collection in the
     loop."""
     _first_in_line()

@@ -25,6 +25,7 @@ from firmware_py.records.brain import Advice, BrainState, Diagnosis, Forecast
 from firmware_py.records.command import (
     BRAIN_VERBS,
     VERBS,
+    WISH_ID,
     CommandReply,
     CommandRequest,
     EventAck,
@@ -62,6 +63,7 @@ __all__ = [
     "INSTANTS_PER_FRAME",
     "N_CHANNELS",
     "VERBS",
+    "WISH_ID",
     "Advice",
     "Alarm",
     "ArmState",

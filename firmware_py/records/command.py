@@ -31,6 +31,9 @@ class CommandRequest(Record, frozen=True, tag=True):
     """The asker's own name for this wish; a repeated one is not executed twice."""
 
 
+WISH_ID: Final = r"^[!-~]{1,64}\Z"
+"""What the id of a wish may be."""
+
 VERBS: Final = ("mode", "arm", "disarm", "reset", "set_clearance", "set_pressure", "announce")
 """What the guard answers."""
 BRAIN_VERBS: Final = ("commission",)

@@ -4,11 +4,8 @@ blocks."""
 from __future__ import annotations
 
 import errno
-import fcntl
-import os
 import socket
 from collections import Counter
-from pathlib import Path
 from typing import Final, NamedTuple
 
 from firmware_py.decoding import UNDECODABLE
@@ -34,8 +31,6 @@ NEWCOMER: Final = Limit(records=1, record_bytes=1024)
 """Who has not said who it is may say just that."""
 
 MAX_WAITING: Final = 8
-SOCKET_PATH_BYTES: Final = 107
-SOCKET_MODE: Final = 0o660
 
 _GONE: Final = (errno.EPIPE, errno.ECONNRESET, errno.ENOTCONN)
 
@@ -116,59 +111,3 @@ class Peer:
             oversized = error.errno == errno.EMSGSIZE
             self._counters[f"{'oversized' if oversized else 'lost'}_{self.role}"] += 1
             return False
-
-
-def held(path: Path, descriptor: int) -> bool:
-    """Whether ``path`` still names the file behind ``descriptor``: nobody removed or replaced
-    it."""
-    try:
-        there, ours = path.lstat(), os.fstat(descriptor)
-    except OSError:
-        return False
-    return (there.st_dev, there.st_ino) == (ours.st_dev, ours.st_ino)
-
-
-def lock_of(path: Path) -> Path:
-    """The lock file that says who owns the socket ``path``."""
-    return path.with_name(path.name + ".lock")
-
-
-def own(path: Path) -> int:
-    """File descriptor of the lock that says this process owns ``path``; the kernel frees it at
-    death."""
-    lock_path = lock_of(path)
-    try:
-        lock = os.open(lock_path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, SOCKET_MODE)
-    except OSError as error:
-        raise RoomError(
-            f"{lock_path}: {error.strerror}; give a runtime directory that this user may write"
-        ) from error
-    try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError as error:
-        os.close(lock)
-        raise RoomBusyError(
-            f"{path}: served by another process; stop it or choose another instance"
-        ) from error
-    return lock
-
-
-def listen(path: Path) -> socket.socket:
-    """Listening socket at ``path``; the caller owns the lock, so a path found there is left
-    over."""
-    if len(os.fsencode(path)) > SOCKET_PATH_BYTES:
-        raise RoomError(
-            f"{path}: longer than the {SOCKET_PATH_BYTES} bytes of a Unix socket path; "
-            "choose a shorter runtime directory or instance name"
-        )
-    listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    try:
-        path.unlink(missing_ok=True)
-        listener.bind(str(path))
-        path.chmod(SOCKET_MODE)
-    except OSError as error:
-        listener.close()
-        raise RoomError(f"{path}: {error.strerror}; check the runtime directory") from error
-    listener.listen(MAX_WAITING)
-    listener.setblocking(False)
-    return listener

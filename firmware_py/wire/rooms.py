@@ -9,7 +9,6 @@ it.
 
 from __future__ import annotations
 
-import contextlib
 import os
 import re
 import select
@@ -23,6 +22,7 @@ from typing import Final
 from firmware_py.config.schema import NAME_PATTERN, WORDS
 from firmware_py.records import Hello, RoomRecord
 from firmware_py.wire.folders import foreign_server, peer_uid, unsafe
+from firmware_py.wire.listener import INSTANCE_MODE, Listener
 from firmware_py.wire.room_socket import (
     ANY_PEER,
     MAX_WAITING,
@@ -30,22 +30,10 @@ from firmware_py.wire.room_socket import (
     Limit,
     Peer,
     RoomError,
-    held,
-    listen,
-    lock_of,
-    own,
 )
 
 HELLO_WITHIN_NS: Final = 1_000_000_000
 RECONNECT_AFTER_NS: Final = 200_000_000
-INSTANCE_MODE: Final = 0o750
-"""The group may come in and connect, not put sockets there."""
-
-LOOK_EVERY_NS: Final = 1_000_000_000
-"""How often a server looks whether its socket still lies where clients look for it."""
-
-TOUCH_EVERY_NS: Final = 3_600_000_000_000
-"""Cleaners of /tmp go by age; a socket is never written to, so its age is renewed by hand."""
 
 
 def runtime_dir(instance: str, base: Path) -> Path:
@@ -132,14 +120,7 @@ class RoomServer:
             role: os.geteuid() if uid is None else uid for role, uid in allowed.items()
         }
         self.path = path
-        self._lock = own(path)
-        self._look_ns = self._touch_ns = 0
-        try:
-            self._listener = listen(path)
-        except RoomError:
-            os.close(self._lock)
-            raise
-        self._inode = _inode(path)
+        self._listener = Listener(path, self.counters)
         self._peers: dict[str, Peer] = {}
         self._newcomers: dict[int, tuple[Peer, int]] = {}
         self._by_fd: dict[int, Peer] = {}
@@ -154,9 +135,8 @@ class RoomServer:
         """What is waiting, up to each peer's limit, with its sender's role; also admits and
         dismisses peers."""
         received: list[tuple[str, RoomRecord]] = []
-        if now_ns >= self._look_ns:
-            self._look_ns = now_ns + LOOK_EVERY_NS
-            self._look(now_ns)
+        if self._listener.look(now_ns):
+            self._epoll.register(self._listener, select.EPOLLIN)
         ready = [fd for fd, _ in self._epoll.poll(0, 16)]
         # Peers before newcomers: who replaces a dead peer must find its place free.
         for peer in [self._by_fd[fd] for fd in ready if fd in self._by_fd]:
@@ -195,41 +175,12 @@ class RoomServer:
             peer.sock.close()
         self._epoll.close()
         self._listener.close()
-        if _inode(self.path) == self._inode:
-            self.path.unlink(missing_ok=True)
-        os.close(self._lock)
-
-    def _look(self, now_ns: int) -> None:
-        """Listen again when somebody removed or replaced socket, lock or folder; who is connected
-        stays."""
-        if held(lock_of(self.path), self._lock) and _inode(self.path) == self._inode:
-            if now_ns >= self._touch_ns:
-                self._touch_ns = now_ns + TOUCH_EVERY_NS
-                with contextlib.suppress(OSError):
-                    os.utime(self.path)
-                    os.utime(lock_of(self.path))
-            return
-        try:
-            self.path.parent.mkdir(mode=INSTANCE_MODE, exist_ok=True)
-            lock = self._lock if held(lock_of(self.path), self._lock) else own(self.path)
-            listener = listen(self.path)
-        except (OSError, RoomError):
-            self.counters["listen_failed"] += 1
-            return
-        if lock != self._lock:
-            os.close(self._lock)
-        self._epoll.unregister(self._listener)
-        self._listener.close()
-        self._lock, self._listener, self._inode = lock, listener, _inode(self.path)
-        self._epoll.register(listener, select.EPOLLIN)
-        self.counters["listened_again"] += 1
 
     def _accept(self, now_ns: int) -> None:
         """Let waiting connections into the hall; they have one second to say who they are."""
         for _ in range(MAX_WAITING):  # who connects in an endless loop must not keep us here
-            try:
-                sock, _ = self._listener.accept()
-            except OSError:
+            sock = self._listener.accept()
+            if sock is None:
                 return
             if len(self._newcomers) >= MAX_WAITING:
                 self._dismiss_oldest()
@@ -357,12 +308,3 @@ class RoomClient:
         if self._peer and not self._peer.alive:
             self.close()
             self.counters["left"] += 1
-
-
-def _inode(path: Path) -> tuple[int, int] | None:
-    """What ``path`` names, None when nothing."""
-    try:
-        found = path.lstat()
-    except OSError:
-        return None
-    return found.st_dev, found.st_ino

@@ -2,8 +2,9 @@
 
     python -m tests.gate.flood [--input NAME] [--commands 20]
 
-A real gate process, a guard's end of its socket that answers as the guard does, one flooding
-process, one that disarms.
+A real gate process, a guard's end of its sockets that answers as the guard does, one flooding
+process, one that disarms: on the guard's own socket, as ``orbitd disarm`` does, and for comparison
+through the gate.
 """
 
 from __future__ import annotations
@@ -11,22 +12,27 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
+import math
 import os
 import signal
 import socket
 import subprocess
 import sys
 import tempfile
-import threading
 import time
+import uuid
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
+from typing import NoReturn
 
 import zenoh
 
 from firmware_py import config
 from firmware_py.gate import session
-from firmware_py.gate.client import Client
+from firmware_py.gate.client import Client, NoAnswerError
+from firmware_py.guard.budget import ROOM_LIMITS
+from firmware_py.guard.loop import real_time
 from firmware_py.records import (
     ArmState,
     Block,
@@ -34,9 +40,13 @@ from firmware_py.records import (
     CommandRequest,
     Event,
     GuardState,
+    Hello,
     Mode,
+    encode,
 )
+from firmware_py.wire import disarm_room
 from firmware_py.wire import mav_dialect as mav
+from firmware_py.wire.disarm_room import DisarmRoom
 from firmware_py.wire.rooms import RoomServer
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -46,7 +56,16 @@ QUERIES = {
     for name in ("state", "event", "config", "models", "sd/alarms", "cmd/arm", "cmd/disarm")
 }
 QUERIES |= {"everything": "orbitd/**", "since": f"{PREFIX}/event?since=3;as=msgpack"}
-INPUTS = ("none", *QUERIES, "page", "metrics", "mavlink")
+ROOMS = {
+    "disarm.sock": encode(CommandRequest(0, "disarm", id="flood")),
+    "disarm.sock silent": b"",
+    "disarm.sock junk": b"\xff" * 100,
+    "guard.sock": encode(Hello("brain", 1)),
+    "gate.sock": encode(Hello("guard", 1)),
+}
+"""First packet of each connection; the silent ones stay open."""
+
+INPUTS = ("none", *QUERIES, "page", "metrics", "mavlink", *ROOMS)
 STATE = GuardState(
     seq=1,
     t_ns=1,
@@ -90,6 +109,8 @@ def flood(name: str, runtime: str, http_port: int, station_port: int) -> None:
             _, device = sock.recvfrom(2048)
             while True:
                 sock.sendto(packet, device)
+    if name in ROOMS:
+        crowd(Path(runtime) / name.partition(" ")[0], ROOMS[name])
     conf = zenoh.Config()
     for key, value in {
         "mode": "client",
@@ -106,43 +127,50 @@ def flood(name: str, runtime: str, http_port: int, station_port: int) -> None:
             )
 
 
-class Guard:
-    """The guard's end: blocks and states at their rates, an answer to each command at once."""
+def crowd(path: Path, packet: bytes) -> NoReturn:
+    """Connect as fast as one process can, with one ``packet`` each."""
+    held: list[socket.socket] = []
+    while True:
+        sock = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        with contextlib.suppress(OSError):
+            sock.connect(str(path))
+            if packet:
+                sock.send(packet)
+        held = [*held[-50:], sock]
 
-    def __init__(self, runtime: Path) -> None:
-        self._server = RoomServer(runtime / "guard.sock", {"gate": None})
-        self._stop = threading.Event()
-        self.heard: list[tuple[float, str]] = []
-        self._thread = threading.Thread(target=self._run, daemon=True)
-        self._thread.start()
 
-    def _run(self) -> None:
-        events = [
-            Event(seq, seq, 0, f"e{seq}", "an event of some length, as they are told to people" * 3)
-            for seq in range(1000)
-        ]
-        told, cycle = False, 0
-        while not self._stop.wait(0.006):
-            cycle += 1
-            now_ns = time.monotonic_ns()
-            for _, record in self._server.poll(now_ns):
-                if isinstance(record, CommandRequest):
-                    self.heard.append((time.monotonic(), record.id))
-                    self._server.send("gate", CommandReply(record.seq, True, []))
-            if self._server.connected("gate") and not told:
-                told = True
-                for event in events:
-                    self._server.send("gate", event)
-            self._server.send(
-                "gate", Block(cycle, now_ns, 200_000, 0, 200, 0, 255, 314.0, cycle, [], bytes(480))
-            )
-            if cycle % 16 == 0:
-                self._server.send("gate", STATE)
-
-    def close(self) -> None:
-        self._stop.set()
-        self._thread.join()
-        self._server.close()
+def guard(runtime: Path) -> NoReturn:
+    """The guard's end: blocks and states at their rates, an answer to each command at once, as
+    first in line for the processor as the guard is."""
+    server = RoomServer(runtime / "guard.sock", {"gate": None}, ROOM_LIMITS)
+    room = DisarmRoom(runtime / disarm_room.SOCKET)
+    events = [
+        Event(seq, seq, 0, f"e{seq}", "an event of some length, as they are told to people" * 3)
+        for seq in range(1000)
+    ]
+    real_time()
+    told, cycle = False, 0
+    while True:
+        time.sleep(0.001)
+        cycle += 1
+        now_ns = time.monotonic_ns()
+        disarm = room.poll(now_ns)
+        if disarm is not None:
+            room.answer(CommandReply(disarm.seq, True, []))
+        for _, record in server.poll(now_ns):
+            if isinstance(record, CommandRequest):
+                server.send("gate", CommandReply(record.seq, True, []))
+        if server.connected("gate") and not told:
+            told = True
+            for event in events:
+                server.send("gate", event)
+        if cycle % 6:
+            continue
+        server.send(
+            "gate", Block(cycle, now_ns, 200_000, 0, 200, 0, 255, 314.0, cycle, [], bytes(480))
+        )
+        if cycle % 96 == 0:
+            server.send("gate", STATE)
 
 
 @contextlib.contextmanager
@@ -155,7 +183,10 @@ def device(folder: Path) -> Iterator[tuple[int, int]]:
             ports.append(probe.getsockname()[1])
     text = (config.SHIPPED / "bench.toml").read_text() + f"\n[metrics]\nport = {ports[0]}\n"
     (folder / "bench.toml").write_text(text)
-    guard = Guard(folder)
+    (folder / disarm_room.SOCKET).unlink(missing_ok=True)
+    guarding = subprocess.Popen(
+        [sys.executable, "-m", "tests.gate.flood", "--guard", str(folder)], cwd=ROOT
+    )
     gate = subprocess.Popen(
         [
             sys.executable,
@@ -175,19 +206,32 @@ def device(folder: Path) -> Iterator[tuple[int, int]]:
     )
     try:
         end_s = time.monotonic() + 60
-        while not (folder / session.SOCKET).exists() and time.monotonic() < end_s:
+        sockets = [folder / session.SOCKET, folder / disarm_room.SOCKET]
+        while not all(path.exists() for path in sockets) and time.monotonic() < end_s:
             time.sleep(0.05)
         time.sleep(0.5)
         yield ports[0], ports[1]
         assert gate.poll() is None, "the gate ended"
+        assert guarding.poll() is None, "the guard ended"
     finally:
         gate.send_signal(signal.SIGTERM)
         gate.wait(20)
-        guard.close()
+        guarding.kill()
+        guarding.wait()
 
 
-def measure(name: str, folder: Path, ports: tuple[int, int], commands: int) -> list[float]:
-    """Seconds that each of ``commands`` disarms took from question to answer."""
+@dataclass(frozen=True)
+class Took:
+    """Seconds that disarms took from question to answer, in rising order, and the longest stall of
+    an empty loop beside them: what this machine itself withheld."""
+
+    local_s: list[float]
+    through_gate_s: list[float]
+    stall_s: float
+
+
+def measure(name: str, folder: Path, ports: tuple[int, int], commands: int) -> Took:
+    """``commands`` disarms on either way, beside a flood on the input ``name``."""
     flooding = None
     if name != "none":
         flooding = subprocess.Popen(
@@ -203,17 +247,33 @@ def measure(name: str, folder: Path, ports: tuple[int, int], commands: int) -> l
             ],
             cwd=ROOT,
         )
+    empty = subprocess.Popen(
+        [sys.executable, "-m", "tests.gate.empty_loop"],
+        cwd=ROOT,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+    )
     try:
-        took = []
+        local, through_gate = [], []
         with Client(folder, PREFIX) as client:
             time.sleep(1.5 if flooding else 0.2)
             for _ in range(commands):
-                start = time.monotonic()
-                assert client.ask("disarm").accepted
-                took.append(time.monotonic() - start)
+                start_s = time.monotonic()
+                reply = disarm_room.ask(folder, uuid.uuid4().hex, 5.0)
+                assert reply is not None
+                assert reply.accepted
+                local.append(time.monotonic() - start_s)
+                start_s = time.monotonic()
+                try:
+                    assert client.ask("disarm").accepted
+                    through_gate.append(time.monotonic() - start_s)
+                except NoAnswerError:
+                    through_gate.append(math.inf)
                 time.sleep(0.02)
-        return took
+        return Took(sorted(local), sorted(through_gate), float(empty.communicate()[0]))
     finally:
+        empty.kill()
+        empty.wait()
         if flooding:
             flooding.kill()
             flooding.wait()
@@ -223,6 +283,8 @@ def main() -> None:
     if sys.argv[1:2] == ["--flood"]:
         flood(sys.argv[2], sys.argv[3], int(sys.argv[4]), int(sys.argv[5]))
         return
+    if sys.argv[1:2] == ["--guard"]:
+        guard(Path(sys.argv[2]))
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--input", choices=INPUTS, action="append")
     parser.add_argument("--commands", type=int, default=20)
@@ -232,9 +294,17 @@ def main() -> None:
         os.chmod(folder, 0o700)
         with device(folder) as ports:
             for each in options.input or INPUTS:
-                took = sorted(measure(each, folder, ports, options.commands))
-                median, worst = 1e3 * took[len(took) // 2], 1e3 * took[-1]
-                print(f"{each:<12} median {median:6.1f} ms, worst {worst:6.1f} ms", flush=True)
+                took = measure(each, folder, ports, options.commands)
+                ways = (("local", took.local_s), ("through the gate", took.through_gate_s))
+                words = [
+                    f"{way} {1e3 * each_s[len(each_s) // 2]:6.1f} / {1e3 * each_s[-1]:6.1f}"
+                    for way, each_s in ways
+                ]
+                print(
+                    f"{each:<19} median / worst, ms: {', '.join(words)}; an empty loop stalled "
+                    f"for {1e3 * took.stall_s:.1f}",
+                    flush=True,
+                )
 
 
 if __name__ == "__main__":

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import pytest
 
-from tests.gate.flood import device, measure
+from tests.gate.flood import INPUTS, device, measure
 
 pytestmark = pytest.mark.timing
 
 BAR_S = 0.2
-"""For the median."""
+"""For the worst of a local disarm, and for the median of one through the gate."""
 
-WORST_S = 1.0
+THROUGH_GATE_WORST_S = 1.0
 TRIES = 3
-"""A test machine has other work on it; `python -m tests.gate.flood` on an idle one shows the worst
-below the bar."""
+"""A test machine has other work on it: twenty processes for each processor hold up a caller for
+0.2 s once in some thousand calls, on any way. What the way itself costs shows in every try."""
 
 
 @pytest.fixture(scope="module")
@@ -24,15 +24,18 @@ def running(tmp_path_factory):
         yield folder, ports
 
 
-@pytest.mark.parametrize(
-    "name", ["event", "cmd/arm", "cmd/disarm", "everything", "page", "mavlink"]
-)
+@pytest.mark.parametrize("name", [name for name in INPUTS if name != "none"])
 def test_a_disarm_is_answered_while_another_client_asks_at_its_greatest_rate(running, name):
     folder, ports = running
     found = []
     for _ in range(TRIES):
-        took = sorted(measure(name, folder, ports, 9))
-        found.append(f"{took[4]:.3f} s (worst {took[-1]:.3f})")
-        if took[4] <= BAR_S and took[-1] <= WORST_S:
+        took = measure(name, folder, ports, 9)
+        through_gate_s = took.through_gate_s
+        found.append(str(took))
+        if (
+            took.local_s[-1] <= BAR_S
+            and through_gate_s[4] <= BAR_S
+            and through_gate_s[-1] <= THROUGH_GATE_WORST_S
+        ):
             return
-    pytest.fail(f"disarm took {', '.join(found)} beside {name}")
+    pytest.fail(f"beside {name}: {'; '.join(found)}")

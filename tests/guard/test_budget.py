@@ -362,12 +362,15 @@ def test_who_connects_without_end_is_let_in_eight_at_a_time(server: RoomServer) 
         def fileno(self) -> int:
             return self.real.fileno()
 
+        def look(self, now_ns: int) -> bool:
+            return False
+
         def close(self) -> None:
             self.real.close()
 
-        def accept(self) -> tuple[socket.socket, None]:
+        def accept(self) -> socket.socket:
             self.made += 1
-            return socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)[0], None
+            return socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)[0]
 
     endless = Endless(server._listener)
     server._listener = endless  # type: ignore[assignment]

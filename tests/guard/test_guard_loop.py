@@ -1,6 +1,7 @@
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -29,8 +30,11 @@ from firmware_py.records import (
     RawFrame,
     RoomRecord,
     Snapshot,
+    decode,
+    encode,
 )
 from firmware_py.wire.codec import CanCodec
+from firmware_py.wire.disarm_room import SOCKET, DisarmRoom
 from firmware_py.wire.rooms import RoomClient, RoomServer
 
 from .scripted_node import MS, SESSION, ScriptedNode, bench
@@ -119,8 +123,9 @@ class House:
         self.link = NodeLink()
         path = folder / "guard.sock"
         self.server = RoomServer(path, {"brain": None, "gate": None})
+        self.disarm = DisarmRoom(folder / SOCKET)
         core = GuardCore(bench(), CanCodec(), SESSION)
-        self.guard = Guard(core, self.link, self.server, Memory(folder))
+        self.guard = Guard(core, self.link, self.server, self.disarm, Memory(folder))
         self.brain, self.gate = RoomClient(path, "brain"), RoomClient(path, "gate")
         self.clock = SimClock(1_000 * MS)
         self.heard: dict[str, list[RoomRecord]] = {"brain": [], "gate": []}
@@ -165,6 +170,25 @@ def test_a_request_is_answered_and_the_brain_may_not_make_one(house: House) -> N
     house.gate.send(CommandRequest(8, "disarm"))
     house.run(3)
     assert house.of("gate", CommandReply) == [CommandReply(8, True, [])]
+
+
+def test_a_disarm_from_its_own_room_is_obeyed_without_a_gate(house: House, tmp_path: Path) -> None:
+    house.run(1200)
+    house.gate.close()
+    for k, wish in enumerate(("a", "b")):
+        with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as sock:
+            sock.connect(str(tmp_path / SOCKET))
+            sock.settimeout(0)
+            sock.send(encode(CommandRequest(0, "disarm", id=wish)))
+            house.run(11)
+            assert decode(sock.recv(4096)) == CommandReply(-1 - k, True, [], wish)
+    house.run(150)
+    assert not house.of("gate", CommandReply)
+    state = house.of("brain", GuardState)[-1]
+    assert isinstance(state, GuardState)
+    assert state.counters["disarm_asked"] == 2
+    told = [e.text for e in house.of("brain", Event) if isinstance(e, Event)]
+    assert f"disarm accepted from user {os.getuid()}" in told
 
 
 def test_the_newest_of_two_advices_in_a_cycle_counts(house: House) -> None:

@@ -106,6 +106,13 @@ def test_two_kills_bar_the_permit_until_a_person_has_looked_and_a_stop_is_no_kil
     assert json.loads((process.runtime / "starts.json").read_text())["running"] is False
 
 
+def test_a_person_disarms_without_a_gate(process: Process) -> None:
+    process.start()
+    command = [sys.executable, "-m", "firmware_py", "disarm", "--runtime-dir", str(process.runtime)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=20)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "disarm: accepted\n", "")
+
+
 @pytest.mark.parametrize("data", [b"", b"\0" * 24, b"[7]"])
 def test_a_trip_file_that_nobody_can_read_stands_latched_and_the_guard_protects(
     process: Process, data: bytes
@@ -147,7 +154,7 @@ def test_main_notes_its_start_after_it_can_be_told_to_stop(
 
     monkeypatch.setattr(loop, "build", watched)
     monkeypatch.setattr(loop, "run", stand_in)
-    monkeypatch.setattr(loop, "_real_time", lambda: did.append("real time"))
+    monkeypatch.setattr(loop, "real_time", lambda: did.append("real time"))
     monkeypatch.setattr(loop, "_first_in_line", lambda: None)
     runtime = tmp_path / "rt"
     runtime.mkdir()
@@ -177,5 +184,5 @@ def test_the_loop_is_first_in_line_where_that_is_allowed(
     monkeypatch.setattr(os, "sched_setscheduler", schedule)
     for name in ("collect", "freeze", "disable"):
         monkeypatch.setattr(gc, name, lambda name=name: asked.append(name))
-    loop._real_time()
+    loop.real_time()
     assert asked == [os.SCHED_FIFO, "collect", "freeze", "disable"]

@@ -14,8 +14,9 @@ from firmware_py import launch
 from firmware_py.records import EventAck
 from firmware_py.wire.folders import foreign_server, unsafe
 from firmware_py.wire.hub_bus import OrbitdHubBus
-from firmware_py.wire.room_socket import RoomError, lock_of
-from firmware_py.wire.rooms import LOOK_EVERY_NS, RoomClient, RoomServer, runtime_dir
+from firmware_py.wire.listener import LOOK_EVERY_NS, lock_of
+from firmware_py.wire.room_socket import RoomError
+from firmware_py.wire.rooms import RoomClient, RoomServer, runtime_dir
 
 STRANGER = 12345
 needs_root = pytest.mark.skipif(os.geteuid() != 0, reason="needs root")
