@@ -19,8 +19,8 @@ from typing import Final
 
 import msgspec
 
-from firmware_py.config import SHIPPED, Check, Config, ConfigFile, Device, load, read_device
-from firmware_py.config.schema import NAME_PATTERN, WORDS
+from firmware_py.config import SHIPPED, Check, Config, Device, Source, load, read_device
+from firmware_py.machine.values import NAME_PATTERN, WORDS
 from firmware_py.wire.listener import INSTANCE_MODE
 from firmware_py.wire.room_socket import RoomError
 from firmware_py.wire.rooms import checked_dir, runtime_dir
@@ -40,7 +40,7 @@ class Launch:
     (None: our own)."""
 
     config: Config
-    source: ConfigFile
+    source: Source
     runtime: Path
     peers: Mapping[str, int | None]
 
@@ -103,7 +103,7 @@ def user_id(name: str) -> int:
         raise argparse.ArgumentTypeError(cause) from error
 
 
-def verified(path: Path) -> tuple[Config, ConfigFile]:
+def verified(path: Path) -> tuple[Config, Source]:
     """The configuration as every process of the device, and ``orbitd check``, reads it.
 
     Raises
@@ -183,7 +183,7 @@ def as_instance(loaded: Config, instance: str) -> Config:
     bus = loaded.bus
     if bus.interface == "orbitd_hub":
         bus = msgspec.structs.replace(bus, channel=f"{bus.channel}-{instance}")
-    return msgspec.structs.replace(loaded, device=device, bus=bus)
+    return loaded.replaced(device=device, bus=bus)
 
 
 def _folder(given: Path | None, instance: str) -> Path:

@@ -60,11 +60,11 @@ _POWER: Final = TRUTH_COLUMNS.index("shaft_power_W")
 def node_limits(rig: RigData, config: Config) -> NodeLimits:
     """The node that belongs to ``rig``, set up for the safe value of ``config``."""
     return NodeLimits(
-        boot_clearance_um=config.actuator.safe_radial_clearance_um,
-        boot_pressure_bar=config.actuator.safe_pressure_bar,
+        boot_clearance_um=config.machine.actuator.safe_radial_clearance_um,
+        boot_pressure_bar=config.machine.actuator.safe_pressure_bar,
         clearance_um=(rig.bearing.clearance_min_m * 1e6, rig.bearing.clearance_max_m * 1e6),
         pressure_bar=(rig.supply.min_Pa * 1e-5, rig.supply.max_Pa * 1e-5),
-        time_to_live_ms=config.actuator.time_to_live_ms,
+        time_to_live_ms=config.machine.actuator.time_to_live_ms,
         rate_um_s=rig.actuator.rate_m_per_s * 1e6,
     )
 

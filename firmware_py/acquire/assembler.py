@@ -55,7 +55,9 @@ class Assembler:
         self._clock = clock
         self._counters = counters
         self.channel_ok = ChannelOk.of(config)
-        self.speed = SpeedMeter(config.operating.speed_ramp_max_rpm_s * pi / 30, self._period_us)
+        self.speed = SpeedMeter(
+            config.machine.operating.speed_ramp_max_rpm_s * pi / 30, self._period_us
+        )
         self.turns: list[Turn] = []
         self.state = AssemblerState(CounterTrack())
 

@@ -26,7 +26,8 @@ import numpy as np
 import numpy.typing as npt
 
 from firmware_py.acquire.rails import Rail, RailState, RailWatch
-from firmware_py.config import Channel, Config
+from firmware_py.config import Config
+from firmware_py.machine import FastChannel
 from firmware_py.records import CHANNELS, N_CHANNELS, ChannelCause, cause_bits
 
 STUCK_S: Final = 0.25
@@ -88,7 +89,7 @@ class ChannelOkState(msgspec.Struct):
     unusable: int = 0
 
 
-def counts_range(channel: Channel) -> tuple[int, int]:
+def counts_range(channel: FastChannel) -> tuple[int, int]:
     """OK range of ``channel`` in raw counts, always inside the rails of ``int16``."""
     ends = sorted(
         (limit - channel.offset) / channel.scale for limit in (channel.ok_low, channel.ok_high)
@@ -112,7 +113,7 @@ class ChannelOk:
 
     def __init__(
         self,
-        channels: list[Channel],
+        channels: list[FastChannel],
         rate_hz: int,
         reach_m: float = math.inf,
         fastest_m_s: float = math.inf,
@@ -140,10 +141,11 @@ class ChannelOk:
     def of(cls, config: Config) -> ChannelOk:
         """With the clearance and speed that ``config`` declares."""
         reach_m = (
-            config.bearing.radial_clearance_max_um + config.bearing.radial_clearance_offset_um
+            config.machine.bearing.radial_clearance_max_um
+            + config.machine.bearing.radial_clearance_offset_um
         ) * 1e-6
-        fastest_m_s = STEP_FACTOR * reach_m * config.operating.speed_max_rpm * math.pi / 30
-        return cls(config.channel, config.sampling.rate_hz, reach_m, fastest_m_s)
+        fastest_m_s = STEP_FACTOR * reach_m * config.machine.operating.speed_max_rpm * math.pi / 30
+        return cls(config.machine.channel, config.sampling.rate_hz, reach_m, fastest_m_s)
 
     def step(
         self, samples: npt.NDArray[np.int16], speed_rad_s: float = 0.0, gap: bool = False

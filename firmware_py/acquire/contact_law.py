@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_py.config.schema import Contact
+from firmware_py.machine import ContactCircuit
 
 Floats = NDArray[np.float64]
 
@@ -28,7 +28,9 @@ THICKEST_M: Final = 1e-3
 _KNOTS: Final = 4000
 
 
-def contact_volt(contact: Contact, film_m: Floats, roughness_m: float = MIDDLING_M) -> Floats:
+def contact_volt(
+    contact: ContactCircuit, film_m: Floats, roughness_m: float = MIDDLING_M
+) -> Floats:
     """Voltage of the contact channel over the smallest film (m)."""
     film = contact.film_ohm_per_m * np.maximum(film_m, THINNEST_M)
     asperity = ASPERITY_OHM * np.exp(np.minimum(film_m / roughness_m, 60.0))
@@ -36,20 +38,20 @@ def contact_volt(contact: Contact, film_m: Floats, roughness_m: float = MIDDLING
     return np.asarray(contact.circuit_V * parallel / (parallel + contact.circuit_ohm))
 
 
-def film_of(contact: Contact, volt: Floats, roughness_m: float = MIDDLING_M) -> Floats:
+def film_of(contact: ContactCircuit, volt: Floats, roughness_m: float = MIDDLING_M) -> Floats:
     """Smallest film (m) that shows ``volt``, from :data:`THINNEST_M` to :data:`THICKEST_M`."""
     volts, films = _law(contact, roughness_m)
     return np.asarray(np.interp(volt, volts, films))
 
 
-def film_per_volt(contact: Contact, volt: float, roughness_m: float = MIDDLING_M) -> float:
+def film_per_volt(contact: ContactCircuit, volt: float, roughness_m: float = MIDDLING_M) -> float:
     """Slope of :func:`film_of`, m/V, over a hundredth of the film."""
     film = float(film_of(contact, np.array(volt), roughness_m))
     thin, thick = contact_volt(contact, film * np.array([0.995, 1.005]), roughness_m)
     return 0.01 * film / float(thick - thin)
 
 
-def roughness_volt(contact: Contact, volt: float) -> float:
+def roughness_volt(contact: ContactCircuit, volt: float) -> float:
     """Deviation of the voltage that comes from the unknown roughness of the surfaces, even within
     its range."""
     film = (
@@ -61,6 +63,6 @@ def roughness_volt(contact: Contact, volt: float) -> float:
 
 
 @cache
-def _law(contact: Contact, roughness_m: float) -> tuple[Floats, Floats]:
+def _law(contact: ContactCircuit, roughness_m: float) -> tuple[Floats, Floats]:
     films = np.geomspace(THINNEST_M, THICKEST_M, _KNOTS)
     return contact_volt(contact, films, roughness_m), films

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from firmware_py.acquire.contact_law import film_of, film_per_volt
 from firmware_py.acquire.orders import CONTACT, Orders
 from firmware_py.acquire.windows import Window
-from firmware_py.config.schema import Contact
+from firmware_py.machine import ContactCircuit
 
 RADIUS_M: Final = 0.02
 LENGTH_M: Final = 0.02
@@ -29,7 +29,7 @@ REFERENCE_C: Final = 40.0
 VISCOSITY_PER_K: Final = 0.03
 """Journal, effective mass at the bearing, and the oil's law ``mu = mu_40 exp(-b (T - 40))``."""
 
-CIRCUIT: Final = Contact(
+CIRCUIT: Final = ContactCircuit(
     circuit_V=2.0, circuit_ohm=100e3, film_ohm_per_m=2e10, film_error_share=0.02
 )
 CONTACT_LEAST_V: Final = 1e-3

@@ -116,7 +116,7 @@ class Acquire:
     def __init__(self, config: Config, codec: Decoder) -> None:
         self._codec = codec
         self._fresh_age_ns = round(config.sampling.fresh_age_ms * 1e6)
-        self._leap_max_ns = config.actuator.time_to_live_ms * 1_000_000
+        self._leap_max_ns = config.machine.actuator.time_to_live_ms * 1_000_000
         names = [
             "frames_in",
             "frames_lost",

@@ -66,9 +66,11 @@ class ChannelMap:
     def from_config(cls, config: Config) -> ChannelMap:
         """Scales, offsets and probe angles of the configured channels."""
         return cls(
-            np.array([channel.scale for channel in config.channel]),
-            np.array([channel.offset for channel in config.channel]),
-            _probe_inverse(config.channel[0].angle_deg, config.channel[1].angle_deg),
+            np.array([channel.scale for channel in config.machine.channel]),
+            np.array([channel.offset for channel in config.machine.channel]),
+            _probe_inverse(
+                config.machine.channel[0].angle_deg, config.machine.channel[1].angle_deg
+            ),
         )
 
     @classmethod

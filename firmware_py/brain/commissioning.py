@@ -74,7 +74,7 @@ class Commissioner:
         self._prior = diagnoser.prior
         self._diagnoser = diagnoser
         self._slow_roll_m = slow_roll_m
-        operating = config.operating
+        operating = config.machine.operating
         reach = math.log(operating.speed_max_rpm / operating.speed_min_rpm)
         self._speed_steps_declared = math.ceil(reach / own.LOG_SPEED_STEP)
         self._phase, self._text = "none", ""
@@ -258,7 +258,13 @@ class Commissioner:
 def belonging(model: Model, config: Config) -> Belonging:
     """What a state is learned with: classifier, features, rig, and the configuration that features
     depend on."""
-    shaped = (config.channel, config.sampling, config.bearing, config.contact, config.oil)
+    shaped = (
+        config.machine.channel,
+        config.sampling,
+        config.machine.bearing,
+        config.machine.contact,
+        config.machine.lubricant,
+    )
     return Belonging(
         model.sha256,
         _digest("\n".join(FEATURE_NAMES).encode()),

@@ -61,7 +61,7 @@ class BrainCore:
         self._diagnoser = Diagnoser(models.classifier, slow_roll_m)
         self._commissioner = Commissioner(models.classifier, config, self._diagnoser, slow_roll_m)
         self._policy = Policy(models, config)
-        self._pressure_bar = config.actuator.safe_pressure_bar
+        self._pressure_bar = config.machine.actuator.safe_pressure_bar
         self._cpu_features = cpu_features
         self._predictor_label = models.surrogate.label if models.surrogate else ""
         self._diagnosis: Diagnosis | None = None

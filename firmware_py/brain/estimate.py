@@ -155,20 +155,24 @@ class Synchroniser:
 
     def __init__(self, film: Film, config: Config) -> None:
         self._instruments = Instruments(film, config)
-        self._oil = config.oil
+        self._oil = config.machine.lubricant
         errors = Errors.of(config)
-        low, high = np.log([config.operating.load_min_N, config.operating.load_max_N])
+        low, high = np.log(
+            [config.machine.operating.load_min_N, config.machine.operating.load_max_N]
+        )
         self._mean = np.zeros(STATES)
         self._mean[LOAD] = 0.5 * (low + high)
-        self._mean[CLEARANCE] = config.bearing.radial_clearance_offset_um
+        self._mean[CLEARANCE] = config.machine.bearing.radial_clearance_offset_um
         deviation = np.zeros(STATES)
         deviation[LOAD] = 0.5 * (high - low) / SIGMA_90 + 0.1
-        deviation[VISCOSITY] = errors.log_viscosity(config.oil.viscosity_slope_per_K)
+        deviation[VISCOSITY] = errors.log_viscosity(config.machine.lubricant.viscosity_slope_per_K)
         deviation[CLEARANCE] = errors.clearance_um
         deviation[ZERO_X : ZERO_Y + 1] = errors.zero_um
         deviation[GAIN_1 : GAIN_2 + 1] = errors.gain
         deviation[POWER] = errors.power_W
-        deviation[CONTACT] = config.contact.film_error_share if config.contact else 0.0
+        deviation[CONTACT] = (
+            config.machine.contact.film_error_share if config.machine.contact else 0.0
+        )
         deviation[VISCOSITY_RATE:] = 1e-4, 1e-3
         self._covariance = np.diag(deviation**2)
         self._prior = self._mean, self._covariance

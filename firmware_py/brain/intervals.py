@@ -46,7 +46,7 @@ class IntervalFactors(msgspec.Struct, frozen=True):
 
 def state_of(config: Config) -> str:
     """``zeroed`` after the slow-roll and zero procedure of the probes, else ``as_built``."""
-    return "zeroed" if all(channel.zeroed for channel in config.channel[:2]) else "as_built"
+    return "zeroed" if all(channel.zeroed for channel in config.machine.channel[:2]) else "as_built"
 
 
 def sigma_points(mean: Floats, covariance: Floats) -> Floats:

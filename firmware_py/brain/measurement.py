@@ -128,9 +128,9 @@ class Errors:
         return cls(
             zero_um / _FLAT,
             gain / _FLAT,
-            config.bearing.radial_clearance_error_um / _FLAT,
-            config.rotor.shaft_power_error_W / _FLAT,
-            viscosity=config.oil.viscosity_error_share / _FLAT,
+            config.machine.bearing.radial_clearance_error_um / _FLAT,
+            config.machine.rotor.shaft_power_error_W / _FLAT,
+            viscosity=config.machine.lubricant.viscosity_error_share / _FLAT,
         )
 
     def log_viscosity(self, slope_per_K: float) -> float:
@@ -179,9 +179,9 @@ class Instruments:
     def __init__(self, film: Film, config: Config) -> None:
         self._film = film
         self._oil, self._windage, self._contact = (
-            config.oil,
-            config.rotor.windage_W_s3,
-            config.contact,
+            config.machine.lubricant,
+            config.machine.rotor.windage_W_s3,
+            config.machine.contact,
         )
         to_xy = ChannelMap.from_config(config).to_xy
         probes = np.linalg.inv(to_xy)

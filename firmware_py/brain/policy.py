@@ -199,7 +199,7 @@ class Policy:
         """Clearances (m) that the guard admits; the bearing's range while it admits none."""
         if guard is not None and guard.clearance_low_um < guard.clearance_high_um:
             return guard.clearance_low_um * 1e-6, guard.clearance_high_um * 1e-6
-        bearing = self._config.bearing
+        bearing = self._config.machine.bearing
         return bearing.radial_clearance_min_um * 1e-6, bearing.radial_clearance_max_um * 1e-6
 
     def _candidates(self, guard: GuardState | None) -> Floats:
@@ -224,7 +224,7 @@ class Policy:
         candidates = np.flatnonzero((good & inside)[:-1])
         if not len(candidates):
             return (
-                self._config.actuator.safe_radial_clearance_um * 1e-6,
+                self._config.machine.actuator.safe_radial_clearance_um * 1e-6,
                 f"{overruled}; no candidate is good",
             )
         best = candidates[np.argmin(outlook.power_W[candidates, 1])]
@@ -269,7 +269,7 @@ class Policy:
         self, present: Present, guard: GuardState | None, wish_m: float | None
     ) -> tuple[float, str]:
         """Where the clearance will be after the horizon, and on what that rests."""
-        actuator = self._config.actuator
+        actuator = self._config.machine.actuator
         target_m, why = present.clearance_m, "clearance held"
         if guard is not None and guard.node_following:
             target_m, why = guard.target_clearance_um * 1e-6, "clearance goes to the guard's target"

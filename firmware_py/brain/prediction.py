@@ -118,20 +118,23 @@ class Predictor:
     ) -> None:
         self._film = Film(
             model.session,
-            config.bearing.journal_radius_m,
-            config.bearing.length_m,
-            config.rotor.effective_mass_at_bearing_kg,
+            config.machine.bearing.journal_radius_m,
+            config.machine.bearing.length_m,
+            config.machine.rotor.effective_mass_at_bearing_kg,
         )
         self._synchroniser = Synchroniser(self._film, config)
         self._factors, self._state = factors or IntervalFactors(), state_of(config)
-        self._oil, self._windage_W_s3 = config.oil, config.rotor.windage_W_s3
-        angles = np.radians([channel.angle_deg for channel in config.channel[:2]])
+        self._oil, self._windage_W_s3 = config.machine.lubricant, config.machine.rotor.windage_W_s3
+        angles = np.radians([channel.angle_deg for channel in config.machine.channel[:2]])
         self._probes = np.column_stack([np.cos(angles), np.sin(angles)])
         self._slow_roll_m = slow_roll_forward(config)
-        self._load_range_N = (config.operating.load_min_N, config.operating.load_max_N)
-        bearing = config.bearing
+        self._load_range_N = (
+            config.machine.operating.load_min_N,
+            config.machine.operating.load_max_N,
+        )
+        bearing = config.machine.bearing
         self._imbalance = ImbalanceFilter(
-            config.rotor.unbalance_normal_kg_m,
+            config.machine.rotor.unbalance_normal_kg_m,
             RESIDUAL_RUNOUT_M if self._state == "zeroed" else RUNOUT_PRIOR_M,
         )
         self._history: deque[tuple[int, float, float, float]] = deque(maxlen=25)
@@ -413,7 +416,8 @@ class Predictor:
 def slow_roll_forward(config: Config) -> complex:
     """Forward first order (m) of the runout that the slow-roll procedure found."""
     probes = [
-        c.slow_roll_um * UM * np.exp(1j * math.radians(c.slow_roll_deg)) for c in config.channel[:2]
+        c.slow_roll_um * UM * np.exp(1j * math.radians(c.slow_roll_deg))
+        for c in config.machine.channel[:2]
     ]
     x, y = (ChannelMap.from_config(config).to_xy @ np.array(probes)).tolist()
     return 0.5 * complex(x + 1j * y)

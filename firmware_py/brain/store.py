@@ -299,7 +299,7 @@ def read_card(name: str, metadata: dict[str, str]) -> Card:
 def _check_fit(kind: str, name: str, card: Card, session: Session, config: Config) -> None:
     """Refuse a model made for something else; every reason at once."""
     inputs, outputs = _INTERFACES[kind]
-    rate, rig, bearing = config.sampling.rate_hz, config.device.rig, config.bearing
+    rate, rig, bearing = config.sampling.rate_hz, config.device.rig, config.machine.bearing
     ratio = bearing.length_m / (2 * bearing.journal_radius_m)
     low, high = card.domain.get("length_over_diameter", (ratio, ratio))
     sampled = kind == "classifier"

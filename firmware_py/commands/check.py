@@ -15,7 +15,7 @@ import msgspec
 from firmware_py import launch
 from firmware_py.brain.store import Models
 from firmware_py.commands.building import build, surroundings
-from firmware_py.config import Config, ConfigError
+from firmware_py.config import Config, ConfigError, Source
 from firmware_py.config.source import shown
 
 
@@ -58,14 +58,14 @@ def _check(path: Path, as_json: bool) -> int:
     else:
         print(f"{shown(path.name)}: good")
         print(
-            f"  safe radial clearance {config.actuator.safe_radial_clearance_um:g} um; "
+            f"  safe radial clearance {config.machine.actuator.safe_radial_clearance_um:g} um; "
             f"{low_um:.1f} .. {high_um:.1f}"
             " um is admissible over the whole declared range"
         )
         print("\n".join(f"  model {label}" for label in _labels(built.models)))
         for kind, reason in built.models.refusals.items():
             print(f"  REFUSED {kind}: {reason}")
-        for line in _defaults(config, source.lines):
+        for line in _defaults(config, source):
             print(f"  default {line}")
     return 1 if built.models.refusals else 0
 
@@ -74,12 +74,18 @@ def _labels(models: Models) -> list[str]:
     return [model.label for model in (models.classifier, models.actor, models.surrogate) if model]
 
 
-def _defaults(config: Config, written: dict[str, int]) -> list[str]:
+def _defaults(config: Config, source: Source) -> list[str]:
     """Every setting that the file leaves to its default, with the value in force."""
-    return [
-        f"{section}.{key} = {value!r}"
-        for section, table in msgspec.structs.asdict(config).items()
-        if isinstance(table, msgspec.Struct)
+    tables = {
+        **msgspec.structs.asdict(config),
+        **{
+            f"machine.{name}": each for name, each in msgspec.structs.asdict(config.machine).items()
+        },
+    }
+    keys = [
+        (f"{name}.{key}", value)
+        for name, table in tables.items()
+        if isinstance(table, msgspec.Struct) and table is not config.machine
         for key, value in msgspec.structs.asdict(table).items()
-        if f"{section}.{key}" not in written
     ]
+    return [f"{source.place(key)[1]} = {value!r}" for key, value in keys if not source.written(key)]

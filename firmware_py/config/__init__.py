@@ -10,36 +10,25 @@ from __future__ import annotations
 from pathlib import Path
 
 from firmware_py.config.schema import (
-    Actuator,
     Authority,
-    Bearing,
     Bus,
-    Channel,
     Config,
     Device,
     Drive,
-    Feed,
     Limits,
     Metrics,
     Models,
-    Oil,
-    Operating,
-    Readings,
     Recorder,
-    Rotor,
     Sampling,
     Zenoh,
 )
-from firmware_py.config.source import ConfigError, ConfigFile, Fault
+from firmware_py.config.source import ConfigError, ConfigFile, Fault, Source
 from firmware_py.config.verify import Check, decode, load, parse, read_device
 
 __all__ = [
     "SHIPPED",
-    "Actuator",
     "Authority",
-    "Bearing",
     "Bus",
-    "Channel",
     "Check",
     "Config",
     "ConfigError",
@@ -47,16 +36,12 @@ __all__ = [
     "Device",
     "Drive",
     "Fault",
-    "Feed",
     "Limits",
     "Metrics",
     "Models",
-    "Oil",
-    "Operating",
-    "Readings",
     "Recorder",
-    "Rotor",
     "Sampling",
+    "Source",
     "Zenoh",
     "decode",
     "load",

@@ -21,21 +21,33 @@ from firmware_py.config.convert import Found
 from firmware_py.config.schema import Config
 
 ORDERED: Final = (
-    ("bearing.radial_clearance_min_um", "bearing.radial_clearance_max_um", True),
-    ("bearing.radial_clearance_min_um", "bearing.radial_clearance_nominal_um", False),
-    ("bearing.radial_clearance_nominal_um", "bearing.radial_clearance_max_um", False),
-    ("bearing.radial_clearance_min_um", "actuator.safe_radial_clearance_um", False),
-    ("actuator.safe_radial_clearance_um", "bearing.radial_clearance_max_um", False),
-    ("feed.pressure_min_bar", "feed.pressure_max_bar", False),
-    ("feed.pressure_min_bar", "actuator.safe_pressure_bar", False),
-    ("actuator.safe_pressure_bar", "feed.pressure_max_bar", False),
-    ("feed.groove_area_min_mm2", "feed.groove_area_max_mm2", False),
-    ("operating.speed_min_rpm", "operating.speed_max_rpm", True),
-    ("operating.load_min_N", "operating.load_max_N", False),
-    ("operating.speed_ramp_unannounced_rpm_s", "operating.speed_ramp_max_rpm_s", False),
-    ("limits.min_speed_rpm", "operating.speed_min_rpm", False),
-    ("oil.inlet_min_C", "oil.inlet_max_C", False),
-    ("oil.inlet_max_C", "oil.film_max_C", False),
+    ("machine.bearing.radial_clearance_min_um", "machine.bearing.radial_clearance_max_um", True),
+    (
+        "machine.bearing.radial_clearance_min_um",
+        "machine.bearing.radial_clearance_nominal_um",
+        False,
+    ),
+    (
+        "machine.bearing.radial_clearance_nominal_um",
+        "machine.bearing.radial_clearance_max_um",
+        False,
+    ),
+    ("machine.bearing.radial_clearance_min_um", "machine.actuator.safe_radial_clearance_um", False),
+    ("machine.actuator.safe_radial_clearance_um", "machine.bearing.radial_clearance_max_um", False),
+    ("machine.feed.pressure_min_bar", "machine.feed.pressure_max_bar", False),
+    ("machine.feed.pressure_min_bar", "machine.actuator.safe_pressure_bar", False),
+    ("machine.actuator.safe_pressure_bar", "machine.feed.pressure_max_bar", False),
+    ("machine.feed.groove_area_min_mm2", "machine.feed.groove_area_max_mm2", False),
+    ("machine.operating.speed_min_rpm", "machine.operating.speed_max_rpm", True),
+    ("machine.operating.load_min_N", "machine.operating.load_max_N", False),
+    (
+        "machine.operating.speed_ramp_unannounced_rpm_s",
+        "machine.operating.speed_ramp_max_rpm_s",
+        False,
+    ),
+    ("limits.min_speed_rpm", "machine.operating.speed_min_rpm", False),
+    ("machine.lubricant.inlet_min_C", "machine.lubricant.inlet_max_C", False),
+    ("machine.lubricant.inlet_max_C", "machine.lubricant.film_max_C", False),
     ("limits.displacement_alert_um", "limits.displacement_danger_um", True),
     ("limits.acceleration_alert_m_s2", "limits.acceleration_danger_m_s2", True),
     ("bus.nominal_bitrate", "bus.data_bitrate", False),
@@ -86,23 +98,25 @@ def _ordered(low_key: str, high_key: str, differ: bool) -> Callable[[Config], It
 
 def _shape(config: Config) -> Iterator[Found]:
     """Clearances beside the size of the journal."""
-    bearing = config.bearing
+    bearing = config.machine.bearing
     low_um, high_um = (
         share * bearing.journal_radius_m * 1e6
         for share in (CLEARANCE_RATIO_MIN, CLEARANCE_RATIO_MAX)
     )
     if bearing.radial_clearance_min_um < low_um:
         yield (
-            "bearing.radial_clearance_min_um",
+            "machine.bearing.radial_clearance_min_um",
             bearing.radial_clearance_min_um,
-            (f"below {low_um:g} um, {CLEARANCE_RATIO_MIN:g} of bearing.journal_radius_m; widen it"),
+            (
+                f"below {low_um:g} um, {CLEARANCE_RATIO_MIN:g} of machine.bearing.journal_radius_m; widen it"
+            ),
         )
     if bearing.radial_clearance_max_um > high_um:
         yield (
-            "bearing.radial_clearance_max_um",
+            "machine.bearing.radial_clearance_max_um",
             bearing.radial_clearance_max_um,
             (
-                f"above {high_um:g} um, {CLEARANCE_RATIO_MAX:g} of bearing.journal_radius_m; "
+                f"above {high_um:g} um, {CLEARANCE_RATIO_MAX:g} of machine.bearing.journal_radius_m; "
                 f"narrow it"
             ),
         )
@@ -110,7 +124,7 @@ def _shape(config: Config) -> Iterator[Found]:
 
 def _built(config: Config) -> Iterator[Found]:
     """What a lift check may find leaves a bearing."""
-    b = config.bearing
+    b = config.machine.bearing
     narrowest_um = (
         b.radial_clearance_min_um + b.radial_clearance_offset_um - b.radial_clearance_error_um
     )
@@ -121,18 +135,18 @@ def _built(config: Config) -> Iterator[Found]:
             film_um,
             (
                 f"above {FILM_SHARE_MAX:g} of the narrowest bearing, {narrowest_um:g} um "
-                f"(bearing.radial_clearance_min_um "
+                f"(machine.bearing.radial_clearance_min_um "
                 "+ offset - error); lower it or widen the bearing"
             ),
         )
 
 
 def _groove(config: Config) -> Iterator[Found]:
-    bearing, area_mm2 = config.bearing, config.feed.groove_area_max_mm2
+    bearing, area_mm2 = config.machine.bearing, config.machine.feed.groove_area_max_mm2
     projected_mm2 = 2.0 * bearing.journal_radius_m * bearing.length_m * 1e6
     if area_mm2 > projected_mm2:
         yield (
-            "feed.groove_area_max_mm2",
+            "machine.feed.groove_area_max_mm2",
             area_mm2,
             (f"above the whole projected bearing, {projected_mm2:g} mm2; lower it"),
         )
@@ -140,14 +154,17 @@ def _groove(config: Config) -> Iterator[Found]:
 
 def _oil_node(config: Config) -> Iterator[Found]:
     """A thermal node whose forecast neither jumps nor stands still."""
-    capacity, cooling = config.oil.thermal_capacity_J_K, config.oil.cooling_W_K
+    capacity, cooling = (
+        config.machine.lubricant.thermal_capacity_J_K,
+        config.machine.lubricant.cooling_W_K,
+    )
     low_s, high_s = OIL_NODE_S
     if capacity > 0.0 and not low_s * cooling <= capacity <= high_s * cooling:
         yield (
-            "oil.thermal_capacity_J_K",
+            "machine.lubricant.thermal_capacity_J_K",
             capacity,
             (
-                f"its time constant over oil.cooling_W_K = {cooling:g} is outside {low_s:g} .. "
+                f"its time constant over machine.lubricant.cooling_W_K = {cooling:g} is outside {low_s:g} .. "
                 f"{high_s:g} s; correct "
                 "one of them, or set 0 for no forecast of the oil"
             ),
@@ -157,7 +174,7 @@ def _oil_node(config: Config) -> Iterator[Found]:
 def _displacement(config: Config) -> Iterator[Found]:
     """A danger limit that the shaft reaches before it touches."""
     limit_um = config.limits.displacement_danger_um
-    diametral_um = 2.0 * config.bearing.radial_clearance_nominal_um
+    diametral_um = 2.0 * config.machine.bearing.radial_clearance_nominal_um
     if limit_um > DIAMETRAL_SHARE_MAX * diametral_um:
         yield (
             "limits.displacement_danger_um",
@@ -165,7 +182,7 @@ def _displacement(config: Config) -> Iterator[Found]:
             (
                 f"above {DIAMETRAL_SHARE_MAX:g} x diametral clearance ({diametral_um:g} um); lower "
                 f"it or set "
-                "bearing.radial_clearance_nominal_um"
+                "machine.bearing.radial_clearance_nominal_um"
             ),
         )
 
@@ -173,7 +190,9 @@ def _displacement(config: Config) -> Iterator[Found]:
 def _speed_high(config: Config) -> Iterator[Found]:
     """A trip speed above what the machine runs at, and not far above."""
     limit_rpm = config.limits.speed_high_rpm
-    low_rpm, high_rpm = (share * config.operating.speed_max_rpm for share in SPEED_HIGH_SHARES)
+    low_rpm, high_rpm = (
+        share * config.machine.operating.speed_max_rpm for share in SPEED_HIGH_SHARES
+    )
     if limit_rpm and not low_rpm <= limit_rpm <= high_rpm:
         yield (
             "limits.speed_high_rpm",
@@ -181,35 +200,35 @@ def _speed_high(config: Config) -> Iterator[Found]:
             (
                 f"outside {low_rpm:g} .. {high_rpm:g} rpm, {SPEED_HIGH_SHARES[0]:g} to "
                 f"{SPEED_HIGH_SHARES[1]:g} of "
-                "operating.speed_max_rpm; choose one inside, or 0 for 1.1"
+                "machine.operating.speed_max_rpm; choose one inside, or 0 for 1.1"
             ),
         )
 
 
 def _retreat(config: Config) -> Iterator[Found]:
     """The way back to the safe clearance ends in time."""
-    b, a = config.bearing, config.actuator
+    b, a = config.machine.bearing, config.machine.actuator
     safe_um = a.safe_radial_clearance_um
     way_um = max(b.radial_clearance_max_um - safe_um, safe_um - b.radial_clearance_min_um)
     if way_um > RETREAT_MAX_S * a.rate_um_s:
         yield (
-            "actuator.rate_um_s",
+            "machine.actuator.rate_um_s",
             a.rate_um_s,
             (
                 f"{way_um:g} um to the safe clearance take {way_um / a.rate_um_s:.3g} s, at most "
                 f"{RETREAT_MAX_S:g}; narrow "
-                "bearing.radial_clearance_min_um .. max_um or take a faster actuator"
+                "machine.bearing.radial_clearance_min_um .. max_um or take a faster actuator"
             ),
         )
 
 
 def _following(config: Config) -> Iterator[Found]:
     """Errors of the actuator, and reversals of its target, that there can be."""
-    a, b, feed = config.actuator, config.bearing, config.feed
+    a, b, feed = config.machine.actuator, config.machine.bearing, config.machine.feed
     most_um = FOLLOWING_SHARE_MAX * (b.radial_clearance_max_um - b.radial_clearance_min_um)
     if a.following_error_um > most_um:
         yield (
-            "actuator.following_error_um",
+            "machine.actuator.following_error_um",
             a.following_error_um,
             (
                 f"above {most_um:g} um, {FOLLOWING_SHARE_MAX:g} of the bearing's range, an "
@@ -219,10 +238,10 @@ def _following(config: Config) -> Iterator[Found]:
         )
     if a.following_error_bar > feed.pressure_min_bar:
         yield (
-            "actuator.following_error_bar",
+            "machine.actuator.following_error_bar",
             a.following_error_bar,
             (
-                f"above feed.pressure_min_bar ({feed.pressure_min_bar:g}), a supply that has "
+                f"above machine.feed.pressure_min_bar ({feed.pressure_min_bar:g}), a supply that has "
                 f"failed is off by no more; "
                 "lower it"
             ),
@@ -230,25 +249,25 @@ def _following(config: Config) -> Iterator[Found]:
     most = 30_000 // a.command_period_ms
     if a.reversals_per_minute_max > most:
         yield (
-            "actuator.reversals_per_minute_max",
+            "machine.actuator.reversals_per_minute_max",
             a.reversals_per_minute_max,
             (
-                f"above {most}, half of the commands of a minute (actuator.command_period_ms); "
+                f"above {most}, half of the commands of a minute (machine.actuator.command_period_ms); "
                 f"lower it"
             ),
         )
 
 
 def _unbalance(config: Config) -> Iterator[Found]:
-    rotor, o = config.rotor, config.operating
+    rotor, o = config.machine.rotor, config.machine.operating
     w = o.speed_max_rpm * pi / 30.0
     force_N, most_N = rotor.unbalance_normal_kg_m * w * w, UNBALANCE_SHARE_MAX * o.load_max_N
     if force_N > most_N:
         yield (
-            "rotor.unbalance_normal_kg_m",
+            "machine.rotor.unbalance_normal_kg_m",
             rotor.unbalance_normal_kg_m,
             (
-                f"turns with {force_N:.3g} N at operating.speed_max_rpm, more than "
+                f"turns with {force_N:.3g} N at machine.operating.speed_max_rpm, more than "
                 f"{UNBALANCE_SHARE_MAX:g} times "
                 f"load_max_N ({most_N:.3g} N); balance the rotor or lower the speed"
             ),
@@ -257,14 +276,14 @@ def _unbalance(config: Config) -> Iterator[Found]:
 
 def _windage(config: Config) -> Iterator[Found]:
     """Windage that leaves the shaft power something of the film."""
-    w = config.operating.speed_max_rpm * pi / 30.0
-    power_W = config.rotor.windage_W_s3 * w * w * w
+    w = config.machine.operating.speed_max_rpm * pi / 30.0
+    power_W = config.machine.rotor.windage_W_s3 * w * w * w
     if power_W > WINDAGE_MAX_W:
         yield (
-            "rotor.windage_W_s3",
-            config.rotor.windage_W_s3,
+            "machine.rotor.windage_W_s3",
+            config.machine.rotor.windage_W_s3,
             (
-                f"{power_W:.3g} W at operating.speed_max_rpm, at most {WINDAGE_MAX_W:g}; correct "
+                f"{power_W:.3g} W at machine.operating.speed_max_rpm, at most {WINDAGE_MAX_W:g}; correct "
                 f"its unit"
             ),
         )

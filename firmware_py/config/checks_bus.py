@@ -40,10 +40,10 @@ INTERFACE_NAME_MAX: Final = 15
 
 
 def _commands(config: Config) -> Iterator[Found]:
-    actuator = config.actuator
+    actuator = config.machine.actuator
     if actuator.command_period_ms * FRAMES_LOST > actuator.time_to_live_ms:
         yield (
-            "actuator.command_period_ms",
+            "machine.actuator.command_period_ms",
             actuator.command_period_ms,
             (
                 f"more than a third of time_to_live_ms ({actuator.time_to_live_ms}): two lost "
@@ -55,14 +55,14 @@ def _commands(config: Config) -> Iterator[Found]:
 
 def _freshness(config: Config) -> Iterator[Found]:
     """Samples that are called fresh still carry a command through the node's time to live."""
-    fresh_ms, actuator = config.sampling.fresh_age_ms, config.actuator
+    fresh_ms, actuator = config.sampling.fresh_age_ms, config.machine.actuator
     most_ms = actuator.time_to_live_ms - actuator.command_period_ms
     if fresh_ms > most_ms:
         yield (
             "sampling.fresh_age_ms",
             fresh_ms,
             (
-                f"above {most_ms} ms, actuator.time_to_live_ms less command_period_ms: the node "
+                f"above {most_ms} ms, machine.actuator.time_to_live_ms less command_period_ms: the node "
                 f"would refuse commands that "
                 "rest on such samples; shorten it"
             ),
@@ -94,7 +94,7 @@ def _period(config: Config) -> Iterator[Found]:
 
 
 def _turns(config: Config) -> Iterator[Found]:
-    rate_hz, fastest_rpm = config.sampling.rate_hz, config.operating.speed_max_rpm
+    rate_hz, fastest_rpm = config.sampling.rate_hz, config.machine.operating.speed_max_rpm
     least_hz = SAMPLES_PER_TURN_MIN * fastest_rpm / 60.0
     if rate_hz < least_hz:
         yield (
@@ -102,7 +102,7 @@ def _turns(config: Config) -> Iterator[Found]:
             rate_hz,
             (
                 f"below {least_hz:g}, {SAMPLES_PER_TURN_MIN} samples a turn at "
-                f"operating.speed_max_rpm = {fastest_rpm:g}; "
+                f"machine.operating.speed_max_rpm = {fastest_rpm:g}; "
                 "raise it or lower the speed"
             ),
         )

@@ -8,7 +8,8 @@ from math import radians, sin
 from typing import Final
 
 from firmware_py.config.convert import Found
-from firmware_py.config.schema import Channel, Config
+from firmware_py.config.schema import Config
+from firmware_py.machine import FastChannel
 from firmware_py.records import CHANNELS
 
 UNITS: Final = ("m", "m", "m/s2", "m/s2", "m/s2", "Pa", "bar", "V")
@@ -42,31 +43,31 @@ DISPLACEMENTS, ACCELERATIONS, SUPPLY_PRESSURE, CONTACT = (0, 1), (2, 3, 4), 6, 7
 
 
 def _names(config: Config) -> Iterator[Found]:
-    names = [channel.name for channel in config.channel]
+    names = [channel.name for channel in config.machine.channel]
     if names != list(CHANNELS):
         yield (
-            "channel",
+            "machine.channel",
             ", ".join(names),
             f"must be exactly {', '.join(CHANNELS)}, in this order; correct the names",
         )
 
 
 def _units(config: Config) -> Iterator[Found]:
-    for i, (channel, unit) in enumerate(zip(config.channel, UNITS, strict=False)):
+    for i, (channel, unit) in enumerate(zip(config.machine.channel, UNITS, strict=False)):
         if channel.unit != unit:
             yield (
-                f"channel[{i}].unit",
+                f"machine.channel[{i}].unit",
                 channel.unit,
                 f"the wire carries {unit}; write {unit}, and scale in {unit}",
             )
 
 
 def _scales(config: Config) -> Iterator[Found]:
-    for i, (channel, scale) in enumerate(zip(config.channel, WIRE_SCALES, strict=False)):
+    for i, (channel, scale) in enumerate(zip(config.machine.channel, WIRE_SCALES, strict=False)):
         low, high = scale / SCALE_FACTOR_MAX, scale * SCALE_FACTOR_MAX
         if not low <= abs(channel.scale) <= high:
             yield (
-                f"channel[{i}].scale",
+                f"machine.channel[{i}].scale",
                 channel.scale,
                 (
                     f"outside {low:g} .. {high:g} {UNITS[i]} a count, the wire has {scale:g}; "
@@ -75,10 +76,10 @@ def _scales(config: Config) -> Iterator[Found]:
             )
 
 
-def _ok_range(i: int, channel: Channel) -> Iterator[Found]:
+def _ok_range(i: int, channel: FastChannel) -> Iterator[Found]:
     if channel.ok_low >= channel.ok_high:
         yield (
-            f"channel[{i}].ok_low",
+            f"machine.channel[{i}].ok_low",
             channel.ok_low,
             f"not below ok_high ({channel.ok_high:g}); lower it",
         )
@@ -90,7 +91,7 @@ def _ok_range(i: int, channel: Channel) -> Iterator[Found]:
         if abs(counts) > RAIL_COUNTS:
             end = RAIL_COUNTS * abs(channel.scale)
             yield (
-                f"channel[{i}].{key}",
+                f"machine.channel[{i}].{key}",
                 value,
                 (
                     f"{counts:.6g} counts, the channel reads up to {RAIL_COUNTS} "
@@ -100,7 +101,7 @@ def _ok_range(i: int, channel: Channel) -> Iterator[Found]:
             )
     if channel.ok_high - channel.ok_low < OK_COUNTS_MIN * abs(channel.scale):
         yield (
-            f"channel[{i}].ok_high",
+            f"machine.channel[{i}].ok_high",
             channel.ok_high,
             (
                 f"less than {OK_COUNTS_MIN} counts above ok_low ({channel.ok_low:g}); widen the "
@@ -110,20 +111,20 @@ def _ok_range(i: int, channel: Channel) -> Iterator[Found]:
 
 
 def _ok_ranges(config: Config) -> Iterator[Found]:
-    for i, channel in enumerate(config.channel):
+    for i, channel in enumerate(config.machine.channel):
         yield from _ok_range(i, channel)
 
 
 def _probes(config: Config) -> Iterator[Found]:
-    if len(config.channel) <= DISPLACEMENTS[1]:
+    if len(config.machine.channel) <= DISPLACEMENTS[1]:
         return
-    first, second = (config.channel[i].angle_deg for i in DISPLACEMENTS)
+    first, second = (config.machine.channel[i].angle_deg for i in DISPLACEMENTS)
     if abs(sin(radians(second - first))) < sin(radians(PROBES_APART_DEG)) - 1e-9:
         yield (
-            "channel[1].angle_deg",
+            "machine.channel[1].angle_deg",
             second,
             (
-                f"less than {PROBES_APART_DEG:g} degrees from the axis of channel[0].angle_deg = "
+                f"less than {PROBES_APART_DEG:g} degrees from the axis of machine.channel[0].angle_deg = "
                 f"{first:g}; mount the "
                 "probes 90 degrees apart"
             ),
@@ -132,17 +133,17 @@ def _probes(config: Config) -> Iterator[Found]:
 
 def _displacement_seen(config: Config) -> Iterator[Found]:
     """The probes see the shaft wherever it may be, and the danger limit before they clip."""
-    b, danger_um = config.bearing, config.limits.displacement_danger_um
+    b, danger_um = config.machine.bearing, config.limits.displacement_danger_um
     widest_m = (b.radial_clearance_max_um + max(0.0, b.radial_clearance_offset_um)) * 1e-6
-    for i, channel in enumerate(config.channel[: DISPLACEMENTS[1] + 1]):
+    for i, channel in enumerate(config.machine.channel[: DISPLACEMENTS[1] + 1]):
         reach_m = min(channel.ok_high, -channel.ok_low)
         if reach_m < widest_m:
             yield (
-                f"channel[{i}].ok_high",
+                f"machine.channel[{i}].ok_high",
                 channel.ok_high,
                 (
                     f"the shaft may stand {widest_m * 1e6:g} um off "
-                    f"(bearing.radial_clearance_max_um), OK are "
+                    f"(machine.bearing.radial_clearance_max_um), OK are "
                     f"{channel.ok_low * 1e6:g} .. {channel.ok_high * 1e6:g} um; widen ok_low .. "
                     f"ok_high"
                 ),
@@ -155,7 +156,7 @@ def _displacement_seen(config: Config) -> Iterator[Found]:
                 (
                     f"above {span_um:g} um peak-to-peak, {READABLE_SHARE:g} of what {channel.name} "
                     f"can read; lower it or "
-                    f"widen channel[{i}].ok_low .. ok_high"
+                    f"widen machine.channel[{i}].ok_low .. ok_high"
                 ),
             )
 
@@ -163,7 +164,7 @@ def _displacement_seen(config: Config) -> Iterator[Found]:
 def _acceleration_seen(config: Config) -> Iterator[Found]:
     danger = config.limits.acceleration_danger_m_s2
     for i in ACCELERATIONS:
-        for channel in config.channel[i : i + 1]:
+        for channel in config.machine.channel[i : i + 1]:
             most = min(channel.ok_high, -channel.ok_low) / CREST_FACTOR
             if danger > most:
                 yield (
@@ -172,22 +173,24 @@ def _acceleration_seen(config: Config) -> Iterator[Found]:
                     (
                         f"above {most:g} m/s2 rms: its peaks (crest factor {CREST_FACTOR:g}) go "
                         f"beyond what {channel.name} "
-                        f"can read; lower it or widen channel[{i}].ok_low .. ok_high"
+                        f"can read; lower it or widen machine.channel[{i}].ok_low .. ok_high"
                     ),
                 )
 
 
 def _slow_channels_seen(config: Config) -> Iterator[Found]:
     """What the feed, one that has failed, and an open contact give is a good signal."""
-    feed, contact = config.feed, config.contact
+    feed, contact = config.machine.feed, config.machine.contact
     wanted = [(SUPPLY_PRESSURE, 0.0, feed.pressure_max_bar, "the feed's pressures and of none")]
     if contact is not None:
-        wanted.append((CONTACT, 0.0, contact.circuit_V, "the voltages of contact.circuit_V"))
+        wanted.append(
+            (CONTACT, 0.0, contact.circuit_V, "the voltages of machine.contact.circuit_V")
+        )
     for i, low, high, words in wanted:
-        for channel in config.channel[i : i + 1]:
+        for channel in config.machine.channel[i : i + 1]:
             if not channel.ok_low <= low <= high <= channel.ok_high:
                 yield (
-                    f"channel[{i}].ok_high",
+                    f"machine.channel[{i}].ok_high",
                     channel.ok_high,
                     (
                         f"OK are {channel.ok_low:g} .. {channel.ok_high:g} {channel.unit}, not all "

@@ -29,15 +29,15 @@ def _pressure(config: Config) -> Iterator[Found]:
             (
                 f"below {PRESSURE_SEEN_BAR:g} bar, a supply that has failed does not show less; "
                 f"raise it, and "
-                "feed.pressure_min_bar above it"
+                "machine.feed.pressure_min_bar above it"
             ),
         )
-    if alert_bar > config.feed.pressure_min_bar:
+    if alert_bar > config.machine.feed.pressure_min_bar:
         yield (
             "limits.oil_pressure_low_alert_bar",
             alert_bar,
             (
-                f"above feed.pressure_min_bar ({config.feed.pressure_min_bar:g}), which may be "
+                f"above machine.feed.pressure_min_bar ({config.machine.feed.pressure_min_bar:g}), which may be "
                 f"commanded; lower it"
             ),
         )
@@ -45,7 +45,7 @@ def _pressure(config: Config) -> Iterator[Found]:
 
 def _outlet(config: Config) -> Iterator[Found]:
     """Limits of a hot outlet, as set or as they follow from the film."""
-    oil, (alert_C, danger_C) = config.oil, config.oil_outlet_limits_C
+    oil, (alert_C, danger_C) = config.machine.lubricant, config.oil_outlet_limits_C
     if alert_C >= danger_C:
         yield (
             "limits.oil_outlet_high_alert_C",
@@ -56,21 +56,23 @@ def _outlet(config: Config) -> Iterator[Found]:
         yield (
             "limits.oil_outlet_high_alert_C",
             alert_C,
-            (f"below oil.inlet_max_C ({oil.inlet_max_C:g}): oil as declared would alarm; raise it"),
+            (
+                f"below machine.lubricant.inlet_max_C ({oil.inlet_max_C:g}): oil as declared would alarm; raise it"
+            ),
         )
     if alert_C > oil.film_max_C:
         yield (
             "limits.oil_outlet_high_alert_C",
             alert_C,
             (
-                f"above oil.film_max_C ({oil.film_max_C:g}), up to which the film is proven; "
+                f"above machine.lubricant.film_max_C ({oil.film_max_C:g}), up to which the film is proven; "
                 f"lower it"
             ),
         )
-    if danger_C >= config.readings.oil_outlet_max_C:
+    if danger_C >= config.machine.readings.oil_outlet_max_C:
         yield (
-            "readings.oil_outlet_max_C",
-            config.readings.oil_outlet_max_C,
+            "machine.readings.oil_outlet_max_C",
+            config.machine.readings.oil_outlet_max_C,
             (
                 f"not above limits.oil_outlet_high_danger_C ({danger_C:g}), which could not be "
                 f"read; raise it"
@@ -80,20 +82,20 @@ def _outlet(config: Config) -> Iterator[Found]:
 
 def _readings(config: Config) -> Iterator[Found]:
     """Ranges that would refuse what is declared."""
-    readings, oil, feed = config.readings, config.oil, config.feed
+    readings, oil, feed = config.machine.readings, config.machine.lubricant, config.machine.feed
     if readings.oil_outlet_min_C >= oil.inlet_min_C:
         yield (
-            "readings.oil_outlet_min_C",
+            "machine.readings.oil_outlet_min_C",
             readings.oil_outlet_min_C,
-            (f"not below oil.inlet_min_C ({oil.inlet_min_C:g}); lower it"),
+            (f"not below machine.lubricant.inlet_min_C ({oil.inlet_min_C:g}); lower it"),
         )
     most_bar = readings.pressure_max_bar
     if 0.0 < most_bar <= feed.pressure_max_bar:
         yield (
-            "readings.pressure_max_bar",
+            "machine.readings.pressure_max_bar",
             most_bar,
             (
-                f"not above feed.pressure_max_bar ({feed.pressure_max_bar:g}), which may be "
+                f"not above machine.feed.pressure_max_bar ({feed.pressure_max_bar:g}), which may be "
                 f"commanded; raise it"
             ),
         )

@@ -15,7 +15,8 @@ from typing import Any, Final, cast
 import msgspec
 from msgspec import inspect
 
-from firmware_py.config.schema import WORDS, Config, Section
+from firmware_py.config.schema import WORDS, Config
+from firmware_py.machine.values import Section
 
 Found = tuple[str, object, str]
 """A fault: key, value, and the cause with its limit; after the last semicolon the next step."""
@@ -97,7 +98,7 @@ def _section(
         faults.append((prefix.rstrip("."), None, f"{len(unknown)} unknown keys; remove them"))
     values: dict[str, Any] = {}
     for name, key in known.items():
-        if name in table:
+        if name in table and not (table[name] is None and key.field.default is None):
             value = _value(key.kind, table[name], prefix + name, faults)
             if value is not _HOLE:
                 values[name] = value

@@ -7,13 +7,15 @@ import codecs
 import os
 import re
 import stat
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 import msgspec
 
 from firmware_py.errors import OrbitdError
+from firmware_py.machine.migrate import first_key, in_first_words
 
 MAX_BYTES: Final = 64 * 1024
 """A full configuration with comments has 6 kB; the parser's time grows with the square of the worst
@@ -116,6 +118,42 @@ class ConfigFile:
         while key and key not in self.lines:
             key = key[: max(key.rfind("."), key.rfind("["), 0)]
         return self.lines.get(key, 0)
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where the values of a configuration were written, and what each key is called there.
+
+    Attributes
+    ----------
+    path
+        What a person named.
+    place
+        File of a key of :class:`~firmware_py.config.Config`, and what it is called in it.
+    worded
+        A text that names such keys, in the words of the files.
+    """
+
+    path: Path
+    place: Callable[[str], tuple[ConfigFile, str]]
+    worded: Callable[[str], str]
+
+    def fault(self, key: str, value: object, cause: str) -> Fault:
+        """A :class:`Fault` at ``key``; ``cause`` ends with the next step, after a semicolon."""
+        file, own = self.place(key)
+        return file.fault(own, value, self.worded(cause))
+
+    def written(self, key: str) -> bool:
+        """Whether ``key`` itself stands there, not only a default for it."""
+        file, own = self.place(key)
+        return own in file.lines
+
+
+def one_file(file: ConfigFile, *, first: bool) -> Source:
+    """The source of a single file, ``first``: of the first schema."""
+    if first:
+        return Source(file.path, lambda key: (file, first_key(key)), in_first_words)
+    return Source(file.path, lambda key: (file, key), str)
 
 
 def shown(value: object) -> str:

@@ -13,14 +13,15 @@ import msgspec
 from firmware_py.config.checks import RELATED
 from firmware_py.config.convert import FaultedError, Found, convert, ends_of, view
 from firmware_py.config.schema import Config, Device
-from firmware_py.config.source import ConfigError, ConfigFile, Fault, read_text
+from firmware_py.config.source import ConfigError, ConfigFile, Fault, Source, one_file, read_text
+from firmware_py.machine.migrate import is_first, upgrade
 
 Check = Callable[[Config], Iterator[Found]]
 """Yields key, value and cause; reads only what it needs, and is left out where that has a fault of
 its own."""
 
 
-def load(path: Path, laws: Sequence[Check] = ()) -> tuple[Config, ConfigFile]:
+def load(path: Path, laws: Sequence[Check] = ()) -> tuple[Config, Source]:
     """Read and verify ``path``.
 
     Parameters
@@ -32,7 +33,7 @@ def load(path: Path, laws: Sequence[Check] = ()) -> tuple[Config, ConfigFile]:
 
     Returns
     -------
-    The configuration, and its text for messages.
+    The configuration, and where each key stands, for messages.
 
     Raises
     ------
@@ -44,10 +45,11 @@ def load(path: Path, laws: Sequence[Check] = ()) -> tuple[Config, ConfigFile]:
 
 def parse(
     text: str, path: Path = Path("<text>"), laws: Sequence[Check] = ()
-) -> tuple[Config, ConfigFile]:
+) -> tuple[Config, Source]:
     """As :func:`load`, from the TOML ``text``."""
-    source = ConfigFile(path, text)
-    config, faults = verify(_toml(source), source, laws)
+    file = ConfigFile(path, text)
+    table, source = _upgraded(_toml(file), file)
+    config, faults = verify(table, source, laws)
     if config is None:
         raise ConfigError(faults)
     return config, source
@@ -61,8 +63,9 @@ def read_device(path: Path) -> Device:
     ConfigError
         No readable TOML, or a fault in the table ``device``.
     """
-    source = ConfigFile(path, read_text(path))
-    values, found = convert(_toml(source))
+    file = ConfigFile(path, read_text(path))
+    table, source = _upgraded(_toml(file), file)
+    values, found = convert(table)
     faults = [_placed(source, *each) for each in found if each[0].partition(".")[0] == "device"]
     if faults:
         raise ConfigError(faults)
@@ -77,13 +80,14 @@ def decode(data: str | bytes, path: Path) -> Config:
     ConfigError
         No JSON, or any fault.
     """
-    source = ConfigFile(path, "")
+    file = ConfigFile(path, "")
     try:
         table = msgspec.json.decode(data, type=dict[str, Any])
     except (msgspec.DecodeError, RecursionError, UnicodeDecodeError) as error:
-        raise source.error(
+        raise file.error(
             "", None, f"no configuration ({error}); name an intact recording"
         ) from error
+    table, source = _upgraded(table, file)
     config, faults = verify(table, source)
     if config is None:
         raise ConfigError(faults)
@@ -91,7 +95,7 @@ def decode(data: str | bytes, path: Path) -> Config:
 
 
 def verify(
-    table: dict[str, Any], source: ConfigFile, laws: Sequence[Check] = ()
+    table: dict[str, Any], source: Source, laws: Sequence[Check] = ()
 ) -> tuple[Config | None, list[Fault]]:
     """The configuration of ``table``, or all that is wrong with it."""
     values, found = convert(table)
@@ -114,9 +118,15 @@ def _run(check: Check, seen: Config) -> list[Found]:
     return found
 
 
-def _placed(source: ConfigFile, key: str, value: object, cause: str) -> Fault:
+def _placed(source: Source, key: str, value: object, cause: str) -> Fault:
     least, greatest = ends_of(key)
     return msgspec.structs.replace(source.fault(key, value, cause), least=least, greatest=greatest)
+
+
+def _upgraded(table: dict[str, Any], file: ConfigFile) -> tuple[dict[str, Any], Source]:
+    """``table`` in the present schema, and where its keys stand in ``file``."""
+    first = is_first(table)
+    return upgrade(table) if first else table, one_file(file, first=first)
 
 
 def _toml(source: ConfigFile) -> dict[str, Any]:

@@ -61,7 +61,12 @@ Ask = Callable[[str, object, str, Callable[[CommandReply], None], int], Any]
 
 def settings(config: Config) -> dict[str, float]:
     """The settings that a station may read, by their MAVLink name (at most 16 characters)."""
-    b, a, lim, o = config.bearing, config.actuator, config.limits, config.operating
+    b, a, lim, o = (
+        config.machine.bearing,
+        config.machine.actuator,
+        config.limits,
+        config.machine.operating,
+    )
     return {
         "RATE_HZ": config.sampling.rate_hz,
         "CLR_MIN_UM": b.radial_clearance_min_um,

@@ -44,7 +44,7 @@ class Announcements:
     """
 
     def __init__(self, config: Config, lead_s: float) -> None:
-        o = config.operating
+        o = config.machine.operating
         self._speeds_rpm, self._loads_N = (
             (o.speed_min_rpm, o.speed_max_rpm),
             (o.load_min_N, o.load_max_N),

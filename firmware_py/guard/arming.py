@@ -71,7 +71,7 @@ class Arming:
     """
 
     def __init__(self, config: Config) -> None:
-        a, b, f = config.actuator, config.bearing, config.feed
+        a, b, f = config.machine.actuator, config.machine.bearing, config.machine.feed
         self.safe = Target(a.safe_radial_clearance_um, a.safe_pressure_bar)
         self._clearances = (b.radial_clearance_min_um, b.radial_clearance_max_um)
         self._pressures = (f.pressure_min_bar, f.pressure_max_bar)

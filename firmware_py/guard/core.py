@@ -146,13 +146,16 @@ class GuardCore:
     ) -> None:
         self._config = config
         self._session = session
-        self._ttl_ns = config.actuator.time_to_live_ms * 1_000_000
+        self._ttl_ns = config.machine.actuator.time_to_live_ms * 1_000_000
         self._fresh_ns = round(config.sampling.fresh_age_ms * 1e6)
         self._speeds = (
-            config.operating.speed_min_rpm * pi / 30,
-            config.operating.speed_max_rpm * pi / 30,
+            config.machine.operating.speed_min_rpm * pi / 30,
+            config.machine.operating.speed_max_rpm * pi / 30,
         )
-        self._speeds_rpm = (config.operating.speed_min_rpm, config.operating.speed_max_rpm)
+        self._speeds_rpm = (
+            config.machine.operating.speed_min_rpm,
+            config.machine.operating.speed_max_rpm,
+        )
         self._turning_rad_s = config.limits.min_speed_rpm * pi / 30
         self._acquire = Acquire(config, codec)
         names = latched or []

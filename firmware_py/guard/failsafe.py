@@ -291,7 +291,7 @@ def node_reasons(config: Config, info: NodeInfo | None) -> list[str]:
     """
     if info is None:
         return []
-    a, period_us = config.actuator, config.sampling.period_us
+    a, period_us = config.machine.actuator, config.sampling.period_us
     checks = (
         (
             info.schema == SCHEMA,

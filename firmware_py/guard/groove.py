@@ -34,7 +34,7 @@ class Groove:
     """
 
     def __init__(self, config: Config) -> None:
-        feed, o = config.feed, config.operating
+        feed, o = config.machine.feed, config.machine.operating
         self._pressures_bar = feed.pressure_min_bar, feed.pressure_max_bar
         self._most_N_bar = N_PER_BAR_MM2 * feed.groove_area_max_mm2
         self.added_N = (

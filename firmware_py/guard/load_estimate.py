@@ -84,7 +84,7 @@ class LoadEstimator:
     """
 
     def __init__(self, config: Config) -> None:
-        bearing = config.bearing
+        bearing = config.machine.bearing
         self._film = static_film(bearing.journal_radius_m, bearing.length_m)
         self._low_share, self._high_share = (
             1.0 - bearing.load_error_share,
@@ -93,15 +93,21 @@ class LoadEstimator:
         self._offset_m = bearing.radial_clearance_offset_um * 1e-6
         self._error_m = bearing.radial_clearance_error_um * 1e-6
         self._turned = bearing.attitude_error_deg * pi / 180.0
-        zeroed = all(config.channel[i].zeroed for i in DISPLACEMENTS)
+        zeroed = all(config.machine.channel[i].zeroed for i in DISPLACEMENTS)
         self._zero_m = ZEROED_ERROR_M if zeroed else ZERO_ERROR_M
         self._gain = ZEROED_GAIN_ERROR if zeroed else GAIN_ERROR
-        self._probes = [_direction(config.channel[i].angle_deg) for i in DISPLACEMENTS]
+        self._probes = [_direction(config.machine.channel[i].angle_deg) for i in DISPLACEMENTS]
         (c0, s0), (c1, s1) = self._probes
         self._spread = sqrt(2.0 / (1.0 - abs(c0 * c1 + s0 * s1)))
         self._places = [self._seen_by(*probe) for probe in self._probes]
-        self._viscosity, self._oil = ViscosityTable(config.oil), OilEstimator(config, self._film)
-        self._inlet_min_C, self._hottest_C = config.oil.inlet_min_C, config.oil.film_max_C
+        self._viscosity, self._oil = (
+            ViscosityTable(config.machine.lubricant),
+            OilEstimator(config, self._film),
+        )
+        self._inlet_min_C, self._hottest_C = (
+            config.machine.lubricant.inlet_min_C,
+            config.machine.lubricant.film_max_C,
+        )
         self._coldest_C = self._inlet_min_C - COLD_C
         self._groove = Groove(config)
         self._declared_N = self._groove.film_loads_N

@@ -69,7 +69,7 @@ class MotionMeter:
     """
 
     def __init__(self, config: Config) -> None:
-        channels = config.channel
+        channels = config.machine.channel
         self._period_s = config.sampling.period_us * 1e-6
         self._longest_s = 60.0 / max(config.limits.min_speed_rpm, 1.0)
         self._scales = [abs(channel.scale) for channel in channels]

@@ -125,17 +125,21 @@ class OilEstimator:
     """
 
     def __init__(self, config: Config, film: StaticFilm) -> None:
-        self._film, self._law = film, ViscosityTable(config.oil)
+        self._film, self._law = film, ViscosityTable(config.machine.lubricant)
         self._windage_W_s3, self._power_error_W = (
-            config.rotor.windage_W_s3,
-            config.rotor.shaft_power_error_W,
+            config.machine.rotor.windage_W_s3,
+            config.machine.rotor.shaft_power_error_W,
         )
-        self._friction_error = config.bearing.friction_error_share
-        self._at_outlet, self._coldest_C = config.oil.film_at_outlet, config.oil.inlet_min_C
+        self._friction_error = config.machine.bearing.friction_error_share
+        self._at_outlet, self._coldest_C = (
+            config.machine.lubricant.film_at_outlet,
+            config.machine.lubricant.inlet_min_C,
+        )
         widest_m = (
-            config.bearing.radial_clearance_max_um + config.bearing.radial_clearance_offset_um
+            config.machine.bearing.radial_clearance_max_um
+            + config.machine.bearing.radial_clearance_offset_um
         ) * 1e-6
-        self._error_m = config.bearing.radial_clearance_error_um * 1e-6
+        self._error_m = config.machine.bearing.radial_clearance_error_um * 1e-6
         self._wider = (widest_m + self._error_m) / (widest_m - self._error_m)
         self._learns = self._at_outlet and self._friction_error < 1.0
 

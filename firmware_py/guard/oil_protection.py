@@ -192,7 +192,7 @@ class OilProtection:
 
 def _watches(config: Config) -> list[Watch]:
     """Every limit of the oil, in the order in which it is judged."""
-    feed, oil = config.feed, config.oil
+    feed, oil = config.machine.feed, config.machine.lubricant
     low_bar, hot_C = config.oil_pressure_limits_bar, config.oil_outlet_limits_C
     alert, danger, coldest_C = Severity.ALERT, Severity.DANGER, oil.inlet_min_C - COLD_C
     return [

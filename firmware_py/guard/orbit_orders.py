@@ -108,7 +108,7 @@ class OrbitOrders:
     """
 
     def __init__(self, config: Config) -> None:
-        channels = [config.channel[i] for i in DISPLACEMENTS]
+        channels = [config.machine.channel[i] for i in DISPLACEMENTS]
         self._scales = [channel.scale for channel in channels]
         floor_m = FLOOR_M + 2e-6 * max(channel.slow_roll_um for channel in channels)
         self._floor_m2 = floor_m * floor_m

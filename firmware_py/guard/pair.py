@@ -197,8 +197,8 @@ class PairCheck:
     """
 
     def __init__(self, config: Config) -> None:
-        b, o = config.bearing, config.operating
-        probes = [config.channel[i] for i in DISPLACEMENTS]
+        b, o = config.machine.bearing, config.machine.operating
+        probes = [config.machine.channel[i] for i in DISPLACEMENTS]
         self._scales = [(p.scale, p.offset) for p in probes]
         self._to_xy = probes_to_xy(probes[0].angle_deg, probes[1].angle_deg)
         (xa, xb), (ya, yb) = self._to_xy
@@ -217,16 +217,23 @@ class PairCheck:
             b.radial_clearance_min_um * 1e-6 - STEADY_M,
             b.radial_clearance_max_um * 1e-6 + STEADY_M,
         )
-        self._range_C = (config.oil.inlet_min_C - BEYOND_C, config.oil.film_max_C + BEYOND_C)
+        self._range_C = (
+            config.machine.lubricant.inlet_min_C - BEYOND_C,
+            config.machine.lubricant.film_max_C + BEYOND_C,
+        )
         self._attitude = b.attitude_error_deg * pi / 180.0
         self._shares = (1.0 - b.load_error_share, 1.0 + b.load_error_share)
         low_N, high_N = Groove(config).film_loads_N
         self._loads_N = (low_N * (1.0 - LOAD_SHARE), high_N * (1.0 + LOAD_SHARE))
         self._film, self._oil = (
             static_film(b.journal_radius_m, b.length_m),
-            ViscosityTable(config.oil),
+            ViscosityTable(config.machine.lubricant),
         )
-        self._coldest_C = 200.0 if config.oil.film_at_outlet else config.oil.inlet_min_C
+        self._coldest_C = (
+            200.0
+            if config.machine.lubricant.film_at_outlet
+            else config.machine.lubricant.inlet_min_C
+        )
         # the inverse of the matrix from probes to xy: what each probe sees of the curve
         det = self._turned_over
         self._curve = [

@@ -99,7 +99,7 @@ class Protection:
         }
         self._rails = [
             abs(c.ok_high - c.ok_low) / 2 * (1e6 if i in DISPLACEMENTS else 1.0)
-            for i, c in enumerate(config.channel)
+            for i, c in enumerate(config.machine.channel)
         ]
         self._state = ProtectionState(
             alarms, not_ok, self._meter.window, saturated=self._no_saturated()

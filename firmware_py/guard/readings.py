@@ -129,14 +129,14 @@ class Readings:
     """
 
     def __init__(self, config: Config) -> None:
-        b, f, r = config.bearing, config.feed, config.readings
+        b, f, r = config.machine.bearing, config.machine.feed, config.machine.readings
         self._config = config
         self._age_max_ns, self._clean_ns = round(r.age_max_ms * 1e6), round(r.clean_s * 1e9)
         self._clearances_um = b.radial_clearance_min_um, b.radial_clearance_max_um
-        self._safe_um = config.actuator.safe_radial_clearance_um
-        self._coldest_C = config.oil.inlet_min_C - COLD_C
-        self._supply = config.channel[SUPPLY].scale, config.channel[SUPPLY].offset
-        self._heat_W = FROZEN_HEAT_C * config.oil.cooling_W_K or inf
+        self._safe_um = config.machine.actuator.safe_radial_clearance_um
+        self._coldest_C = config.machine.lubricant.inlet_min_C - COLD_C
+        self._supply = config.machine.channel[SUPPLY].scale, config.machine.channel[SUPPLY].offset
+        self._heat_W = FROZEN_HEAT_C * config.machine.lubricant.cooling_W_K or inf
         most_W = r.shaft_power_max_W or power_max_W(config)
         most_bar = r.pressure_max_bar or PRESSURE_MARGIN * f.pressure_max_bar
         self.rows = {
@@ -155,7 +155,7 @@ class Readings:
                 "bearing.radial_clearance_min_um .. radial_clearance_max_um",
                 self._clearances_um[0] - CLEARANCE_NOISE_UM,
                 self._clearances_um[1] + CLEARANCE_NOISE_UM,
-                RATE_MARGIN * config.actuator.rate_um_s,
+                RATE_MARGIN * config.machine.actuator.rate_um_s,
                 CLEARANCE_NOISE_UM,
             ),
             POWER: Row("shaft_power_W", "W", "readings.shaft_power_max_W", -most_W, most_W),
@@ -245,7 +245,7 @@ class Readings:
 
     def _compare(self, now_ns: int, notices: list[Notice]) -> None:
         """The reading of the pressure beside its channel, where both are OK by themselves."""
-        s, limit_bar = self.state, self._config.readings.pressure_mismatch_bar
+        s, limit_bar = self.state, self._config.machine.readings.pressure_mismatch_bar
         slow_bar, fast_bar = self.value(PRESSURE), self.supply_bar(now_ns)
         if slow_bar is None or fast_bar is None or abs(slow_bar - fast_bar) <= limit_bar:
             s.apart_ns = NEVER_NS
@@ -388,12 +388,12 @@ def _implausible(
 def power_max_W(config: Config) -> float:
     """The most that a torque meter can credibly show: Petroff's friction at its worst,
     :data:`POWER_MARGIN` times."""
-    b, w = config.bearing, config.operating.speed_max_rpm * pi / 30
+    b, w = config.machine.bearing, config.machine.operating.speed_max_rpm * pi / 30
     petroff_m4 = (
         2.0 * pi * b.journal_radius_m * b.journal_radius_m * b.journal_radius_m * b.length_m
     )
-    oil = ViscosityTable(config.oil)
-    thickest = oil.law(config.oil.inlet_min_C) * oil.thickest
+    oil = ViscosityTable(config.machine.lubricant)
+    thickest = oil.law(config.machine.lubricant.inlet_min_C) * oil.thickest
     film_W = petroff_m4 * thickest * w * w / (b.radial_clearance_min_um * 1e-6)
-    wind_W = config.rotor.windage_W_s3 * w * w * w
-    return POWER_MARGIN * (film_W + wind_W) + config.rotor.shaft_power_error_W
+    wind_W = config.machine.rotor.windage_W_s3 * w * w * w
+    return POWER_MARGIN * (film_W + wind_W) + config.machine.rotor.shaft_power_error_W

@@ -116,25 +116,25 @@ class Shield:
     """
 
     def __init__(self, config: Config) -> None:
-        b, a, o = config.bearing, config.actuator, config.operating
+        b, a, o = config.machine.bearing, config.machine.actuator, config.machine.operating
         self._film = static_film(b.journal_radius_m, b.length_m)
         self._min_film_m = config.limits.min_film_um * 1e-6
         self._share = config.limits.clearance_share
-        self._mass_kg = config.rotor.effective_mass_at_bearing_kg * (
-            1.0 + config.rotor.mass_error_share
+        self._mass_kg = config.machine.rotor.effective_mass_at_bearing_kg * (
+            1.0 + config.machine.rotor.mass_error_share
         )
-        self._whirl_speed = 1.0 - config.rotor.whirl_error_share
+        self._whirl_speed = 1.0 - config.machine.rotor.whirl_error_share
         self._film_share = 1.0 - b.load_error_share
-        self._unbalance_kg_m = config.rotor.unbalance_normal_kg_m
+        self._unbalance_kg_m = config.machine.rotor.unbalance_normal_kg_m
         self._shaking_kg_m = self._unbalance_kg_m * (
-            WHIRL_MEASURED if config.rotor.unbalance_measured else WHIRL_GRADE
+            WHIRL_MEASURED if config.machine.rotor.unbalance_measured else WHIRL_GRADE
         )
         self._offset_m, self._error_m = (
             b.radial_clearance_offset_um * 1e-6,
             b.radial_clearance_error_um * 1e-6,
         )
-        self._oil = config.oil
-        self._viscosity = ViscosityTable(config.oil)
+        self._oil = config.machine.lubricant
+        self._viscosity = ViscosityTable(config.machine.lubricant)
         self._safe_m = a.safe_radial_clearance_um * 1e-6
         self._rate_m_s = a.rate_um_s * 1e-6
         self._delay_s = a.time_to_live_ms * 1e-3 + a.time_constant_s
@@ -434,11 +434,11 @@ def check_safe(config: Config) -> Iterator[tuple[str, object, str]]:
     ``L/D`` outside the verified domain, no fixed clearance admissible over the declared range, or
     the safe one not among them.
     """
-    ratio = 0.5 * config.bearing.length_m / config.bearing.journal_radius_m
+    ratio = 0.5 * config.machine.bearing.length_m / config.machine.bearing.journal_radius_m
     if ratio > LENGTH_OVER_DIAMETER_MAX:
         yield (
-            "bearing.length_m",
-            config.bearing.length_m,
+            "machine.bearing.length_m",
+            config.machine.bearing.length_m,
             (
                 f"L/D = {ratio:.2f}, the guard's bounds are verified up to "
                 f"{LENGTH_OVER_DIAMETER_MAX:g}; "
@@ -448,31 +448,29 @@ def check_safe(config: Config) -> Iterator[tuple[str, object, str]]:
         return
     shield = Shield(config)
     fixed = shield.fixed_range()
-    safe_um = config.actuator.safe_radial_clearance_um
-    o = config.operating
+    safe_um = config.machine.actuator.safe_radial_clearance_um
+    o = config.machine.operating
     declared = (
         f"{o.speed_min_rpm:g} .. {o.speed_max_rpm:g} rpm, {o.load_min_N:g} .. {o.load_max_N:g} N, "
-        f"oil up to {config.oil.inlet_max_C:g} degC"
+        f"oil up to {config.machine.lubricant.inlet_max_C:g} degC"
     )
     pressed_N, feed = Groove(config).added_N[1], ""
     if pressed_N > 0.0:
-        declared += (
-            f", and up to {pressed_N:g} N by the groove at {config.feed.pressure_max_bar:g} bar"
-        )
-        feed = ", feed.pressure_max_bar"
+        declared += f", and up to {pressed_N:g} N by the groove at {config.machine.feed.pressure_max_bar:g} bar"
+        feed = ", machine.feed.pressure_max_bar"
     if fixed is None:
         yield (
-            "operating",
+            "machine.operating",
             None,
             (
-                f"no fixed clearance is admissible over {declared}; narrow operating.*{feed} or "
-                f"oil.inlet_max_C, "
+                f"no fixed clearance is admissible over {declared}; narrow machine.operating.*{feed} or "
+                f"machine.lubricant.inlet_max_C, "
                 "or lower limits.min_film_um"
             ),
         )
     elif not shield.admits_fixed(safe_um * 1e-6):
         yield (
-            "actuator.safe_radial_clearance_um",
+            "machine.actuator.safe_radial_clearance_um",
             safe_um,
             (
                 f"not admissible over {declared}; choose {fixed[0] * 1e6:.0f} .. "

@@ -67,7 +67,7 @@ class Slew:
     """
 
     def __init__(self, config: Config, safe: Target) -> None:
-        a, f = config.actuator, config.feed
+        a, f = config.machine.actuator, config.machine.feed
         self._safe = safe
         self._rates = (
             a.rate_um_s,

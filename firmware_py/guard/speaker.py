@@ -53,7 +53,7 @@ class Speaker:
     def __init__(self, config: Config, codec: Codec, session: int) -> None:
         self._codec = codec
         self._session = session
-        self._command_period_ns = config.actuator.command_period_ms * 1_000_000
+        self._command_period_ns = config.machine.actuator.command_period_ms * 1_000_000
         self.state = SpeakerState()
 
     def hurry(self, *, urgent: bool) -> None:

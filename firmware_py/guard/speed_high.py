@@ -55,7 +55,7 @@ class SpeedHighState(msgspec.Struct):
 
 def limit_rpm(config: Config) -> float:
     """Speed above which the trip begins."""
-    return config.limits.speed_high_rpm or DEFAULT_SHARE * config.operating.speed_max_rpm
+    return config.limits.speed_high_rpm or DEFAULT_SHARE * config.machine.operating.speed_max_rpm
 
 
 class SpeedHigh:

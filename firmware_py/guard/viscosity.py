@@ -6,7 +6,7 @@ from __future__ import annotations
 from math import floor
 from typing import Final
 
-from firmware_py.config import Oil
+from firmware_py.machine import Lubricant
 
 COLDEST_C: Final = -40
 HOTTEST_C: Final = 200
@@ -38,7 +38,7 @@ class ViscosityTable:
         the batch, and the thermometer; film that is colder than its outlet is not in them.
     """
 
-    def __init__(self, oil: Oil) -> None:
+    def __init__(self, oil: Lubricant) -> None:
         per_degree = decay(oil.viscosity_slope_per_K)
         values = [1.0]
         for _ in range(HOTTEST_C - COLDEST_C):

@@ -99,7 +99,7 @@ def values(message: WireMessage, config: Config) -> dict[str, Any]:
     fields = msgspec.structs.asdict(message)
     if isinstance(message, SampleFrame):
         counts = FIRST_INSTANT.unpack_from(fields.pop("samples"))
-        for channel, name, count in zip(config.channel, CHANNELS, counts, strict=True):
+        for channel, name, count in zip(config.machine.channel, CHANNELS, counts, strict=True):
             fields[name] = float(f"{count * channel.scale + channel.offset:.6g}")
     return fields
 

@@ -19,7 +19,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
-from firmware_py.config.schema import NAME_PATTERN, WORDS
+from firmware_py.machine.values import NAME_PATTERN, WORDS
 from firmware_py.records import Hello, RoomRecord
 from firmware_py.wire.folders import foreign_server, peer_uid, unsafe
 from firmware_py.wire.listener import INSTANCE_MODE, Listener

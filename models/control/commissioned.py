@@ -71,15 +71,15 @@ class Commissioned:
         rng = np.random.default_rng(np.array([build.mass, build.clearance_error_m]).view(np.uint64))
         lift, weight, balance, power, *probes = rng.uniform(-1.0, 1.0, 8).tolist()
         bearing = msgspec.structs.replace(
-            config.bearing,
+            config.machine.bearing,
             radial_clearance_error_um=1e6 * CLEARANCE_ERROR_M,
             radial_clearance_offset_um=1e6 * (build.clearance_error_m + CLEARANCE_ERROR_M * lift),
         )
         mass_kg = apparent_mass_kg(
-            rig.rotor, build, 0.5 * config.operating.speed_max_rpm * pi / 30.0
+            rig.rotor, build, 0.5 * config.machine.operating.speed_max_rpm * pi / 30.0
         )
         rotor = msgspec.structs.replace(
-            config.rotor,
+            config.machine.rotor,
             mass_error_share=MASS_ERROR,
             whirl_error_share=WHIRL_ERROR,
             unbalance_measured=True,
@@ -91,11 +91,11 @@ class Commissioned:
         )
         channel = [
             msgspec.structs.replace(c, zeroed=c.zeroed or i in DISPLACEMENTS)
-            for i, c in enumerate(config.channel)
+            for i, c in enumerate(config.machine.channel)
         ]
         gain = build.gain[:2] * (1.0 + ZEROED_GAIN_ERROR * np.array(probes[:2]))
         zero_m = build.zero[:2] + ZEROED_ERROR_M * np.array(probes[2:])
-        known = msgspec.structs.replace(config, bearing=bearing, rotor=rotor, channel=channel)
+        known = config.replaced(bearing=bearing, rotor=rotor, channel=channel)
         return cls(known, gain, zero_m, episode.power_error_W + POWER_ERROR_W * power)
 
     def corrected(self, observation: Observation) -> Observation:

@@ -85,7 +85,7 @@ class GuardedBuild:
         self._duty = Duty.random(rig, self._rng, EPISODE_S)
         self._oil_error = float(self._rng.uniform(-OIL_ERROR_C, OIL_ERROR_C))
         self._power_error = float(self._rng.uniform(-POWER_ERROR_W, POWER_ERROR_W))
-        self._target_m = self._safe_m = config.actuator.safe_radial_clearance_um * 1e-6
+        self._target_m = self._safe_m = config.machine.actuator.safe_radial_clearance_um * 1e-6
         self._machine = Machine(
             rig, Build.draw(rig, self._rng), seed, rate_hz=RATE_HZ, clearance_m=self._safe_m
         )

@@ -50,7 +50,7 @@ class ModelPredictive:
         model = load_model("surrogate", config)
         self._config, self._good = config, BrainPolicy(Models(surrogate=model), config).good
         self._predictors = [Predictor(model, config, load_factors(config)) for _ in range(count)]
-        self._safe_m, self._step = 1e-6 * config.actuator.safe_radial_clearance_um, 0
+        self._safe_m, self._step = 1e-6 * config.machine.actuator.safe_radial_clearance_um, 0
 
     def __call__(self, observation: Observation) -> Floats:
         """As :class:`models.control.episodes.SettingPolicy`."""
@@ -72,7 +72,7 @@ class ModelPredictive:
 
     def _ramps(self, measured: Measured) -> list[Future]:
         """To faster and lighter, and to slower and heavier, within the declared speeds."""
-        o = self._config.operating
+        o = self._config.machine.operating
         low, high = o.speed_min_rpm * np.pi / 30.0, o.speed_max_rpm * np.pi / 30.0
         speed, load = (
             AHEAD_S * rate

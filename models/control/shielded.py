@@ -58,17 +58,20 @@ def config_of(rig: str, *, fed: bool) -> Config:
     if not fed:
         return config
     bearing = msgspec.structs.replace(
-        config.bearing, load_error_share=0.03, attitude_error_deg=2.7, friction_error_share=1.0
+        config.machine.bearing,
+        load_error_share=0.03,
+        attitude_error_deg=2.7,
+        friction_error_share=1.0,
     )
     feed = msgspec.structs.replace(
-        config.feed, groove_area_min_mm2=160.0, groove_area_max_mm2=320.0
+        config.machine.feed, groove_area_min_mm2=160.0, groove_area_max_mm2=320.0
     )
-    return msgspec.structs.replace(config, bearing=bearing, feed=feed)
+    return config.replaced(bearing=bearing, feed=feed)
 
 
 def fast_ramps(config: Config, duty: Duty) -> list[Ramp]:
     """Ramps of ``duty`` that have to be announced, in seconds of the duty."""
-    o, ramps = config.operating, []
+    o, ramps = config.machine.operating, []
     speed_rate, load_rate = o.speed_ramp_unannounced_rpm_s, o.load_ramp_unannounced_N_s
     for i in range(1, len(duty.time_s)):
         seconds = duty.time_s[i] - duty.time_s[i - 1]
@@ -105,7 +108,7 @@ class ShieldAdapter:
         config = commissioned.config if commissioned else config
         self._commissioned = commissioned
         self._shield, self._loads = Shield(config), LoadEstimator(config)
-        self._safe_m = config.actuator.safe_radial_clearance_um * 1e-6
+        self._safe_m = config.machine.actuator.safe_radial_clearance_um * 1e-6
         self._ramps = fast_ramps(config, duty)
 
     @classmethod

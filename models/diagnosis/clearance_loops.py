@@ -76,7 +76,7 @@ class AgentLoop:
         )
         self._shield, self._loads = Shield(config), LoadEstimator(config)
         self._channels, self._wish = ChannelMap.wire(), wish
-        self.start_m = config.actuator.safe_radial_clearance_um * 1e-6
+        self.start_m = config.machine.actuator.safe_radial_clearance_um * 1e-6
 
     def run(self, machine: Machine, duty: Duty, seconds: float, pressure_Pa: float) -> Batch:
         """As :class:`Loop`."""

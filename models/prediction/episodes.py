@@ -299,11 +299,11 @@ def _at_rest(signal: Floats) -> Floats:
 
 def as_shipped(config: Config, rng: np.random.Generator) -> Config:
     """The device's configuration with a contact channel that is calibrated as well as declared."""
-    contact = config.contact
+    contact = config.machine.contact
     if contact is None:
         return config
     share = 1.0 + contact.film_error_share * float(rng.standard_normal())
-    return changed(config, contact=changed(contact, film_ohm_per_m=contact.film_ohm_per_m * share))
+    return config.replaced(contact=changed(contact, film_ohm_per_m=contact.film_ohm_per_m * share))
 
 
 def after_procedure(config: Config, rig: RigData, build: Build, rng: np.random.Generator) -> Config:
@@ -320,7 +320,7 @@ def after_procedure(config: Config, rig: RigData, build: Build, rng: np.random.G
         2j * np.pi * rng.random(2)
     ) * rng.random(2)
     channels = []
-    for i, channel in enumerate(config.channel[:2]):
+    for i, channel in enumerate(config.machine.channel[:2]):
         gain = build.gain[i] * (1.0 + left["gain_error"] * float(rng.uniform(-1, 1)))
         zero = build.zero[i] + left["zero_error_um"] * 1e-6 * float(rng.uniform(-1, 1))
         channels.append(
@@ -333,7 +333,7 @@ def after_procedure(config: Config, rig: RigData, build: Build, rng: np.random.G
                 slow_roll_deg=math.degrees(float(np.angle(vectors[i]))),
             )
         )
-    return changed(config, channel=[*channels, *config.channel[2:]])
+    return config.replaced(channel=[*channels, *config.machine.channel[2:]])
 
 
 def slow_roll_vectors(rig: RigData, build: Build, seed: int) -> NDArray[np.complex128]:

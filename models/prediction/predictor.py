@@ -210,24 +210,36 @@ def fisher(rig_name: str) -> dict[str, Any]:
     config, model = brain(rig_name)
     film = Film(
         model.session,
-        config.bearing.journal_radius_m,
-        config.bearing.length_m,
-        config.rotor.effective_mass_at_bearing_kg,
+        config.machine.bearing.journal_radius_m,
+        config.machine.bearing.length_m,
+        config.machine.rotor.effective_mass_at_bearing_kg,
     )
     instruments, found = Instruments(film, config), {}
     for rpm, load_N in ((1500.0, 100.0), (6000.0, 100.0), (12000.0, 30.0)):
         speed = rpm * math.pi / 30.0
         volt = (
-            float(contact_volt(config.contact, np.array([20e-6]))[0])
-            if config.contact
+            float(contact_volt(config.machine.contact, np.array([20e-6]))[0])
+            if config.machine.contact
             else math.nan
         )
         at = Measured(
-            speed, config.bearing.radial_clearance_nominal_um * 1e-6, 0.0, 0.0, 0.0, 0.0, 45.0, volt
+            speed,
+            config.machine.bearing.radial_clearance_nominal_um * 1e-6,
+            0.0,
+            0.0,
+            0.0,
+            0.0,
+            45.0,
+            volt,
         )
-        share = config.contact.film_error_share if config.contact else 0.0
+        share = config.machine.contact.film_error_share if config.machine.contact else 0.0
         parts = information(
-            instruments, Errors.of(config), config.oil.viscosity_slope_per_K, share, load_N, at
+            instruments,
+            Errors.of(config),
+            config.machine.lubricant.viscosity_slope_per_K,
+            share,
+            load_N,
+            at,
         )
         names = ("load", "viscosity", "clearance_um")
         found[f"{rpm:g} rpm, {load_N:g} N"] = {

@@ -57,9 +57,7 @@ def loop(kind: str, seconds: float, folder: Path) -> dict[str, float]:
     clock = Witness()
     if kind == "rig":
         config, _ = load(SHIPPED / "bench.toml")
-        config = msgspec.structs.replace(
-            config, bus=msgspec.structs.replace(config.bus, channel=folder.name)
-        )
+        config = config.replaced(bus=msgspec.structs.replace(config.bus, channel=folder.name))
         warm_up(config, "bench")
         rig = make_rig(config, "bench", 1)
         if config.sampling.rate_hz != RATE_HZ:

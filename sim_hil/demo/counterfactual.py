@@ -92,7 +92,7 @@ def rerun_fixed(truth: list[StoryTruth], setting: Setting, seed: int) -> Counter
     again = _Rerun(
         setting.rig, setting.build, seed, duty, limits.min_film_um * 1e-6, limits.clearance_share
     )
-    bearing = config.bearing
+    bearing = config.machine.bearing
     nominal_um, low_um = bearing.radial_clearance_nominal_um, bearing.radial_clearance_min_um
     steps = int((bearing.radial_clearance_max_um - low_um) / GRID_STEP_UM)
     grid = sorted({nominal_um, *(low_um + GRID_STEP_UM * step for step in range(steps + 1))})

@@ -34,7 +34,7 @@ def play(options: argparse.Namespace) -> int:
     """Play one demo; exit code 0 when every term of ``ok`` holds, 1 when not."""
     began_s = time.monotonic()
     setting = prepare(options.rig, options.seed).on(link=options.link, **_port(options.link))
-    story = draw(options.seconds, options.seed, setting.config.operating, options.fault)
+    story = draw(options.seconds, options.seed, setting.config.machine.operating, options.fault)
     console = Console(stderr=options.json)
     observer = StoryObserver(simulated.START_NS)
     screen = Quiet() if options.json else Screen(story, observer, console)
@@ -139,8 +139,8 @@ def _outcome(
     ]
     killed = any(beat.verb == "kill_brain" for _, beat in observer.beats)
     config = setting.config
-    slowest_rad_s = 0.98 * config.operating.speed_min_rpm * math.pi / 30
-    safe_um = config.actuator.safe_radial_clearance_um
+    slowest_rad_s = 0.98 * config.machine.operating.speed_min_rpm * math.pi / 30
+    safe_um = config.machine.actuator.safe_radial_clearance_um
     kills: list[KillScore] = [score_kill(observer, safe_um, brain_back_s)] if killed else []
     return Outcome(
         story,

@@ -161,7 +161,7 @@ class Generator:
 
     def _send_slow(self) -> None:
         """Status and node state 20 times a second, node info once."""
-        tick, a = self._tick_us & 0xFFFFFFFF, self.config.actuator
+        tick, a = self._tick_us & 0xFFFFFFFF, self.config.machine.actuator
         counter = self._slow & 0xFFFF
         self._send(self._node.state(counter, tick, True))
         self._send(
@@ -185,7 +185,7 @@ class Generator:
 
 def trials(generator: Generator, count: int) -> Iterator[float]:
     """Reaction time of each trial, ms."""
-    safe_um = generator.config.actuator.safe_radial_clearance_um
+    safe_um = generator.config.machine.actuator.safe_radial_clearance_um
     for _ in range(count):
         _arm(generator, safe_um)
         _run_for(generator, random.uniform(0.1, 0.3))

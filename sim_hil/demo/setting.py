@@ -25,9 +25,7 @@ class Setting:
 
     def on(self, **bus: Any) -> Setting:
         """The same with other ``bus`` settings."""
-        changed = msgspec.structs.replace(
-            self.config, bus=msgspec.structs.replace(self.config.bus, **bus)
-        )
+        changed = self.config.replaced(bus=msgspec.structs.replace(self.config.bus, **bus))
         return Setting(changed, self.rig, self.build)
 
 
@@ -41,9 +39,7 @@ def prepare(rig_name: str, seed: int) -> Setting:
     config, _ = load(SHIPPED / f"{rig_name}.toml")
     authority = msgspec.structs.replace(config.authority, provisional_may_act=True)
     rig = load_rig(rig_name)
-    return Setting(
-        msgspec.structs.replace(config, authority=authority), rig, Build.of_seed(rig, seed)
-    )
+    return Setting(config.replaced(authority=authority), rig, Build.of_seed(rig, seed))
 
 
 def write_config(config: Config, path: Path) -> None:
@@ -51,19 +47,20 @@ def write_config(config: Config, path: Path) -> None:
     path.write_text("\n".join(_toml(msgspec.to_builtins(config))) + "\n")
 
 
-def _toml(table: dict[str, Any]) -> Iterator[str]:
-    """The two-level tables of a configuration; JSON's scalars and lists are TOML's."""
+def _toml(table: dict[str, Any], above: str = "") -> Iterator[str]:
+    """The tables of a configuration; JSON's scalars and lists of them are TOML's."""
+    inner = {key: value for key, value in table.items() if _tables(value)}
     for key, value in table.items():
-        if not isinstance(value, dict | list):
+        if key not in inner and value is not None:
             yield f"{key} = {json.dumps(value)}"
-    for key, value in table.items():
-        for head, entries in _tables(key, value):
+    for key, value in inner.items():
+        head = f"[[{above}{key}]]" if isinstance(value, list) else f"[{above}{key}]"
+        for entry in _tables(value):
             yield head
-            yield from (f"{name} = {json.dumps(entry)}" for name, entry in entries.items())
+            yield from _toml(entry, f"{above}{key}.")
 
 
-def _tables(key: str, value: object) -> Iterator[tuple[str, dict[str, Any]]]:
-    if isinstance(value, dict):
-        yield f"[{key}]", value
-    elif isinstance(value, list):
-        yield from ((f"[[{key}]]", entry) for entry in value)
+def _tables(value: object) -> list[dict[str, Any]]:
+    """The tables that ``value`` is; none of a scalar or a list of scalars."""
+    each = value if isinstance(value, list) else [value]
+    return [entry for entry in each if isinstance(entry, dict)]

@@ -11,7 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-from firmware_py.config import Operating
+from firmware_py.machine import OperatingRange
 
 SHORTEST_S = 20.0
 """Shortest story that still arms, moves the clearance and names one fault."""
@@ -90,7 +90,7 @@ class _Point:
     load_N: float
 
 
-def draw(seconds: float, seed: int, operating: Operating, fault: str | None = None) -> Story:
+def draw(seconds: float, seed: int, operating: OperatingRange, fault: str | None = None) -> Story:
     """Draw the story of ``seconds`` from ``seed``.
 
     Under 60 s the second fault is left out, under 50 s the kill of the brain too; the rest is
@@ -134,7 +134,7 @@ class _Teller:
     finds."""
 
     rng: np.random.Generator
-    operating: Operating
+    operating: OperatingRange
     fault: str | None
 
     def healthy(self, start: float, end: float, point: _Point) -> _Scene:

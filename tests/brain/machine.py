@@ -27,8 +27,8 @@ from firmware_py.records import (
 from .onnx_models import actor, classifier, short_film
 
 CONFIG, _ = config.load(config.SHIPPED / "bench.toml")
-assert CONFIG.contact is not None
-CONTACT = CONFIG.contact
+assert CONFIG.machine.contact is not None
+CONTACT = CONFIG.machine.contact
 RATE = CONFIG.sampling.rate_hz
 PERIOD_US = 1_000_000 // RATE
 
@@ -49,12 +49,12 @@ def models(clearance_m: float = 80e-6, **of_classifier: object) -> Models:
 @cache
 def film(nodes: int = 60) -> Film:
     """The film functions on the test surrogate; more nodes around the bearing are more exact."""
-    b = CONFIG.bearing
+    b = CONFIG.machine.bearing
     return Film(
         Session("film", short_film(nodes)),
         b.journal_radius_m,
         b.length_m,
-        CONFIG.rotor.effective_mass_at_bearing_kg,
+        CONFIG.machine.rotor.effective_mass_at_bearing_kg,
     )
 
 
@@ -75,7 +75,7 @@ class Machine:
 
     @property
     def viscosity_Pa_s(self) -> float:
-        return CONFIG.oil.viscosity_Pa_s(self.oil_C)
+        return CONFIG.machine.lubricant.viscosity_Pa_s(self.oil_C)
 
     def points(self) -> Points:
         return Points(

@@ -96,7 +96,7 @@ def test_healthy_machine_is_normal_and_gets_the_actors_clearance(healthy: list[R
     advice = of(Advice, healthy)[-1]
     assert advice.clearance_um == pytest.approx(80.0)
     assert advice.reasons == []
-    assert advice.pressure_bar == CONFIG.actuator.safe_pressure_bar
+    assert advice.pressure_bar == CONFIG.machine.actuator.safe_pressure_bar
     assert not advice.qualified  # the test models are provisional
 
 

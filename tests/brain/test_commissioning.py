@@ -169,8 +169,8 @@ def test_a_classifier_without_statistics_of_the_fleet_is_refused_by_name(
 def test_another_configuration_of_the_sensors_is_another_machine() -> None:
     classifier = models(fleet=True).classifier
     assert classifier is not None
-    turned = msgspec.structs.replace(CONFIG.channel[0], angle_deg=44.0)
-    changed = msgspec.structs.replace(CONFIG, channel=[turned, *CONFIG.channel[1:]])
+    turned = msgspec.structs.replace(CONFIG.machine.channel[0], angle_deg=44.0)
+    changed = CONFIG.replaced(channel=[turned, *CONFIG.machine.channel[1:]])
     assert belonging(classifier, CONFIG) == belonging(classifier, CONFIG)
     assert (
         belonging(classifier, changed).configuration != belonging(classifier, CONFIG).configuration

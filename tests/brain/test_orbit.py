@@ -16,7 +16,7 @@ FILM = film()
 
 
 def points(rpm: float, load_N: float, clearance_m: float) -> Points:
-    viscosity = CONFIG.oil.viscosity_Pa_s(45.0)
+    viscosity = CONFIG.machine.lubricant.viscosity_Pa_s(45.0)
     return Points(*(np.array([v]) for v in (rpm * np.pi / 30, clearance_m, viscosity, load_N)))
 
 

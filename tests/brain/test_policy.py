@@ -84,7 +84,7 @@ def test_the_cheapest_good_candidate_inside_the_guards_interval() -> None:
     assert everything[1] == "actor's 100 um overruled: the film may not carry the load"
     assert POLICY._check(1e-4, PRESENT_M, o, (0.0, 75e-6))[0] == pytest.approx(70e-6)
     safe, why = POLICY._check(1e-4, PRESENT_M, o, (0.0, 50e-6))
-    assert safe == pytest.approx(CONFIG.actuator.safe_radial_clearance_um * 1e-6)
+    assert safe == pytest.approx(CONFIG.machine.actuator.safe_radial_clearance_um * 1e-6)
     assert why.endswith("; no candidate is good")
 
 

@@ -43,7 +43,7 @@ CASES = [
 
 
 def truth(rpm: float, load_N: float, oil_C: float, clearance_m: float) -> tuple[Points, float]:
-    viscosity = CONFIG.oil.viscosity_Pa_s(oil_C)
+    viscosity = CONFIG.machine.lubricant.viscosity_Pa_s(oil_C)
     return Points(
         *(np.array([v]) for v in (rpm * np.pi / 30, clearance_m, viscosity, load_N))
     ), viscosity
@@ -61,7 +61,7 @@ def measure(
     p, _ = truth(rpm, load_N, oil_C, clearance_m)
     position, _, torque = FILM.equilibrium(p)
     speed = p.speed_rad_s[0]
-    x, y, power = *position[0], torque[0] * speed + CONFIG.rotor.windage_W_s3 * speed**3
+    x, y, power = *position[0], torque[0] * speed + CONFIG.machine.rotor.windage_W_s3 * speed**3
     film_m, reported_m = clearance_m - math.hypot(x, y), clearance_m
     if rng is not None:
         x, y = (
@@ -101,10 +101,9 @@ def test_what_commissioning_measured_is_where_the_estimate_begins() -> None:
     measured = dataclasses.replace(
         measure(rpm, load_N, oil_C, clearance_m), clearance_m=clearance_m - 3e-6, contact_V=math.nan
     )
-    lifted = msgspec.structs.replace(
-        CONFIG,
+    lifted = CONFIG.replaced(
         bearing=msgspec.structs.replace(
-            CONFIG.bearing, radial_clearance_offset_um=3.0, radial_clearance_error_um=0.5
+            CONFIG.machine.bearing, radial_clearance_offset_um=3.0, radial_clearance_error_um=0.5
         ),
     )
     found = [Synchroniser(FILM, config).step(measured) for config in (CONFIG, lifted)]
@@ -137,7 +136,7 @@ def fisher(case: tuple[float, float, float, float]) -> dict[str, np.ndarray]:
     return information(
         Instruments(FILM, CONFIG),
         Errors(),
-        CONFIG.oil.viscosity_slope_per_K,
+        CONFIG.machine.lubricant.viscosity_slope_per_K,
         CONTACT.film_error_share,
         case[1],
         measure(*case),
@@ -207,7 +206,7 @@ def test_a_thinning_film_is_followed_and_foreseen() -> None:
         share = math.exp(-0.06 * 0.1 * i)
         case = (
             *CASES[0][:2],
-            50.0 - math.log(share) / CONFIG.oil.viscosity_slope_per_K,
+            50.0 - math.log(share) / CONFIG.machine.lubricant.viscosity_slope_per_K,
             CASES[0][3],
         )
         p, _ = truth(*case)
@@ -325,7 +324,9 @@ def test_more_load_and_speed_are_forecast_as_declared() -> None:
     assert moved.regime == ("ramp",)
     p, _ = truth(12000.0, 180.0, 50.0, 60e-6)
     true = FILM.steady(p)
-    power = float(true.power_W[0]) + CONFIG.rotor.windage_W_s3 * float(p.speed_rad_s[0]) ** 3
+    power = (
+        float(true.power_W[0]) + CONFIG.machine.rotor.windage_W_s3 * float(p.speed_rad_s[0]) ** 3
+    )
     warm = moved.power_W[0, 1] / power  # the oil follows the friction
     assert 0.85 < warm < 1.0
     assert moved.friction_W[0, 1] < moved.power_W[0, 1]
@@ -358,9 +359,9 @@ def after_procedure(runout_um: float) -> Config:
     """Both probes with a runout that turns with the shaft, known and taken off."""
     channels = [
         msgspec.structs.replace(c, slow_roll_um=runout_um, slow_roll_deg=deg, zeroed=True)
-        for c, deg in zip(CONFIG.channel[:2], (30.0, -60.0), strict=True)
+        for c, deg in zip(CONFIG.machine.channel[:2], (30.0, -60.0), strict=True)
     ]
-    return msgspec.structs.replace(CONFIG, channel=[*channels, *CONFIG.channel[2:]])
+    return CONFIG.replaced(channel=[*channels, *CONFIG.machine.channel[2:]])
 
 
 def test_the_known_runout_is_taken_off() -> None:
@@ -371,7 +372,7 @@ def test_the_known_runout_is_taken_off() -> None:
     predictor = Predictor(model(short_film()), known)
     for i in range(20):
         predictor.learn(dataclasses.replace(m, t_ns=i * 250_000_000), runout)
-    assert predictor.unbalance_interval_kg_m[1] < 0.5 * CONFIG.rotor.unbalance_normal_kg_m
+    assert predictor.unbalance_interval_kg_m[1] < 0.5 * CONFIG.machine.rotor.unbalance_normal_kg_m
 
 
 def test_time_to_the_limit_of_a_growing_unbalance() -> None:
@@ -415,11 +416,11 @@ def test_outlook_orders_and_truth() -> None:
     p = Points(
         np.full(CANDIDATES, m.speed_rad_s),
         predictor.candidates_m,
-        np.full(CANDIDATES, CONFIG.oil.viscosity_Pa_s(50.0)),
+        np.full(CANDIDATES, CONFIG.machine.lubricant.viscosity_Pa_s(50.0)),
         np.full(CANDIDATES, 100.0),
     )
     true = FILM.steady(p)
-    power = true.power_W + CONFIG.rotor.windage_W_s3 * p.speed_rad_s**3
+    power = true.power_W + CONFIG.machine.rotor.windage_W_s3 * p.speed_rad_s**3
     assert ((outlook.power_W[:, 0] <= power) & (power <= outlook.power_W[:, 2])).all()
     assert outlook.power_W[:, 1] == pytest.approx(power, rel=0.06)
     assert outlook.whirl_margin[:, 1] == pytest.approx(true.damping_ratio, abs=0.03)

@@ -69,7 +69,7 @@ def put(folder: Path, kind: str, data: bytes) -> None:
 
 
 def with_models(**changed: object) -> Config:
-    return msgspec.structs.replace(CONFIG, models=msgspec.structs.replace(CONFIG.models, **changed))
+    return CONFIG.replaced(models=msgspec.structs.replace(CONFIG.models, **changed))
 
 
 def refusal(kind: str, config: Config = CONFIG) -> tuple[type[ModelError], str]:
@@ -80,7 +80,7 @@ def refusal(kind: str, config: Config = CONFIG) -> tuple[type[ModelError], str]:
 
 def test_a_rate_without_the_features_of_the_diagnosis_has_no_classifier(shipped: Path) -> None:
     sampling = msgspec.structs.replace(CONFIG.sampling, rate_hz=2500)
-    text = refusal("classifier", msgspec.structs.replace(CONFIG, sampling=sampling))[1]
+    text = refusal("classifier", CONFIG.replaced(sampling=sampling))[1]
     assert "features are defined at multiples of 5000 Hz, the configuration samples at 2500" in text
 
 

@@ -18,7 +18,12 @@ def points(rpm: float, load_N: float, clearance_m: float, oil_C: float = 45.0) -
     return Points(
         *(
             np.array([v])
-            for v in (rpm * np.pi / 30, clearance_m, CONFIG.oil.viscosity_Pa_s(oil_C), load_N)
+            for v in (
+                rpm * np.pi / 30,
+                clearance_m,
+                CONFIG.machine.lubricant.viscosity_Pa_s(oil_C),
+                load_N,
+            )
         )
     )
 

@@ -282,7 +282,7 @@ def test_fewer_channels_are_one_fault_and_no_traceback() -> None:
 
 def test_what_the_channels_carry_is_what_the_wire_says() -> None:
     assert checks_channel.WIRE_SCALES == windows.WIRE_SCALES
-    assert [c.unit for c in config.parse(BENCH)[0].channel] == list(checks_channel.UNITS)
+    assert [c.unit for c in config.parse(BENCH)[0].machine.channel] == list(checks_channel.UNITS)
 
 
 def test_serial_rate_is_refused_with_the_arithmetic() -> None:
@@ -303,7 +303,7 @@ def test_missing_table_is_named() -> None:
 
 
 def test_viscosity_law() -> None:
-    oil = config.parse(BENCH)[0].oil
+    oil = config.parse(BENCH)[0].machine.lubricant
     assert oil.viscosity_Pa_s(40.0) == pytest.approx(0.010)
     assert oil.viscosity_Pa_s(60.0) == pytest.approx(0.010 * 0.5488, rel=1e-3)
 

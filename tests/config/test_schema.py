@@ -179,18 +179,18 @@ def test_a_view_reads_like_the_configuration_but_where_it_has_a_fault() -> None:
     del changed["bus"]
     del changed["limits"]["min_film_um"]
     values, _ = convert(changed)
-    seen = view(values, frozenset({"sampling.rate_hz", "channel[2]"}))
-    assert seen.oil.viscosity_Pa_s(40.0) == pytest.approx(0.010)
+    seen = view(values, frozenset({"sampling.rate_hz", "machine.channel[2]"}))
+    assert seen.machine.lubricant.viscosity_Pa_s(40.0) == pytest.approx(0.010)
     assert seen.bus.nominal_bitrate == 1_000_000
     assert seen.device.start_mode.name == "MONITOR"
-    assert seen.channel[1].angle_deg == 135.0
-    assert seen.contact is not None
-    assert seen.contact.circuit_V == 2.0
+    assert seen.machine.channel[1].angle_deg == 135.0
+    assert seen.machine.contact is not None
+    assert seen.machine.contact.circuit_V == 2.0
     assert seen.zenoh.listen == []
     for read in (
         lambda: seen.sampling.period_us,
         lambda: seen.limits.min_film_um,
-        lambda: seen.channel[2].scale,
+        lambda: seen.machine.channel[2].scale,
     ):
         with pytest.raises(FaultedError):
             read()
@@ -201,7 +201,7 @@ def test_a_json_configuration_is_held_to_the_same() -> None:
     path = config.SHIPPED / "x.mcap"
     assert config.decode(msgspec.json.encode(good), path) == good
     for old, new, words in (
-        (b'"film_max_C":60.0', b'"film_max_C":null', "oil.film_max_C"),
+        (b'"film_max_C":60.0', b'"film_max_C":null', "lubricant.film_max_C"),
         (b'"film_max_C":60.0', b'"film_max_C":1e999', "no configuration"),
         (b'"speed_min_rpm":1500.0', b'"speed_min_rpm":0', "operating.speed_min_rpm"),
         (b'"angle_deg":135.0', b'"angle_deg":45.0', "channel[1].angle_deg"),

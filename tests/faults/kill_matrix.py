@@ -202,9 +202,7 @@ class Device:
         recorder = msgspec.structs.replace(
             shaped.config.recorder, directory=str(folder / "recording")
         )
-        self.setting = Setting(
-            msgspec.structs.replace(shaped.config, recorder=recorder), shaped.rig, shaped.build
-        )
+        self.setting = Setting(shaped.config.replaced(recorder=recorder), shaped.rig, shaped.build)
         self.folder = folder
         device = self.setting.config.device
         self._prefix = keys.prefix(device.site, device.rig)
@@ -309,7 +307,7 @@ class Device:
             return f"authority ({ArmState(state.arm_state).name}): {'; '.join(state.authority_reasons)}"
         if not state.run_permit:
             return f"run permit: {'; '.join(state.permit_reasons)}"
-        safe_um = self.setting.config.actuator.safe_radial_clearance_um
+        safe_um = self.setting.config.machine.actuator.safe_radial_clearance_um
         states = self.ear.seen.states
         if not states or abs(states[-1][1].target_clearance_um - safe_um) < 1.0:
             return f"a target away from {safe_um:g} um"
@@ -386,7 +384,7 @@ def trial(device: Device, victim: str, kind: str, stalls: Stalls) -> Trial:
 
 def _bar_ms(device: Device, victim: str, kind: str) -> int:
     """The retreat value is to be the target after this time, as NODE_STATE shows it."""
-    a, authority = device.setting.config.actuator, device.setting.config.authority
+    a, authority = device.setting.config.machine.actuator, device.setting.config.authority
     if victim == "guard":
         return a.time_to_live_ms + a.command_period_ms + NODE_CYCLE_MS + REPORT_MS
     age_ms = round(authority.advice_age_max_ms) if kind == "STOP" else 0
@@ -394,7 +392,7 @@ def _bar_ms(device: Device, victim: str, kind: str) -> int:
 
 
 def _retreat_ms(device: Device, seen: Seen, sent_ns: int) -> float | None:
-    safe_um = device.setting.config.actuator.safe_radial_clearance_um
+    safe_um = device.setting.config.machine.actuator.safe_radial_clearance_um
     for t_ns, state in seen.states:
         if t_ns > sent_ns and abs(state.target_clearance_um - safe_um) < 0.1:
             return round((t_ns - sent_ns) * 1e-6, 1)

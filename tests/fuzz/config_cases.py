@@ -106,7 +106,15 @@ def _base(name: str) -> Config:
 
 def _table(config: Config) -> dict[str, Any]:
     """As TOML would be read: without what is None."""
-    return {name: value for name, value in msgspec.to_builtins(config).items() if value is not None}
+
+    def written(table: dict[str, Any]) -> dict[str, Any]:
+        return {
+            name: written(value) if isinstance(value, dict) else value
+            for name, value in table.items()
+            if value is not None
+        }
+
+    return written(msgspec.to_builtins(config))
 
 
 @cache
@@ -166,11 +174,13 @@ def _scale(rng: random.Random, table: dict[str, Any]) -> None:
     }
     for section, keys in powers.items():
         for key, (with_size, with_speed) in keys.items():
-            if key in table[section]:
-                table[section][key] *= size**with_size * speed**with_speed
+            if key in table["machine"][section]:
+                table["machine"][section][key] *= size**with_size * speed**with_speed
     if rng.random() < 0.3:
         angle = rng.uniform(-360.0, 360.0)
-        for channel, apart in zip(table["channel"], (0.0, rng.uniform(30.0, 150.0)), strict=False):
+        for channel, apart in zip(
+            table["machine"]["channel"], (0.0, rng.uniform(30.0, 150.0)), strict=False
+        ):
             channel["angle_deg"] = (
                 angle + apart if -360.0 <= angle + apart <= 360.0 else angle - apart
             )
@@ -218,6 +228,8 @@ def _spoil(rng: random.Random, table: dict[str, Any]) -> None:
 
 
 def _spoil_tables(rng: random.Random, table: dict[str, Any]) -> None:
+    if rng.random() < 0.6 and isinstance(table.get("machine"), dict) and table["machine"]:
+        table = table["machine"]
     section = rng.choice(list(table))
     match rng.randrange(5):
         case 0:
@@ -272,18 +284,15 @@ def _tear(rng: random.Random, data: bytes) -> bytes:
     return rng.choice(made)()
 
 
-def to_toml(table: dict[str, Any]) -> str:
+def to_toml(table: dict[str, Any], above: str = "") -> str:
     """``table`` as TOML, whatever it holds."""
     rows = [f"{_key(name)} = {_toml(value)}" for name, value in table.items() if not _headed(value)]
     for name, value in table.items():
         if _headed(value):
+            path = f"{above}{_key(name)}"
             for entry in value if isinstance(value, list) else [value]:
-                head = f"[[{_key(name)}]]" if isinstance(value, list) else f"[{_key(name)}]"
-                rows += [
-                    "",
-                    head,
-                    *(f"{_key(inner)} = {_toml(each)}" for inner, each in entry.items()),
-                ]
+                head = f"[[{path}]]" if isinstance(value, list) else f"[{path}]"
+                rows += ["", head, to_toml(entry, f"{path}.")]
     return "\n".join(rows) + "\n"
 
 

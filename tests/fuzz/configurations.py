@@ -83,7 +83,7 @@ def _complaint(error: ConfigError) -> str:
 
 def _models(config: Config) -> Models:
     """The models, loaded once for all configurations that they tell apart no further."""
-    bearing, models = config.bearing, config.models
+    bearing, models = config.machine.bearing, config.models
     key = (
         config.device.rig,
         config.sampling.rate_hz,
@@ -107,9 +107,9 @@ def run_device(config: Config) -> None:
     with np.errstate(all="ignore"):
         bench = Bench(config)
         bench.node.speed_rpm = 0.5 * (
-            config.operating.speed_min_rpm + config.operating.speed_max_rpm
+            config.machine.operating.speed_min_rpm + config.machine.operating.speed_max_rpm
         )
-        bench.node.oil_C = config.oil.inlet_max_C
+        bench.node.oil_C = config.machine.lubricant.inlet_max_C
         brain = BrainCore(config, _models(config))
         for step in range(round(RUN_S * 1000)):
             decision = bench.cycle()

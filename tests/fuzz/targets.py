@@ -331,8 +331,8 @@ def manifest() -> tuple[Feeder, Sequence[bytes]]:
 
     def read(path: Path) -> object:
         return read_models(
-            msgspec.structs.replace(
-                config, models=msgspec.structs.replace(config.models, directory=str(path.parent))
+            config.replaced(
+                models=msgspec.structs.replace(config.models, directory=str(path.parent))
             )
         )
 

@@ -12,11 +12,12 @@ import lzma
 import sys
 import tempfile
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import msgspec
 from mcap.writer import CompressionType, IndexType, Writer
 
+from firmware_py.config import Config, decode
 from firmware_py.gate.loop import metadata, read_models
 from firmware_py.gate.recorder import QUEUE_RECORDS, Recorder
 from firmware_py.recording import METADATA_NAME, TOPICS, Recordable, Recording, decode_exact
@@ -142,10 +143,8 @@ def described(name: str, what: str, link: str, plain: Path, size: int) -> Golden
     )
 
 
-def _config(recording: Recording) -> Any:
-    from firmware_py.config import Config
-
-    return msgspec.json.decode(recording.metadata["config"], type=Config)
+def _config(recording: Recording) -> Config:
+    return decode(recording.metadata["config"], recording.path)
 
 
 def _flown(scenario: Scenario, folder: Path) -> Recording:

@@ -52,7 +52,7 @@ def learnt(seed: int, kind: str) -> Learnt:
     rng = np.random.default_rng([seed, 77])
     recording = _recording(seed, kind, rng)
     x, y = recording.counts[:, 0] * 1e-8, recording.counts[:, 1] * 1e-8
-    loads, law = LoadEstimator(config()), ViscosityTable(config().oil)
+    loads, law = LoadEstimator(config()), ViscosityTable(config().machine.lubricant)
     column = {name: recording.truth[:, i] for i, name in enumerate(TRUTH_COLUMNS)}
     looks = oil_excluded = load_excluded = 0
     for i in range(WINDOW + LOOK, len(x), LOOK):

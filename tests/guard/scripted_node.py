@@ -38,9 +38,7 @@ def bench() -> Config:
     """The shipped configuration of the bench rig, with a danger delay of 1 s so that tests need not
     wait for 3."""
     config = load(SHIPPED / "bench.toml")[0]
-    return msgspec.structs.replace(
-        config, limits=msgspec.structs.replace(config.limits, danger_delay_s=1.0)
-    )
+    return config.replaced(limits=msgspec.structs.replace(config.limits, danger_delay_s=1.0))
 
 
 class ScriptedNode:
@@ -56,12 +54,12 @@ class ScriptedNode:
         self.amplitude_um = 5.0
         self.acceleration_m_s2 = 1.0
         self.mean_um = (-10.0, -18.0)
-        self.clearance_um = config.actuator.safe_radial_clearance_um
+        self.clearance_um = config.machine.actuator.safe_radial_clearance_um
         self.target_um = self.clearance_um
-        self.pressure_bar = self.target_bar = config.actuator.safe_pressure_bar
+        self.pressure_bar = self.target_bar = config.machine.actuator.safe_pressure_bar
         self.actuate: Callable[[float], float] = lambda target_um: target_um
         """Where the actuator goes for a target; faults replace it."""
-        self.rate_um_s = config.actuator.rate_um_s
+        self.rate_um_s = config.machine.actuator.rate_um_s
         self.obeys = True
         self.expires = True
         self.command_counter = 0
@@ -81,7 +79,7 @@ class ScriptedNode:
         self.turns_an_edge = 1
         self._edge_number = 0
         self.running = True
-        self.info_boot_um = config.actuator.safe_radial_clearance_um
+        self.info_boot_um = config.machine.actuator.safe_radial_clearance_um
         self.delay_ns = 100_000
         self.heard: list[WireMessage] = []
         self.frozen_channel: int | None = None
@@ -112,12 +110,15 @@ class ScriptedNode:
 
     def _go_safe(self) -> None:
         self.mode = 0
-        self.target_um = self.config.actuator.safe_radial_clearance_um
-        self.target_bar = self.config.actuator.safe_pressure_bar
+        self.target_um = self.config.machine.actuator.safe_radial_clearance_um
+        self.target_bar = self.config.machine.actuator.safe_pressure_bar
 
     def _move(self, now_ns: int) -> None:
         """The actuator runs to its target at its rate; commands expire."""
-        if self.expires and now_ns - self._obeyed_ns > self.config.actuator.time_to_live_ms * MS:
+        if (
+            self.expires
+            and now_ns - self._obeyed_ns > self.config.machine.actuator.time_to_live_ms * MS
+        ):
             self._go_safe()
         way_um = self.rate_um_s * min(now_ns - self._moved_ns, 1_000 * MS) * 1e-9
         self._moved_ns = now_ns
@@ -223,7 +224,7 @@ class ScriptedNode:
         return pack("<8h", *counts)
 
     def _slow(self, tick_us: int) -> list[WireMessage]:
-        a = self.config.actuator
+        a = self.config.machine.actuator
         messages: list[WireMessage] = [
             NodeState(
                 self.counter(NodeState),

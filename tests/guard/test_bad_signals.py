@@ -168,7 +168,7 @@ def test_a_rail_below_the_limit_still_counts_as_the_rail_and_is_named(
     limits = msgspec.structs.replace(
         config.limits, acceleration_danger_m_s2=danger, acceleration_alert_m_s2=alert
     )
-    m = Machine(msgspec.structs.replace(config, limits=limits)).run(0.5)
+    m = Machine(config.replaced(limits=limits)).run(0.5)
     m.signals[MOTOR] = clipped(sine(220.0), 200.0)
     m.run(4.0)
     assert m.protection.tripped == ["acc_motor_danger"] * tripped

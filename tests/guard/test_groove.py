@@ -24,17 +24,19 @@ AREAS_MM2 = (160.0, 320.0)
 
 def fed(**feed: float) -> Config:
     config = bench()
-    bearing = msgspec.structs.replace(config.bearing, load_error_share=0.03, attitude_error_deg=2.7)
+    bearing = msgspec.structs.replace(
+        config.machine.bearing, load_error_share=0.03, attitude_error_deg=2.7
+    )
     areas = dict(zip(("groove_area_min_mm2", "groove_area_max_mm2"), AREAS_MM2, strict=True))
-    return msgspec.structs.replace(
-        config, bearing=bearing, feed=msgspec.structs.replace(config.feed, **areas | feed)
+    return config.replaced(
+        bearing=bearing, feed=msgspec.structs.replace(config.machine.feed, **areas | feed)
     )
 
 
 def film(
     load_N: float, rpm: float, clearance_m: float, bar: float | None, viscosity: float = 0.01
 ) -> Equilibrium:
-    b = bench().bearing
+    b = bench().machine.bearing
     feed = () if bar is None else (Feed("groove", 0.5 * pi, pi / 9, 0.8 * b.length_m, 1e5 * bar),)
     return equilibrium(
         load_N=load_N, radius_m=b.journal_radius_m, length_m=b.length_m, clearance_m=clearance_m,
@@ -44,7 +46,7 @@ def film(
 
 def without_groove_there(fed_film: Equilibrium, rpm: float, clearance_m: float) -> float:
     """Load of the film without groove where that shaft runs, N."""
-    b = bench().bearing
+    b = bench().machine.bearing
     return equilibrium(
         eccentricity_ratio=fed_film.eccentricity_ratio, radius_m=b.journal_radius_m, length_m=b.length_m,
         clearance_m=clearance_m, viscosity_Pa_s=0.01, speed_rad_s=rpm * RPM,
@@ -52,7 +54,7 @@ def without_groove_there(fed_film: Equilibrium, rpm: float, clearance_m: float) 
 
 
 def test_without_a_groove_pressure_adds_nothing() -> None:
-    groove, o = Groove(bench()), bench().operating
+    groove, o = Groove(bench()), bench().machine.operating
     assert groove.film_loads_N == (o.load_min_N, o.load_max_N)
     assert groove.swing_N(2.0) == (0.0, 0.0)
 
@@ -91,12 +93,12 @@ def test_every_admissible_clearance_keeps_film_and_stability_in_the_fed_solver(
     added = Groove(config).added_N
     found = Shield(config).interval(rpm * RPM, load_N + added[0], load_N + added[1], 41.0)
     assert found is not None
-    viscosity, number = config.oil.viscosity_Pa_s(60.0), rpm * RPM
+    viscosity, number = config.machine.lubricant.viscosity_Pa_s(60.0), rpm * RPM
     stable = film(load_N, rpm, found[1], 0.5, viscosity)
-    speed = number * (found[1] * config.rotor.effective_mass_at_bearing_kg / load_N) ** 0.5
+    speed = number * (found[1] * config.machine.rotor.effective_mass_at_bearing_kg / load_N) ** 0.5
     assert not isfinite(stable.threshold) or speed < stable.threshold
     for clearance_m in found:
-        thick = film(load_N, rpm, clearance_m, 3.0, config.oil.viscosity_Pa_s(42.0))
+        thick = film(load_N, rpm, clearance_m, 3.0, config.machine.lubricant.viscosity_Pa_s(42.0))
         assert (1 - thick.eccentricity_ratio) * clearance_m >= config.limits.min_film_um * 1e-6
 
 

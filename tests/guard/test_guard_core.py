@@ -111,7 +111,7 @@ def test_set_points_belong_to_manual() -> None:
 def test_manual_set_points_are_narrowed_by_the_shield(wish_um: float) -> None:
     b = Bench().armed(mode=1)
     assert b.ask("set_clearance", wish_um)[0]
-    b.run(0.02 + abs(wish_um - 50.0) / b.config.actuator.rate_um_s)
+    b.run(0.02 + abs(wish_um - 50.0) / b.config.machine.actuator.rate_um_s)
     found = state(b)
     assert found.clearance_low_um <= found.target_clearance_um <= found.clearance_high_um
     expected = min(max(wish_um, found.clearance_low_um), found.clearance_high_um)
@@ -125,8 +125,8 @@ def test_manual_set_points_are_narrowed_by_the_shield(wish_um: float) -> None:
 def test_every_command_rests_on_an_interval_of_its_own_cycle() -> None:
     """With a command period that is none of the shield's."""
     config = bench()
-    actuator = msgspec.structs.replace(config.actuator, command_period_ms=33)
-    b, commands = Bench(msgspec.structs.replace(config, actuator=actuator)).armed(mode=1), 0
+    actuator = msgspec.structs.replace(config.machine.actuator, command_period_ms=33)
+    b, commands = Bench(config.replaced(actuator=actuator)).armed(mode=1), 0
     for _ in range(1000):
         if sent([b.cycle()], Command):
             commands += 1
@@ -208,9 +208,7 @@ def test_trip_latency_is_the_delay_and_one_block() -> None:
 def test_a_trip_that_the_drive_must_not_obey_still_goes_to_safe() -> None:
     config = bench()
     b = Bench(
-        msgspec.structs.replace(
-            config, drive=msgspec.structs.replace(config.drive, trip_on_danger=False)
-        )
+        config.replaced(drive=msgspec.structs.replace(config.drive, trip_on_danger=False))
     ).armed()
     b.node.amplitude_um = 40.0
     b.run(1.5)

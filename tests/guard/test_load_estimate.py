@@ -18,7 +18,7 @@ PROBES = radians(45.0), radians(135.0)
 
 @cache
 def position(load_N: float, rpm: float, clearance_m: float, viscosity: float = 0.01) -> np.ndarray:
-    bearing = bench().bearing
+    bearing = bench().machine.bearing
     return equilibrium(
         load_N=load_N, radius_m=bearing.journal_radius_m, length_m=bearing.length_m, clearance_m=clearance_m,
         viscosity_Pa_s=viscosity, speed_rad_s=rpm * RPM,
@@ -39,8 +39,10 @@ def look(
 
 def zeroed() -> Config:
     config = bench()
-    done = [msgspec.structs.replace(c, zeroed=c.name.startswith("disp")) for c in config.channel]
-    return msgspec.structs.replace(config, channel=done)
+    done = [
+        msgspec.structs.replace(c, zeroed=c.name.startswith("disp")) for c in config.machine.channel
+    ]
+    return config.replaced(channel=done)
 
 
 @pytest.mark.parametrize(
@@ -53,7 +55,7 @@ def test_the_interval_holds_the_true_load_at_every_corner_of_the_errors(
 ) -> None:
     """Probes, clearance and oil at their worst, and the thinnest oil's share of the film's load
     with them."""
-    estimator, law = LoadEstimator(config), config.oil.viscosity_Pa_s(40.0)
+    estimator, law = LoadEstimator(config), config.machine.lubricant.viscosity_Pa_s(40.0)
     for built_m in (-2e-6, 2e-6):
         for oil in (estimator.oil.thinnest, 1.0, estimator.oil.thickest):
             place = position(load_N, rpm, clearance_um * 1e-6 + built_m, law * oil)
@@ -92,12 +94,11 @@ def test_the_estimate_is_worth_having_in_the_middle_of_the_range() -> None:
 def test_a_less_known_film_gives_a_wider_interval() -> None:
     config = bench()
     bearing = msgspec.structs.replace(
-        config.bearing, load_error_share=0.21, attitude_error_deg=15.0
+        config.machine.bearing, load_error_share=0.21, attitude_error_deg=15.0
     )
     seen = look(position(100.0, 6000.0, 80e-6), 80e-6, 6000.0)
     sure, unsure = (
-        LoadEstimator(c).estimate(seen)
-        for c in (config, msgspec.structs.replace(config, bearing=bearing))
+        LoadEstimator(c).estimate(seen) for c in (config, config.replaced(bearing=bearing))
     )
     assert unsure.low_N < sure.low_N
     assert unsure.high_N > sure.high_N
@@ -106,11 +107,9 @@ def test_a_less_known_film_gives_a_wider_interval() -> None:
 def test_a_clearance_that_was_measured_counts_as_it_is() -> None:
     config, place = bench(), position(100.0, 6000.0, 83e-6)
     known = msgspec.structs.replace(
-        config.bearing, radial_clearance_offset_um=3.0, radial_clearance_error_um=0.5
+        config.machine.bearing, radial_clearance_offset_um=3.0, radial_clearance_error_um=0.5
     )
-    measured = LoadEstimator(msgspec.structs.replace(config, bearing=known)).estimate(
-        look(place, 80e-6, 6000.0)
-    )
+    measured = LoadEstimator(config.replaced(bearing=known)).estimate(look(place, 80e-6, 6000.0))
     told, right = (LoadEstimator(config).estimate(look(place, c, 6000.0)) for c in (80e-6, 83e-6))
     assert right.low_N < measured.low_N < 100.0 < measured.high_N < right.high_N
     assert told != right

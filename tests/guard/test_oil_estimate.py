@@ -21,7 +21,7 @@ FAST = 12000.0 * RPM
 
 def estimator(config: Config) -> OilEstimator:
     return OilEstimator(
-        config, StaticFilm(config.bearing.journal_radius_m, config.bearing.length_m)
+        config, StaticFilm(config.machine.bearing.journal_radius_m, config.machine.bearing.length_m)
     )
 
 
@@ -30,10 +30,12 @@ def learnt(share: float, error_W: float, built_m: float, clearance_m: float = 60
     config, state = bench(), estimator(bench()).unknown()
     film = equilibrium(
         load_N=60.0, radius_m=0.02, length_m=0.02, clearance_m=clearance_m + built_m,
-        viscosity_Pa_s=share * config.oil.viscosity_Pa_s(45.0), speed_rad_s=FAST,
+        viscosity_Pa_s=share * config.machine.lubricant.viscosity_Pa_s(45.0), speed_rad_s=FAST,
     )  # fmt: skip
     power_W = (
-        float(film.film.friction_torque_N_m) * FAST + config.rotor.windage_W_s3 * FAST**3 + error_W
+        float(film.film.friction_torque_N_m) * FAST
+        + config.machine.rotor.windage_W_s3 * FAST**3
+        + error_W
     )
     knot = int(film.eccentricity_ratio / 0.0025)
     for tick in range(21):
@@ -55,8 +57,8 @@ def test_the_true_oil_stays_credible_under_every_error(
 
 def test_a_zeroed_torque_meter_tells_more_of_the_oil() -> None:
     config = bench()
-    zeroed = msgspec.structs.replace(
-        config, rotor=msgspec.structs.replace(config.rotor, shaft_power_error_W=1.0)
+    zeroed = config.replaced(
+        rotor=msgspec.structs.replace(config.machine.rotor, shaft_power_error_W=1.0)
     )
     widths = []
     for known in (zeroed, config):
@@ -70,11 +72,11 @@ def test_a_zeroed_torque_meter_tells_more_of_the_oil() -> None:
 def test_nothing_is_learnt_while_the_speed_changes_nor_from_a_film_that_is_not_known() -> None:
     config = bench()
     for changed in (
-        msgspec.structs.replace(
-            config, bearing=msgspec.structs.replace(config.bearing, friction_error_share=1.0)
+        config.replaced(
+            bearing=msgspec.structs.replace(config.machine.bearing, friction_error_share=1.0)
         ),
-        msgspec.structs.replace(
-            config, oil=msgspec.structs.replace(config.oil, film_at_outlet=False)
+        config.replaced(
+            lubricant=msgspec.structs.replace(config.machine.lubricant, film_at_outlet=False)
         ),
     ):
         oil, state = estimator(changed), estimator(changed).unknown()
@@ -103,10 +105,12 @@ def test_a_contradiction_forgets_and_an_hour_of_silence_too() -> None:
 
 def test_a_film_that_may_be_colder_than_its_outlet_may_be_thicker() -> None:
     config = bench()
-    oil = msgspec.structs.replace(config.oil, film_at_outlet=False)
-    cold = estimator(msgspec.structs.replace(config, oil=oil))
+    oil = msgspec.structs.replace(config.machine.lubricant, film_at_outlet=False)
+    cold = estimator(config.replaced(lubricant=oil))
     known = cold.interval(cold.unknown())
-    thicker = config.oil.viscosity_Pa_s(35.0) / config.oil.viscosity_Pa_s(45.0)
+    thicker = config.machine.lubricant.viscosity_Pa_s(
+        35.0
+    ) / config.machine.lubricant.viscosity_Pa_s(45.0)
     assert cold.thickest(known, 45.0) == pytest.approx(known.thickest * thicker)
     assert cold.thickest(known, 30.0) == known.thickest
     assert estimator(config).thickest(known, 45.0) == known.thickest
@@ -115,8 +119,10 @@ def test_a_film_that_may_be_colder_than_its_outlet_may_be_thicker() -> None:
 def test_the_estimator_of_the_load_gains_by_what_was_learnt() -> None:
     config = bench()
     film = equilibrium(load_N=60.0, radius_m=0.02, length_m=0.02, clearance_m=60e-6, speed_rad_s=FAST,
-                       viscosity_Pa_s=config.oil.viscosity_Pa_s(45.0))  # fmt: skip
-    power_W = float(film.film.friction_torque_N_m) * FAST + config.rotor.windage_W_s3 * FAST**3
+                       viscosity_Pa_s=config.machine.lubricant.viscosity_Pa_s(45.0))  # fmt: skip
+    power_W = (
+        float(film.film.friction_torque_N_m) * FAST + config.machine.rotor.windage_W_s3 * FAST**3
+    )
     loads = LoadEstimator(config)
     x, y = film.position_m.tolist()
     found = [
@@ -151,7 +157,7 @@ def test_the_load_stays_credible_in_every_clearance_after_learning_in_another(
 def standing(clearance_m: float, share: float, load_N: float, speed: float) -> Equilibrium:
     """Where the journal stands in oil at 45 °C of so many times the declared viscosity."""
     return equilibrium(load_N=load_N, radius_m=0.02, length_m=0.02, clearance_m=clearance_m, speed_rad_s=speed,
-                       viscosity_Pa_s=share * bench().oil.viscosity_Pa_s(45.0))  # fmt: skip
+                       viscosity_Pa_s=share * bench().machine.lubricant.viscosity_Pa_s(45.0))  # fmt: skip
 
 
 def seen(
@@ -162,7 +168,7 @@ def seen(
     film = standing(clearance_m + built_m, share, load_N, speed)
     power_W = (
         float(film.film.friction_torque_N_m) * speed
-        + config.rotor.windage_W_s3 * speed**3
+        + config.machine.rotor.windage_W_s3 * speed**3
         + error_W
     )
     x, y = film.position_m.tolist()

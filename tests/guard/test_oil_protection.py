@@ -144,7 +144,7 @@ def test_lost_pressure_ends_authority_at_once_and_trips_the_machine(
     state = next(d.state for d in reversed(b.run(0.2)) if d.state)
     assert state.arm_state == ArmState.TRIPPED
     assert state.trip_request
-    assert state.target_clearance_um == b.config.actuator.safe_radial_clearance_um
+    assert state.target_clearance_um == b.config.machine.actuator.safe_radial_clearance_um
 
 
 def test_hot_oil_trips_by_its_own_name() -> None:
@@ -175,8 +175,7 @@ def test_the_oil_is_a_permissive(node: dict[str, float], part: str) -> None:
 
 def test_without_limits_they_follow_feed_and_oil() -> None:
     config = bench()
-    bare = msgspec.structs.replace(
-        config,
+    bare = config.replaced(
         limits=msgspec.structs.replace(
             config.limits,
             oil_pressure_low_alert_bar=0.0,

@@ -96,8 +96,10 @@ def test_false_edges_are_contradicted_and_the_true_order_is_named(
 def test_motion_within_noise_and_runout_says_nothing(told: float) -> None:
     assert set(evidence(Shaft(6000.0, told, {1.0: 0.8}))) == {Evidence.NONE}
     config = bench()
-    channels = [msgspec.structs.replace(channel, slow_roll_um=2.0) for channel in config.channel]
-    known = OrbitOrders(msgspec.structs.replace(config, channel=channels))
+    channels = [
+        msgspec.structs.replace(channel, slow_roll_um=2.0) for channel in config.machine.channel
+    ]
+    known = OrbitOrders(config.replaced(channel=channels))
     assert set(evidence(Shaft(6000.0, told, {1.0: 4.5}), stage=known)) == {Evidence.NONE}
 
 

@@ -47,14 +47,14 @@ def with_probes(
         msgspec.structs.replace(
             c, angle_deg=a, offset=o * 1e-6, scale=sign * c.scale, zeroed=zeroed
         )
-        for c, a, o in zip(config.channel, (first_deg, second_deg), offset_um, strict=False)
+        for c, a, o in zip(config.machine.channel, (first_deg, second_deg), offset_um, strict=False)
     ]
-    return msgspec.structs.replace(config, channel=[*probes, *config.channel[2:]])
+    return config.replaced(channel=[*probes, *config.machine.channel[2:]])
 
 
 def place_um(config: Config, eccentricity: float, clearance_um: float) -> tuple[float, float]:
     """Where the film holds the journal."""
-    film = static_film(config.bearing.journal_radius_m, config.bearing.length_m)
+    film = static_film(config.machine.bearing.journal_radius_m, config.machine.bearing.length_m)
     k = min(range(len(film.eccentricity)), key=lambda i: abs(film.eccentricity[i] - eccentricity))
     e = film.eccentricity[k] * clearance_um
     return e * film.sine[k], -e * film.cosine[k]
@@ -77,7 +77,7 @@ class Bearing:
 
     def run(self, seconds: float) -> "Bearing":
         x0, y0 = place_um(self.config, self.eccentricity, self.clearance_um)
-        probes = self.config.channel[:2]
+        probes = self.config.machine.channel[:2]
         for _ in range(round(seconds * RATE / N)):
             t = (self.seq * N + np.arange(N)) / RATE
             phase = 2 * pi * self.rpm / 60 * t
@@ -140,9 +140,13 @@ def test_any_angle_offset_and_sign_of_scale_give_the_position_and_a_plausible_pa
     )
     assert b.names == []
     look = Look(1.0, b.motion.mean_x_m, b.motion.mean_y_m, 6e-6, 80e-6, 6000.0 * pi / 30, 40.0, 0.0)
-    film = static_film(config.bearing.journal_radius_m, config.bearing.length_m)
+    film = static_film(config.machine.bearing.journal_radius_m, config.machine.bearing.length_m)
     load_N = (
-        film.load_per_viscous_speed(0.5, 80e-6) * config.oil.viscosity_Pa_s(40.0) * 6000.0 * pi / 30
+        film.load_per_viscous_speed(0.5, 80e-6)
+        * config.machine.lubricant.viscosity_Pa_s(40.0)
+        * 6000.0
+        * pi
+        / 30
     )
     found = LoadEstimator(config).estimate(look)
     assert found.measured

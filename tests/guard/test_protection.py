@@ -52,8 +52,7 @@ class Source:
 
 def with_delays(seconds: float) -> Config:
     config = bench()
-    return msgspec.structs.replace(
-        config,
+    return config.replaced(
         limits=msgspec.structs.replace(
             config.limits, alert_delay_s=seconds, danger_delay_s=seconds
         ),

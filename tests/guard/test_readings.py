@@ -238,8 +238,8 @@ def test_the_channel_counts_only_while_it_is_ok_and_fresh() -> None:
 def test_the_range_of_the_power_follows_the_machine_or_the_key() -> None:
     config = bench()
     assert 2000.0 < power_max_W(config) < 6000.0
-    known = msgspec.structs.replace(
-        config, readings=msgspec.structs.replace(config.readings, shaft_power_max_W=900.0)
+    known = config.replaced(
+        readings=msgspec.structs.replace(config.machine.readings, shaft_power_max_W=900.0)
     )
     assert Readings(known).rows[POWER].high == 900.0
 

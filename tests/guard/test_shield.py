@@ -52,18 +52,18 @@ def test_every_admissible_clearance_keeps_film_and_stability_in_the_film_solver(
         assert load_N == 300.0
         return
     assert found[0] <= SAFE_M <= found[1] + 1e-12
-    viscosity = config.oil.viscosity_Pa_s(42.0)
+    viscosity = config.machine.lubricant.viscosity_Pa_s(42.0)
     for clearance_m in (found[0], 0.5 * (found[0] + found[1]), found[1]):
         state = equilibrium(
             load_N=load_N,
-            radius_m=config.bearing.journal_radius_m,
-            length_m=config.bearing.length_m,
+            radius_m=config.machine.bearing.journal_radius_m,
+            length_m=config.machine.bearing.length_m,
             clearance_m=clearance_m,
             viscosity_Pa_s=viscosity,
             speed_rad_s=rpm * RPM,
         )
         assert (1 - state.eccentricity_ratio) * clearance_m >= config.limits.min_film_um * 1e-6
-        mass = config.rotor.effective_mass_at_bearing_kg
+        mass = config.machine.rotor.effective_mass_at_bearing_kg
         number = rpm * RPM * (clearance_m * mass / load_N) ** 0.5
         assert not isfinite(state.threshold) or number < state.threshold
 
@@ -84,9 +84,12 @@ def test_reachability_the_actuator_outruns_the_fastest_ramps_from_every_admissib
     """Replays the worst ramps at a finer step than the shield's own, retreating at the rate limit:
     no whirl grows."""
     config = bench()
-    shield, a, o = Shield(config), config.actuator, config.operating
+    shield, a, o = Shield(config), config.machine.actuator, config.machine.operating
     reach_s = a.time_to_live_ms * 1e-3 + a.time_constant_s
-    oil = config.oil.viscosity_Pa_s(config.oil.film_max_C) * shield._viscosity.thinnest
+    oil = (
+        config.machine.lubricant.viscosity_Pa_s(config.machine.lubricant.film_max_C)
+        * shield._viscosity.thinnest
+    )
     for rpm in range(1500, 12001, 1500):
         for load_N in (30.0, 60.0, 100.0, 200.0):
             found = shield.interval(rpm * RPM, load_N, load_N, 41.0)
@@ -139,7 +142,7 @@ def test_an_announced_ramp_of_any_steepness_finds_the_clearance_ready(
     """The actuator follows the interval's upper end at its rate; all along the ramp it stays within
     the interval that belongs to the present point alone."""
     config = bench()
-    shield, rate = Shield(config), config.actuator.rate_um_s * 1e-6
+    shield, rate = Shield(config), config.machine.actuator.rate_um_s * 1e-6
     any_oil = shield._viscosity.thinnest, shield._viscosity.thickest
     clearance_m, step_s = 160e-6, 0.05
     for now in np.arange(-shield.lead_s, ramp_s + 0.5, step_s):
@@ -167,10 +170,9 @@ def test_a_ramp_far_ahead_narrows_nothing_yet() -> None:
 @pytest.mark.parametrize("slower", [1.0, 0.5, 0.2])
 def test_a_slower_actuator_never_widens_the_interval(slower: float) -> None:
     config = bench()
-    lame = msgspec.structs.replace(
-        config,
+    lame = config.replaced(
         actuator=msgspec.structs.replace(
-            config.actuator, rate_um_s=config.actuator.rate_um_s * slower
+            config.machine.actuator, rate_um_s=config.machine.actuator.rate_um_s * slower
         ),
     )
     for rpm in (3000, 6000, 9000):
@@ -306,8 +308,8 @@ def test_hotter_oil_never_helps() -> None:
 
 def changed(section: str, **values: float) -> Config:
     config = bench()
-    part = msgspec.structs.replace(getattr(config, section), **values)
-    return msgspec.structs.replace(config, **{section: part})
+    part = msgspec.structs.replace(getattr(config.machine, section), **values)
+    return config.replaced(**{section: part})
 
 
 def refusal(config: Config) -> str:
@@ -317,7 +319,7 @@ def refusal(config: Config) -> str:
 def test_the_shipped_safe_value_is_admissible_everywhere_in_the_film_solver() -> None:
     config, _ = load(SHIPPED / "bench.toml")
     assert not refusal(config)
-    hot = config.oil.viscosity_Pa_s(config.oil.inlet_max_C)
+    hot = config.machine.lubricant.viscosity_Pa_s(config.machine.lubricant.inlet_max_C)
     for rpm in (1500.0, 3000.0, 6000.0, 12000.0):
         state = equilibrium(
             load_N=300.0,
@@ -364,14 +366,14 @@ def test_decay_is_the_exponential(exponent: float) -> None:
 
 @pytest.mark.parametrize("temperature", [-40.0, -10.0, 19.5, 40.0, 41.01, 41.5, 60.0, 119.9, 199.9])
 def test_the_table_is_the_law(temperature: float) -> None:
-    oil = bench().oil
+    oil = bench().machine.lubricant
     assert ViscosityTable(oil).law(temperature) == pytest.approx(
         oil.viscosity_Pa_s(temperature), rel=1.2e-4
     )
 
 
 def test_the_credible_oils_are_every_batch_at_every_temperature_of_the_reading() -> None:
-    oil = bench().oil
+    oil = bench().machine.lubricant
     table = ViscosityTable(oil)
     law = oil.viscosity_Pa_s(41.0)
     ends = [

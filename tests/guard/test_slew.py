@@ -36,8 +36,8 @@ class Way:
 
     def __init__(self, most: int = 120) -> None:
         config = bench()
-        actuator = msgspec.structs.replace(config.actuator, reversals_per_minute_max=most)
-        self.slew = Slew(msgspec.structs.replace(config, actuator=actuator), Target(50.0, 1.0))
+        actuator = msgspec.structs.replace(config.machine.actuator, reversals_per_minute_max=most)
+        self.slew = Slew(config.replaced(actuator=actuator), Target(50.0, 1.0))
         self.now_ns = 0
         self.notices = []
 
@@ -139,14 +139,14 @@ def test_what_is_commanded_never_outruns_the_actuator() -> None:
     b.advise_um = 95.0
     sent += commanded(b, 2.0)
     rates = [(u2 - u1) / (t2 - t1) * 1e9 for (t1, u1), (t2, u2) in pairwise(sent)]
-    assert max(rates) <= b.config.actuator.rate_um_s * 1.02
+    assert max(rates) <= b.config.machine.actuator.rate_um_s * 1.02
     assert max(u for _, u in sent) == 95.0
 
 
 def limited(most: int = 40) -> Bench:
     config = bench()
-    actuator = msgspec.structs.replace(config.actuator, reversals_per_minute_max=most)
-    return Bench(msgspec.structs.replace(config, actuator=actuator))
+    actuator = msgspec.structs.replace(config.machine.actuator, reversals_per_minute_max=most)
+    return Bench(config.replaced(actuator=actuator))
 
 
 def test_a_policy_that_swings_loses_authority_and_a_person_reads_why() -> None:

@@ -246,8 +246,10 @@ def test_an_orbit_within_noise_is_no_evidence(fault: Callable[[ScriptedNode], No
 
 def test_runout_raises_the_floor_of_the_evidence() -> None:
     config = bench()
-    channels = [msgspec.structs.replace(channel, slow_roll_um=4.0) for channel in config.channel]
-    b = Bench(msgspec.structs.replace(config, channel=channels))
+    channels = [
+        msgspec.structs.replace(channel, slow_roll_um=4.0) for channel in config.machine.channel
+    ]
+    b = Bench(config.replaced(channel=channels))
     two_edges(b.node)
     b.run(3.2)
     assert "speed_implausible" not in b.names()

@@ -44,7 +44,7 @@ def test_the_limit_is_the_configured_one_or_a_share_of_the_declared_speed() -> N
     config = bench()
     assert limit_rpm(config) == pytest.approx(LIMIT_RPM)
     limits = msgspec.structs.replace(config.limits, speed_high_rpm=12_500.0)
-    assert limit_rpm(msgspec.structs.replace(config, limits=limits)) == 12_500.0
+    assert limit_rpm(config.replaced(limits=limits)) == 12_500.0
 
 
 @pytest.mark.parametrize(

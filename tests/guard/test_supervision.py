@@ -355,11 +355,7 @@ def test_one_such_report_is_not_enough() -> None:
 @pytest.mark.parametrize("trips", [False, True])
 def test_the_permit_goes_with_a_foreign_command_only_where_that_is_configured(trips: bool) -> None:
     config = bench()
-    b = Bench(
-        msgspec.structs.replace(
-            config, drive=msgspec.structs.replace(config.drive, trip_on_foreign=trips)
-        )
-    )
+    b = Bench(config.replaced(drive=msgspec.structs.replace(config.drive, trip_on_foreign=trips)))
     b.armed()
     reporting(b, mode=1, session=0x9999)
     until(b, "node_elsewhere", 1.0)

@@ -101,10 +101,10 @@ def test_node_info_is_that_of_the_configuration() -> None:
     info = b.said[NodeInfo][0]
     assert isinstance(info, NodeInfo)
     assert info.sample_period_us == CONFIG.sampling.period_us
-    assert info.boot_clearance_um == CONFIG.actuator.safe_radial_clearance_um
-    assert info.boot_pressure_bar == CONFIG.actuator.safe_pressure_bar
-    assert info.time_to_live_ms == CONFIG.actuator.time_to_live_ms
-    assert info.rate_um_s == pytest.approx(CONFIG.actuator.rate_um_s)
+    assert info.boot_clearance_um == CONFIG.machine.actuator.safe_radial_clearance_um
+    assert info.boot_pressure_bar == CONFIG.machine.actuator.safe_pressure_bar
+    assert info.time_to_live_ms == CONFIG.machine.actuator.time_to_live_ms
+    assert info.rate_um_s == pytest.approx(CONFIG.machine.actuator.rate_um_s)
 
 
 def test_same_seed_same_bytes() -> None:
@@ -270,7 +270,7 @@ def test_the_nodes_clock_drifts_within_its_data_sheet() -> None:
 def test_a_rig_starts_within_what_its_shipped_configuration_declares(name: str) -> None:
     """A rig that starts faster trips speed-high before anybody can tell it otherwise."""
     config = load(SHIPPED / f"{name}.toml")[0]
-    rig, operating = make_rig(config, name, 3), config.operating
+    rig, operating = make_rig(config, name, 3), config.machine.operating
     for step in range(1, 300):
         rig.step(step * MS, [])
     truth = rig.truth[0]

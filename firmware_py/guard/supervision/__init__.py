@@ -7,12 +7,12 @@ from typing import Final, NamedTuple
 import msgspec
 
 from firmware_py.config import Config
-from firmware_py.config.schema import Actuator
 from firmware_py.guard.alarm import Notice
 from firmware_py.guard.supervision.following import Following, FollowingState, Quantity
 from firmware_py.guard.supervision.node_watch import NodeWatch, NodeWatchState, Surroundings
 from firmware_py.guard.supervision.standing import Supervised
 from firmware_py.guard.target import Target
+from firmware_py.machine import ClearanceActuator
 from firmware_py.records import Alarm, NodeInfo, NodeState
 
 REPORTS_NS: Final = 100_000_000
@@ -74,7 +74,7 @@ class Supervision:
     """
 
     def __init__(self, config: Config, session: int) -> None:
-        a = config.actuator
+        a = config.machine.actuator
         self._boot = Target(a.safe_radial_clearance_um, a.safe_pressure_bar)
         self._watch = NodeWatch(config, session)
         lasting_ns = round(a.following_time_s * 1e9)
@@ -200,7 +200,7 @@ class Supervision:
         return [two.end(now_ns)] if two.standing and not streams else []
 
 
-def _lags(actuator: Actuator) -> int:
+def _lags(actuator: ClearanceActuator) -> int:
     """Time constants by which the clearance may come later than a ramp at the slowest rate.
 
     Behind a ramp the lag leaves a distance of rate times time constant; the tolerance takes half of

@@ -92,7 +92,7 @@ class NodeWatch:
 
     def __init__(self, config: Config, session: int) -> None:
         self._session = session
-        self._ttl_ns = config.actuator.time_to_live_ms * 1_000_000
+        self._ttl_ns = config.machine.actuator.time_to_live_ms * 1_000_000
         self._window_ns = self._ttl_ns + LATENCY_NS
         self.state = NodeWatchState(
             {name: Supervised(name) for name in CONDITIONS},

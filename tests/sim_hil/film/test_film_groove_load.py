@@ -7,8 +7,8 @@ from models.control.shielded import config_of
 from sim_hil.film.groove_load import PROJECTED_M2, groove_load
 
 CONFIG = config_of("bench", fed=True)
-LEAST = 1e-6 * CONFIG.feed.groove_area_min_mm2 / PROJECTED_M2
-MOST = 1e-6 * CONFIG.feed.groove_area_max_mm2 / PROJECTED_M2
+LEAST = 1e-6 * CONFIG.machine.feed.groove_area_min_mm2 / PROJECTED_M2
+MOST = 1e-6 * CONFIG.machine.feed.groove_area_max_mm2 / PROJECTED_M2
 
 
 @pytest.mark.parametrize("pressure_share", [0.4, 0.571])
@@ -35,4 +35,4 @@ def test_anywhere_it_carries_the_larger_area_at_most_and_turns_no_further_than_d
 ) -> None:
     found = groove_load(eccentricity, pressure_share, LEAST)
     assert found.area_share < MOST
-    assert abs(found.turned_deg) < CONFIG.bearing.attitude_error_deg
+    assert abs(found.turned_deg) < CONFIG.machine.bearing.attitude_error_deg

@@ -1,0 +1,34 @@
+"""The machine as its rig folder describes it: shaft, bearing, lubricant, feed, sensors, actuator,
+operating range.
+
+Guard, acquisition, brain, simulator and trainers are given one frozen
+:class:`~firmware_py.machine.schema.Machine`; nothing about a machine stands in their code.
+"""
+
+from __future__ import annotations
+
+from firmware_py.machine.schema import (
+    ClearanceActuator,
+    ContactCircuit,
+    FastChannel,
+    Feed,
+    JournalBearing,
+    Lubricant,
+    Machine,
+    OperatingRange,
+    RotorDrawing,
+    SlowReadings,
+)
+
+__all__ = [
+    "ClearanceActuator",
+    "ContactCircuit",
+    "FastChannel",
+    "Feed",
+    "JournalBearing",
+    "Lubricant",
+    "Machine",
+    "OperatingRange",
+    "RotorDrawing",
+    "SlowReadings",
+]

@@ -1,0 +1,207 @@
+"""The tables of ``machine.toml``: typed, a unit in every name, one place for each figure."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+from msgspec import Meta
+
+from firmware_py.machine.values import (
+    AngleDeg,
+    AnySI,
+    ClearanceUm,
+    LoadN,
+    Name,
+    PressureBar,
+    Section,
+    Share,
+    SpeedRpm,
+    TemperatureC,
+    Word,
+)
+
+
+class JournalBearing(Section, frozen=True):
+    """The journal bearing; every clearance says radial or diametral."""
+
+    journal_radius_m: Annotated[float, Meta(ge=0.001, le=0.5)]
+    """Watch-sized shafts to the largest turbines."""
+    length_m: Annotated[float, Meta(ge=0.001, le=1.0)]
+    radial_clearance_min_um: ClearanceUm
+    radial_clearance_max_um: ClearanceUm
+    radial_clearance_nominal_um: ClearanceUm
+    radial_clearance_offset_um: Annotated[float, Meta(ge=-100.0, le=100.0)] = 0.0
+    """This bearing is so much wider than the actuator tells: from a lift check."""
+    radial_clearance_error_um: Annotated[float, Meta(ge=0.05, le=50.0)] = 2.0
+    """And is known within this."""
+    load_error_share: Share = 0.21
+    """The film carries this much less or more than the unfed Reynolds film there: rupture, inlet,
+    unknown groove."""
+    attitude_error_deg: Annotated[float, Meta(ge=0, le=45)] = 15.0
+    """And stands this much off in direction."""
+    friction_error_share: Annotated[float, Meta(ge=0, le=1)] = 1.0
+    """And has this much less or more friction; 1: the shaft power says nothing about the oil."""
+
+
+class Lubricant(Section, frozen=True):
+    """Viscosity law ``mu = mu_40 exp(-k (T - 40))`` and the inlet range that the safe value must
+    cover."""
+
+    viscosity_at_40C_Pa_s: Annotated[float, Meta(ge=2e-4, le=1.5)]
+    """Thinner than petrol up to ISO VG 1500."""
+    viscosity_slope_per_K: Annotated[float, Meta(ge=0.0, le=0.1)]
+    """Water 0.02, oils 0.02 .. 0.06."""
+    inlet_min_C: TemperatureC
+    inlet_max_C: TemperatureC
+    film_max_C: TemperatureC
+    viscosity_error_share: Share = 0.1
+    """A batch of oil is this much thinner or thicker than the law."""
+    film_at_outlet: bool = False
+    """The film is as warm as its outlet; else it may be as cold as the coldest inlet."""
+    thermal_capacity_J_K: Annotated[float, Meta(ge=0.0, le=1e6)] = 0.0
+    """Of the oil node behind the outlet thermometer; 0: forecasts hold the oil's temperature."""
+    cooling_W_K: Annotated[float, Meta(ge=0.0, le=1e5)] = 0.0
+    """Heat that the oil carries away per kelvin above its inlet."""
+
+    def viscosity_Pa_s(self, temperature_C: float) -> float:
+        """Dynamic viscosity at ``temperature_C``."""
+        return self.viscosity_at_40C_Pa_s * math.exp(
+            -self.viscosity_slope_per_K * (temperature_C - 40.0)
+        )
+
+
+class Feed(Section, frozen=True):
+    """Oil supply pressure above ambient: what the actuator may set."""
+
+    pressure_min_bar: PressureBar
+    pressure_max_bar: PressureBar
+    groove_area_min_mm2: Annotated[float, Meta(ge=0.0, le=1e6)] = 0.0
+    groove_area_max_mm2: Annotated[float, Meta(ge=0.0, le=1e6)] = 0.0
+    """A groove opposite the load presses the shaft down like a piston of an area between these two;
+    0: no groove."""
+
+
+class RotorDrawing(Section, frozen=True):
+    """The rotor as the film sees it."""
+
+    effective_mass_at_bearing_kg: Annotated[float, Meta(ge=0.001, le=1e5)]
+    """Force over acceleration at the bearing; once weighed, that in forward whirl (inertia ``J_d -
+    J_p / 0.515``)."""
+    unbalance_normal_kg_m: Annotated[float, Meta(ge=0.0, le=100.0)]
+    mass_error_share: Share = 0.05
+    """The built rotor is heavier than that by at most this share."""
+    unbalance_measured: bool = False
+    """The normal unbalance is this rotor's own, from balancing; else it is the most that its grade
+    lets any have."""
+    whirl_error_share: Share = 0.05
+    """The speed at which it whirls lies at most this much below that of a rigid rotor on the film:
+    coupling, pedestal, gyroscopic moments."""
+    shaft_power_error_W: Annotated[float, Meta(ge=0.01, le=1e6)] = 5.0
+    """Of the shaft power that the rig reports; less where its zero was taken at rest."""
+    windage_W_s3: Annotated[float, Meta(ge=0.0, le=1e-3)] = 0.0
+    """Shaft power beside the film's, per cubed speed (rad/s): from a coast-down."""
+
+
+class ContactCircuit(Section, frozen=True):
+    """The contact-resistance channel: a film resistance proportional to the smallest film, behind a
+    series resistor."""
+
+    circuit_V: Annotated[float, Meta(ge=0.01, le=3.2)]
+    """The wire carries up to 3.2767 V."""
+    circuit_ohm: Annotated[float, Meta(ge=1.0, le=1e9)]
+    film_ohm_per_m: Annotated[float, Meta(ge=1e3, le=1e15)]
+    film_error_share: Annotated[float, Meta(ge=1e-3, le=1.0)]
+    """Standard deviation of ``film_ohm_per_m`` as a share of it."""
+
+
+class OperatingRange(Section, frozen=True):
+    """The declared range: protection, shield and the safe value answer for all of it."""
+
+    speed_min_rpm: SpeedRpm
+    speed_max_rpm: SpeedRpm
+    load_min_N: LoadN
+    load_max_N: LoadN
+    speed_ramp_max_rpm_s: Annotated[float, Meta(ge=1.0, le=1e5)]
+    speed_ramp_unannounced_rpm_s: Annotated[float, Meta(ge=1.0, le=1e5)]
+    """Faster ramps of speed or load are announced before they start (command ``announce``)."""
+    load_ramp_unannounced_N_s: Annotated[float, Meta(ge=0.01, le=1e6)]
+
+
+class ClearanceActuator(Section, frozen=True):
+    """The node's promises; ``safe`` must equal what the node boots with."""
+
+    safe_radial_clearance_um: ClearanceUm
+    safe_pressure_bar: PressureBar
+    rate_um_s: Annotated[float, Meta(ge=1.0, le=6500.0)]
+    """The wire carries up to 6553.5 um/s."""
+    time_constant_s: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.05
+    time_to_live_ms: Annotated[int, Meta(ge=10, le=1000)] = 100
+    command_period_ms: Annotated[int, Meta(ge=1, le=100)] = 20
+    pressure_time_constant_s: Annotated[float, Meta(ge=0.01, le=60)] = 1.0
+    """Of the supply pressure behind its target, generously: three of them pass before an error
+    counts."""
+    following_error_um: Annotated[float, Meta(ge=0.1, le=1000)] = 5.0
+    """The measured clearance may lie this far beyond where an actuator of the declared rate can
+    be."""
+    following_error_bar: Annotated[float, Meta(ge=0.01, le=100)] = 0.3
+    """And the measured supply pressure."""
+    following_time_s: Annotated[float, Meta(ge=0.5, le=30)] = 2.0
+    """For this long, before it is an alarm; gross errors and slow movement are one sooner."""
+    reversals_per_minute_max: Annotated[int, Meta(ge=2, le=6000)] = 300
+    """The target may turn back this often within a minute; then authority goes, and a set point
+    holds."""
+
+
+class FastChannel(Section, frozen=True):
+    """One sensor channel: SI = ``counts * scale + offset``; outside ``ok_low .. ok_high`` it is not
+    OK."""
+
+    name: Word
+    unit: Word
+    scale: Annotated[float, Meta(ge=-1.0, le=1.0)]
+    ok_low: AnySI
+    ok_high: AnySI
+    offset: AnySI = 0.0
+    angle_deg: AngleDeg = 0.0
+    slow_roll_um: Annotated[float, Meta(ge=0.0, le=100.0)] = 0.0
+    """Runout: amplitude of the first order at slow roll; the predictor takes it off."""
+    slow_roll_deg: AngleDeg = 0.0
+    """Its phase: the argument of the complex amplitude counted from the mark."""
+    zeroed: bool = False
+    """The zero and slow-roll procedure was done: the smaller errors after it hold."""
+
+
+class SlowReadings(Section, frozen=True):
+    """What the slow readings of RIG_STATUS can be; one that is not so is not OK, and nothing rests
+    on it."""
+
+    age_max_ms: Annotated[float, Meta(ge=100, le=2000)] = 250.0
+    """Older ones say nothing; a rig sends them every 50 ms."""
+    clean_s: Annotated[float, Meta(ge=0, le=600)] = 10.0
+    """A reading that was not OK is believed again after it has been plausible for so long."""
+    oil_outlet_min_C: Annotated[float, Meta(ge=-100, le=200)] = -20.0
+    oil_outlet_max_C: Annotated[float, Meta(ge=-100, le=300)] = 150.0
+    oil_outlet_rate_C_s: Annotated[float, Meta(ge=0.01, le=1000)] = 20.0
+    """Faster changes are those of a cable: the oil behind the thermometer has to be warmed."""
+    shaft_power_max_W: Annotated[float, Meta(ge=0, le=1e6)] = 0.0
+    """0: ten times the friction of the narrowest bearing in the thickest oil at the top speed."""
+    pressure_max_bar: PressureBar = 0.0
+    """0: twice ``feed.pressure_max_bar``."""
+    pressure_mismatch_bar: Annotated[float, Meta(ge=0.01, le=10)] = 0.3
+    """The reading and the channel ``supply_pressure`` may differ by so much."""
+
+
+class Machine(Section, frozen=True):
+    """One machine: all that is true of it, however the device runs there."""
+
+    name: Name
+    bearing: JournalBearing
+    lubricant: Lubricant
+    feed: Feed
+    rotor: RotorDrawing
+    operating: OperatingRange
+    actuator: ClearanceActuator
+    channel: list[FastChannel]
+    readings: SlowReadings = SlowReadings()
+    contact: ContactCircuit | None = None

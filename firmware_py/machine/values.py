@@ -1,0 +1,44 @@
+"""What the tables of a rig folder are made of: names, texts and numbers, each within its limits.
+
+Every number has a least and a greatest value.  They are the ends of what any machine of this kind
+has, not what one machine should have: relations between values are in
+:mod:`firmware_py.config.checks`.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Final
+
+import msgspec
+from msgspec import Meta
+
+NAME_PATTERN: Final = r"^[a-z0-9][a-z0-9_-]{0,31}\Z"
+_WORD: Final = r"^[A-Za-z0-9_/]{1,32}\Z"
+WORDS: Final = {
+    NAME_PATTERN: "a name of 1 to 32 small letters, digits, - and _, the first no sign",
+    _WORD: "one word",
+}
+"""Each pattern for people."""
+
+Name = Annotated[str, Meta(pattern=NAME_PATTERN)]
+Word = Annotated[str, Meta(pattern=_WORD)]
+
+ClearanceUm = Annotated[float, Meta(ge=5.0, le=600.0)]
+"""Below 5 um roughness and runout are as large as the film; the wire carries up to 655.35 um."""
+PressureBar = Annotated[float, Meta(ge=0.0, le=60.0)]
+"""The wire carries up to 65.535 bar."""
+TemperatureC = Annotated[float, Meta(ge=-40.0, le=200.0)]
+"""The range of the viscosity table; beyond it oil is solid or burns."""
+SpeedRpm = Annotated[float, Meta(ge=60.0, le=60_000.0)]
+"""Below 60 rpm one turn takes over a second: no protection by turns.  Film bearings end below 60
+000 rpm."""
+LoadN = Annotated[float, Meta(ge=0.1, le=1e6)]
+Share = Annotated[float, Meta(ge=0.0, le=0.9)]
+"""An uncertainty; at 1 nothing would be known."""
+AnySI = Annotated[float, Meta(ge=-1e5, le=1e5)]
+"""A value of any fast channel in SI."""
+AngleDeg = Annotated[float, Meta(ge=-360.0, le=360.0)]
+
+
+class Section(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Base of every table of a rig folder."""
