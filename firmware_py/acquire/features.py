@@ -18,10 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_py.acquire import film_check, ringing
-from firmware_py.acquire.contact_law import film_of, film_per_volt
 from firmware_py.acquire.film_check import CIRCUIT, LEAST_SHARE, read_volt
 from firmware_py.acquire.orders import CONTACT, ORDERS, Orders, analyse
 from firmware_py.acquire.windows import Window
+from firmware_py.machine.contact import film_of, film_per_volt
 
 RATE_HZ: Final = 5000.0
 """Rate that features are taken at; the bands and crest factors would change with another."""

@@ -16,10 +16,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_py.acquire.contact_law import film_of, film_per_volt
 from firmware_py.acquire.orders import CONTACT, Orders
 from firmware_py.acquire.windows import Window
 from firmware_py.machine import ContactCircuit
+from firmware_py.machine.contact import film_of, film_per_volt
 
 RADIUS_M: Final = 0.02
 LENGTH_M: Final = 0.02

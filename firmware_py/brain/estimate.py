@@ -40,6 +40,7 @@ from firmware_py.brain.measurement import (
     Measured,
 )
 from firmware_py.config import Config
+from firmware_py.machine.lubricant import viscosity_Pa_s
 
 Floats = NDArray[np.float64]
 
@@ -272,7 +273,7 @@ class Synchroniser:
         return np.nan_to_num(LAG_ERROR_S / elapsed_s * (measured.observed - self._last.observed))
 
     def _estimate(self, measured: Measured) -> Estimate:
-        law = self._oil.viscosity_Pa_s(measured.oil_outlet_C)
+        law = viscosity_Pa_s(self._oil, measured.oil_outlet_C)
         return Estimate(
             float(np.exp(self._mean[LOAD])),
             law * float(np.exp(self._mean[VISCOSITY])),

@@ -26,12 +26,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_py.acquire.contact_law import contact_volt, roughness_volt
 from firmware_py.acquire.windows import ChannelMap
 from firmware_py.brain.film import Film, Points
 from firmware_py.brain.intervals import state_of
 from firmware_py.brain.orbit import Orbit, balanced
 from firmware_py.config import Config
+from firmware_py.machine.contact import contact_volt, roughness_volt
+from firmware_py.machine.lubricant import viscosity_Pa_s
 
 Floats = NDArray[np.float64]
 
@@ -285,7 +286,7 @@ class Instruments:
         base = np.array(
             [
                 theta[LOAD],
-                theta[VISCOSITY] + math.log(self._oil.viscosity_Pa_s(measured.oil_outlet_C)),
+                theta[VISCOSITY] + math.log(viscosity_Pa_s(self._oil, measured.oil_outlet_C)),
                 math.log(measured.clearance_m + theta[CLEARANCE] * UM),
             ]
         )

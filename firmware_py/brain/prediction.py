@@ -42,6 +42,7 @@ from firmware_py.brain.unbalance import (
     ImbalanceFilter,
 )
 from firmware_py.config import Config
+from firmware_py.machine.lubricant import viscosity_Pa_s
 
 Floats = NDArray[np.float64]
 
@@ -269,7 +270,7 @@ class Predictor:
         mean, covariance, _ = estimate.ahead(future.seconds)
         sigma = sigma_points(mean, covariance)
         k, n = len(sigma), len(every)
-        law = self._oil.viscosity_Pa_s(measured.oil_outlet_C)
+        law = viscosity_Pa_s(self._oil, measured.oil_outlet_C)
         load = np.clip(np.exp(sigma[:, 0]) + future.load_change_N, *self._load_range_N)
         speed = measured.speed_rad_s if future.speed_rad_s is None else future.speed_rad_s
         return Points(

@@ -9,7 +9,6 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
-from types import MethodType
 from typing import Any, Final, cast
 
 import msgspec
@@ -222,12 +221,7 @@ class _View:
         cls, values, prefix, holes = self.__dict__["_parts"]
         key = _keys(cls).get(name)
         if key is None:
-            found = getattr(cls, name)
-            return (
-                cast(Any, found).fget(self)
-                if isinstance(found, property)
-                else MethodType(found, self)
-            )
+            return cast(Any, getattr(cls, name)).fget(self)  # a property
         dotted = prefix + name
         missing = name not in values and (
             key.required or any(hole.startswith(f"{dotted}[") for hole in holes)

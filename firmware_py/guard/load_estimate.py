@@ -1,12 +1,12 @@
 """Load of the film from where the shaft floats, as an interval that honours the sensors' errors.
 
 The mean shaft position has two coordinates, and the film at rest
-(:mod:`firmware_py.guard.bearing_laws`) has one curve of places for all loads: a place is credible
+(:mod:`firmware_py.machine.film`) has one curve of places for all loads: a place is credible
 where both probes may show what they show.  The least and most eccentric credible place, with speed,
 clearance and viscosity, are the interval of the load.  Where no place of the curve is credible, the
 zero reference (or the bearing) is not what it was, and the declared range is all that is known.
 
-It is the static load and what a groove adds (:mod:`~firmware_py.guard.groove`), at any pressure
+It is the static load and what a groove adds (:mod:`~firmware_py.machine.groove`), at any pressure
 that may be set.
 """
 
@@ -18,11 +18,11 @@ from typing import Final
 import msgspec
 
 from firmware_py.config import Config
-from firmware_py.guard.bearing_laws import ECCENTRICITY_MAX, KNOTS, static_film
-from firmware_py.guard.groove import Groove
 from firmware_py.guard.motion import DISPLACEMENTS, WINDOW_S
 from firmware_py.guard.oil_estimate import OilEstimator, OilInterval, OilState, Steady
-from firmware_py.guard.viscosity import COLD_C, ViscosityTable
+from firmware_py.machine.film import ECCENTRICITY_MAX, KNOTS, static_film
+from firmware_py.machine.groove import Groove
+from firmware_py.machine.lubricant import COLD_C, ViscosityTable
 
 ZERO_ERROR_M: Final = 2e-6
 GAIN_ERROR: Final = 0.03
@@ -109,7 +109,7 @@ class LoadEstimator:
             config.machine.lubricant.film_max_C,
         )
         self._coldest_C = self._inlet_min_C - COLD_C
-        self._groove = Groove(config)
+        self._groove = Groove(config.machine)
         self._declared_N = self._groove.film_loads_N
         self.state = LoadState(self._oil.unknown())
 

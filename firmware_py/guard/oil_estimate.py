@@ -12,8 +12,8 @@ from typing import Final
 import msgspec
 
 from firmware_py.config import Config
-from firmware_py.guard.bearing_laws import StaticFilm
-from firmware_py.guard.viscosity import ViscosityTable
+from firmware_py.machine.film import StaticFilm
+from firmware_py.machine.lubricant import ViscosityTable
 
 WINDAGE_ERROR: Final = 0.1
 """Of the windage, as a share of it."""

@@ -15,7 +15,7 @@ import msgspec
 
 from firmware_py.config import Config
 from firmware_py.guard.alarm import QUIET_NS, AlarmState, Notice
-from firmware_py.guard.viscosity import COLD_C
+from firmware_py.machine.lubricant import COLD_C
 from firmware_py.records import Alarm, Severity
 
 GAP_NS: Final = 250_000_000

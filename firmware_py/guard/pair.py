@@ -60,8 +60,6 @@ import numpy as np
 
 from firmware_py.config import Config
 from firmware_py.guard.alarm import Notice
-from firmware_py.guard.bearing_laws import KNOTS, static_film
-from firmware_py.guard.groove import Groove
 from firmware_py.guard.load_estimate import (
     GAIN_ERROR,
     ORBIT_SHARE_MAX,
@@ -70,7 +68,9 @@ from firmware_py.guard.load_estimate import (
     ZEROED_GAIN_ERROR,
 )
 from firmware_py.guard.motion import DISPLACEMENTS, probes_to_xy
-from firmware_py.guard.viscosity import ViscosityTable
+from firmware_py.machine.film import KNOTS, static_film
+from firmware_py.machine.groove import Groove
+from firmware_py.machine.lubricant import ViscosityTable
 from firmware_py.records import N_CHANNELS, Alarm, Block, ChannelCause, Quality, Severity, cause_of
 
 WINDOW_S: Final = 1.0
@@ -223,7 +223,7 @@ class PairCheck:
         )
         self._attitude = b.attitude_error_deg * pi / 180.0
         self._shares = (1.0 - b.load_error_share, 1.0 + b.load_error_share)
-        low_N, high_N = Groove(config).film_loads_N
+        low_N, high_N = Groove(config.machine).film_loads_N
         self._loads_N = (low_N * (1.0 - LOAD_SHARE), high_N * (1.0 + LOAD_SHARE))
         self._film, self._oil = (
             static_film(b.journal_radius_m, b.length_m),

@@ -26,7 +26,7 @@ import numpy as np
 
 from firmware_py.config import Config
 from firmware_py.guard.alarm import AlarmState, Notice
-from firmware_py.guard.viscosity import COLD_C, ViscosityTable
+from firmware_py.machine.lubricant import COLD_C, ViscosityTable
 from firmware_py.records import CHANNELS, N_CHANNELS, Alarm, Block, NodeState, RigStatus, Severity
 
 OIL, CLEARANCE, POWER, PRESSURE = "oil_outlet", "clearance_actual", "shaft_power", "pressure_actual"

@@ -1,5 +1,5 @@
 """The shield: which radial clearances are admissible, by the film at rest
-(:mod:`~firmware_py.guard.bearing_laws`).
+(:mod:`~firmware_py.machine.film`).
 
 Three laws bound the clearance ``c``:
 
@@ -31,9 +31,9 @@ from typing import Final, NamedTuple
 import msgspec
 
 from firmware_py.config import Config
-from firmware_py.guard.bearing_laws import LENGTH_OVER_DIAMETER_MAX, static_film
-from firmware_py.guard.groove import Groove
-from firmware_py.guard.viscosity import ViscosityTable
+from firmware_py.machine.film import LENGTH_OVER_DIAMETER_MAX, static_film
+from firmware_py.machine.groove import Groove
+from firmware_py.machine.lubricant import ViscosityTable
 
 GRID_M: Final = 1e-6
 WHIRL_GRADE: Final = 0.45
@@ -139,7 +139,7 @@ class Shield:
         self._rate_m_s = a.rate_um_s * 1e-6
         self._delay_s = a.time_to_live_ms * 1e-3 + a.time_constant_s
         self._speeds = (o.speed_min_rpm * pi / 30, o.speed_max_rpm * pi / 30)
-        groove = Groove(config)
+        groove = Groove(config.machine)
         self._loads, self._added_N = groove.film_loads_N, groove.added_N
         self._speed_ramp = o.speed_ramp_unannounced_rpm_s * pi / 30
         self._load_ramp = o.load_ramp_unannounced_N_s
@@ -454,7 +454,7 @@ def check_safe(config: Config) -> Iterator[tuple[str, object, str]]:
         f"{o.speed_min_rpm:g} .. {o.speed_max_rpm:g} rpm, {o.load_min_N:g} .. {o.load_max_N:g} N, "
         f"oil up to {config.machine.lubricant.inlet_max_C:g} degC"
     )
-    pressed_N, feed = Groove(config).added_N[1], ""
+    pressed_N, feed = Groove(config.machine).added_N[1], ""
     if pressed_N > 0.0:
         declared += f", and up to {pressed_N:g} N by the groove at {config.machine.feed.pressure_max_bar:g} bar"
         feed = ", machine.feed.pressure_max_bar"

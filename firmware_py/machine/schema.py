@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Annotated
 
 from msgspec import Meta
@@ -45,8 +44,8 @@ class JournalBearing(Section, frozen=True):
 
 
 class Lubricant(Section, frozen=True):
-    """Viscosity law ``mu = mu_40 exp(-k (T - 40))`` and the inlet range that the safe value must
-    cover."""
+    """Viscosity, ``mu = mu_40 exp(-k (T - 40))`` (:mod:`~firmware_py.machine.lubricant`), and the
+    inlet range that the safe value must cover."""
 
     viscosity_at_40C_Pa_s: Annotated[float, Meta(ge=2e-4, le=1.5)]
     """Thinner than petrol up to ISO VG 1500."""
@@ -63,12 +62,6 @@ class Lubricant(Section, frozen=True):
     """Of the oil node behind the outlet thermometer; 0: forecasts hold the oil's temperature."""
     cooling_W_K: Annotated[float, Meta(ge=0.0, le=1e5)] = 0.0
     """Heat that the oil carries away per kelvin above its inlet."""
-
-    def viscosity_Pa_s(self, temperature_C: float) -> float:
-        """Dynamic viscosity at ``temperature_C``."""
-        return self.viscosity_at_40C_Pa_s * math.exp(
-            -self.viscosity_slope_per_K * (temperature_C - 40.0)
-        )
 
 
 class Feed(Section, frozen=True):

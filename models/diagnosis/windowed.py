@@ -15,7 +15,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_py.acquire import contact_law as contact_code
 from firmware_py.acquire import features as feature_code
 from firmware_py.acquire import film_check as film_code
 from firmware_py.acquire import orders as order_code
@@ -24,6 +23,7 @@ from firmware_py.acquire import windows as window_code
 from firmware_py.acquire.features import FEATURE_NAMES, at_one_rate, features
 from firmware_py.acquire.orders import BINS, ROTATING, by_angle
 from firmware_py.acquire.windows import TURNS, Window, iter_windows
+from firmware_py.machine import contact as contact_code
 from firmware_py.records import Quality
 from models.diagnosis.data_cache import folder_of, load, make_recordings
 from models.diagnosis.dataset import WINDOWS_PER_DECISION, Dataset, DatasetError, join, pooled

@@ -19,13 +19,13 @@ import msgspec
 import numpy as np
 
 from firmware_py import config as configuration
-from firmware_py.acquire.contact_law import contact_volt
 from firmware_py.brain.film import Film
 from firmware_py.brain.intervals import IntervalFactors
 from firmware_py.brain.measurement import Errors, Instruments, Measured, information
 from firmware_py.brain.prediction import Predictor
 from firmware_py.brain.store import Model, load_model
 from firmware_py.config import Config
+from firmware_py.machine.contact import contact_volt
 from models import PHYSICS_VERSION, card
 from models.prediction.episodes import after_procedure, as_shipped, draw, play
 from models.prediction.hearing import Said, join, listen

@@ -1,6 +1,6 @@
 """Static film of the plain unfed bearing for the guard: what its closed forms are short of.
 
-`python -m sim_hil.film.static_table` writes `firmware_py/guard/film_table.json` (ten minutes): load
+`python -m sim_hil.film.static_table` writes `firmware_py/machine/film_table.json` (ten minutes): load
 and attitude of the Reynolds solution as shares of the short bearing's, the whirl threshold, over
 eccentricity and length, and how much before it a rotor out of balance whirls.
 """
@@ -119,6 +119,6 @@ def onset() -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    Path("firmware_py/guard/film_table.json").write_text(
+    Path("firmware_py/machine/film_table.json").write_text(
         json.dumps(table()) + "\n", encoding="utf-8"
     )

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from firmware_py.acquire import film_check as fc
-from firmware_py.acquire.contact_law import ROUGHNESS_M, contact_volt, film_of, film_per_volt
 from firmware_py.acquire.orders import CONTACT, Orders, analyse
 from firmware_py.acquire.windows import Window, iter_windows
+from firmware_py.machine.contact import ROUGHNESS_M, contact_volt, film_of, film_per_volt
 from firmware_py.records import Quality
 from sim_hil.build import Build
 from sim_hil.duty import Duty
@@ -74,7 +74,7 @@ def test_a_wider_gap_than_the_position_s_and_more_power_show_in_their_scale() ->
 
 @pytest.mark.parametrize("ratio", [0.2, 0.5, 0.8])
 def test_load_is_near_that_of_the_guard_s_table(ratio: float) -> None:
-    from firmware_py.guard.bearing_laws import static_film
+    from firmware_py.machine.film import static_film
 
     omega = 2 * math.pi * SPEED_HZ
     viscosity = fc.VISCOSITY_PA_S * math.exp(-fc.VISCOSITY_PER_K * (OIL_C - fc.REFERENCE_C))

@@ -9,11 +9,12 @@ from functools import cache
 import numpy as np
 
 from firmware_py import config
-from firmware_py.acquire.contact_law import contact_volt
 from firmware_py.acquire.windows import WIRE_SCALES
 from firmware_py.brain.film import Film, Points
 from firmware_py.brain.session import Session
 from firmware_py.brain.store import Model, Models, read_card
+from firmware_py.machine.contact import contact_volt
+from firmware_py.machine.lubricant import viscosity_Pa_s
 from firmware_py.records import (
     Block,
     NodeMode,
@@ -75,7 +76,7 @@ class Machine:
 
     @property
     def viscosity_Pa_s(self) -> float:
-        return CONFIG.machine.lubricant.viscosity_Pa_s(self.oil_C)
+        return viscosity_Pa_s(CONFIG.machine.lubricant, self.oil_C)
 
     def points(self) -> Points:
         return Points(

@@ -9,6 +9,7 @@ import pytest
 from firmware_py.brain.film import Points
 from firmware_py.brain.orbit import balanced
 from firmware_py.brain.time_simulation import STEPS_A_TURN, simulate
+from firmware_py.machine.lubricant import viscosity_Pa_s
 
 from .machine import CONFIG, film
 
@@ -16,7 +17,7 @@ FILM = film()
 
 
 def points(rpm: float, load_N: float, clearance_m: float) -> Points:
-    viscosity = CONFIG.machine.lubricant.viscosity_Pa_s(45.0)
+    viscosity = viscosity_Pa_s(CONFIG.machine.lubricant, 45.0)
     return Points(*(np.array([v]) for v in (rpm * np.pi / 30, clearance_m, viscosity, load_N)))
 
 

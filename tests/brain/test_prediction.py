@@ -10,7 +10,6 @@ import msgspec
 import numpy as np
 import pytest
 
-from firmware_py.acquire.contact_law import contact_volt
 from firmware_py.brain.estimate import Estimate, Synchroniser
 from firmware_py.brain.film import Points
 from firmware_py.brain.intervals import IntervalFactors
@@ -26,6 +25,8 @@ from firmware_py.brain.measurement import (
 from firmware_py.brain.prediction import CANDIDATES, HELD, Future, Predictor, slow_roll_forward
 from firmware_py.brain.unbalance import ImbalanceFilter
 from firmware_py.config import Config
+from firmware_py.machine.contact import contact_volt
+from firmware_py.machine.lubricant import viscosity_Pa_s
 
 from .machine import CONFIG, CONTACT, film, model
 from .onnx_models import short_film
@@ -43,7 +44,7 @@ CASES = [
 
 
 def truth(rpm: float, load_N: float, oil_C: float, clearance_m: float) -> tuple[Points, float]:
-    viscosity = CONFIG.machine.lubricant.viscosity_Pa_s(oil_C)
+    viscosity = viscosity_Pa_s(CONFIG.machine.lubricant, oil_C)
     return Points(
         *(np.array([v]) for v in (rpm * np.pi / 30, clearance_m, viscosity, load_N))
     ), viscosity
@@ -416,7 +417,7 @@ def test_outlook_orders_and_truth() -> None:
     p = Points(
         np.full(CANDIDATES, m.speed_rad_s),
         predictor.candidates_m,
-        np.full(CANDIDATES, CONFIG.machine.lubricant.viscosity_Pa_s(50.0)),
+        np.full(CANDIDATES, viscosity_Pa_s(CONFIG.machine.lubricant, 50.0)),
         np.full(CANDIDATES, 100.0),
     )
     true = FILM.steady(p)

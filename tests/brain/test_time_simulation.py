@@ -8,6 +8,7 @@ import pytest
 
 from firmware_py.brain.film import Points
 from firmware_py.brain.time_simulation import simulate
+from firmware_py.machine.lubricant import viscosity_Pa_s
 
 from .machine import CONFIG, film
 
@@ -21,7 +22,7 @@ def points(rpm: float, load_N: float, clearance_m: float, oil_C: float = 45.0) -
             for v in (
                 rpm * np.pi / 30,
                 clearance_m,
-                CONFIG.machine.lubricant.viscosity_Pa_s(oil_C),
+                viscosity_Pa_s(CONFIG.machine.lubricant, oil_C),
                 load_N,
             )
         )

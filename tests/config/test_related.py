@@ -10,6 +10,7 @@ import pytest
 from firmware_py import config
 from firmware_py.acquire import windows
 from firmware_py.config import checks_channel
+from firmware_py.machine.lubricant import viscosity_Pa_s
 
 BENCH = (config.SHIPPED / "bench.toml").read_text()
 
@@ -304,8 +305,8 @@ def test_missing_table_is_named() -> None:
 
 def test_viscosity_law() -> None:
     oil = config.parse(BENCH)[0].machine.lubricant
-    assert oil.viscosity_Pa_s(40.0) == pytest.approx(0.010)
-    assert oil.viscosity_Pa_s(60.0) == pytest.approx(0.010 * 0.5488, rel=1e-3)
+    assert viscosity_Pa_s(oil, 40.0) == pytest.approx(0.010)
+    assert viscosity_Pa_s(oil, 60.0) == pytest.approx(0.010 * 0.5488, rel=1e-3)
 
 
 @pytest.mark.parametrize(("before", "after", "parts"), [

@@ -180,7 +180,7 @@ def test_a_view_reads_like_the_configuration_but_where_it_has_a_fault() -> None:
     del changed["limits"]["min_film_um"]
     values, _ = convert(changed)
     seen = view(values, frozenset({"sampling.rate_hz", "machine.channel[2]"}))
-    assert seen.machine.lubricant.viscosity_Pa_s(40.0) == pytest.approx(0.010)
+    assert seen.machine.lubricant.viscosity_at_40C_Pa_s == 0.010
     assert seen.bus.nominal_bitrate == 1_000_000
     assert seen.device.start_mode.name == "MONITOR"
     assert seen.machine.channel[1].angle_deg == 135.0

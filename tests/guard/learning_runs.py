@@ -10,7 +10,7 @@ import numpy as np
 
 from firmware_py.config import Config
 from firmware_py.guard.load_estimate import LoadEstimator, Look
-from firmware_py.guard.viscosity import ViscosityTable
+from firmware_py.machine.lubricant import ViscosityTable
 from sim_hil.build import Build
 from sim_hil.duty import Duty
 from sim_hil.machine import Machine

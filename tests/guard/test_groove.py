@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from firmware_py.config import Config
-from firmware_py.guard.groove import Groove
 from firmware_py.guard.load_estimate import LoadEstimator
 from firmware_py.guard.shield import Ramp, Shield
+from firmware_py.machine.groove import Groove
+from firmware_py.machine.lubricant import viscosity_Pa_s
 from sim_hil.film import equilibrium
 from sim_hil.film.equilibrium import Equilibrium
 from sim_hil.film.records import Feed
@@ -54,7 +55,7 @@ def without_groove_there(fed_film: Equilibrium, rpm: float, clearance_m: float) 
 
 
 def test_without_a_groove_pressure_adds_nothing() -> None:
-    groove, o = Groove(bench()), bench().machine.operating
+    groove, o = Groove(bench().machine), bench().machine.operating
     assert groove.film_loads_N == (o.load_min_N, o.load_max_N)
     assert groove.swing_N(2.0) == (0.0, 0.0)
 
@@ -90,22 +91,22 @@ def test_every_admissible_clearance_keeps_film_and_stability_in_the_fed_solver(
 ) -> None:
     """Whirl at the least pressure that may be set, film at the greatest."""
     config = fed()
-    added = Groove(config).added_N
+    added = Groove(config.machine).added_N
     found = Shield(config).interval(rpm * RPM, load_N + added[0], load_N + added[1], 41.0)
     assert found is not None
-    viscosity, number = config.machine.lubricant.viscosity_Pa_s(60.0), rpm * RPM
+    viscosity, number = viscosity_Pa_s(config.machine.lubricant, 60.0), rpm * RPM
     stable = film(load_N, rpm, found[1], 0.5, viscosity)
     speed = number * (found[1] * config.machine.rotor.effective_mass_at_bearing_kg / load_N) ** 0.5
     assert not isfinite(stable.threshold) or speed < stable.threshold
     for clearance_m in found:
-        thick = film(load_N, rpm, clearance_m, 3.0, config.machine.lubricant.viscosity_Pa_s(42.0))
+        thick = film(load_N, rpm, clearance_m, 3.0, viscosity_Pa_s(config.machine.lubricant, 42.0))
         assert (1 - thick.eccentricity_ratio) * clearance_m >= config.limits.min_film_um * 1e-6
 
 
 def test_the_piston_stabilises_a_light_rotor_and_adds_to_an_announced_load() -> None:
     light = fed(), fed(pressure_min_bar=1.0)
     bounds = [
-        Shield(c).interval(12000 * RPM, Groove(c).film_loads_N[0], 60.0, 41.0)
+        Shield(c).interval(12000 * RPM, Groove(c.machine).film_loads_N[0], 60.0, 41.0)
         for c in (bench(), *light)
     ]
     highs = [b[1] for b in bounds if b]

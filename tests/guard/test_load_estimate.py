@@ -7,6 +7,7 @@ import pytest
 
 from firmware_py.config import Config
 from firmware_py.guard.load_estimate import LoadEstimator, LoadInterval, Look
+from firmware_py.machine.lubricant import viscosity_Pa_s
 from sim_hil.film import equilibrium
 
 from .scripted_node import bench
@@ -55,7 +56,7 @@ def test_the_interval_holds_the_true_load_at_every_corner_of_the_errors(
 ) -> None:
     """Probes, clearance and oil at their worst, and the thinnest oil's share of the film's load
     with them."""
-    estimator, law = LoadEstimator(config), config.machine.lubricant.viscosity_Pa_s(40.0)
+    estimator, law = LoadEstimator(config), viscosity_Pa_s(config.machine.lubricant, 40.0)
     for built_m in (-2e-6, 2e-6):
         for oil in (estimator.oil.thinnest, 1.0, estimator.oil.thickest):
             place = position(load_N, rpm, clearance_um * 1e-6 + built_m, law * oil)

@@ -8,9 +8,9 @@ import msgspec
 import pytest
 
 from firmware_py.config import Config
-from firmware_py.guard.bearing_laws import StaticFilm
 from firmware_py.guard.load_estimate import LoadEstimator, Look
 from firmware_py.guard.oil_estimate import OilEstimator, OilState, Steady
+from firmware_py.machine.lubricant import viscosity_Pa_s
 from sim_hil.film import Equilibrium, equilibrium
 
 from .scripted_node import bench
@@ -30,7 +30,7 @@ def learnt(share: float, error_W: float, built_m: float, clearance_m: float = 60
     config, state = bench(), estimator(bench()).unknown()
     film = equilibrium(
         load_N=60.0, radius_m=0.02, length_m=0.02, clearance_m=clearance_m + built_m,
-        viscosity_Pa_s=share * config.machine.lubricant.viscosity_Pa_s(45.0), speed_rad_s=FAST,
+        viscosity_Pa_s=share * viscosity_Pa_s(config.machine.lubricant, 45.0), speed_rad_s=FAST,
     )  # fmt: skip
     power_W = (
         float(film.film.friction_torque_N_m) * FAST
@@ -108,9 +108,9 @@ def test_a_film_that_may_be_colder_than_its_outlet_may_be_thicker() -> None:
     oil = msgspec.structs.replace(config.machine.lubricant, film_at_outlet=False)
     cold = estimator(config.replaced(lubricant=oil))
     known = cold.interval(cold.unknown())
-    thicker = config.machine.lubricant.viscosity_Pa_s(
-        35.0
-    ) / config.machine.lubricant.viscosity_Pa_s(45.0)
+    thicker = viscosity_Pa_s(config.machine.lubricant, 35.0) / viscosity_Pa_s(
+        config.machine.lubricant, 45.0
+    )
     assert cold.thickest(known, 45.0) == pytest.approx(known.thickest * thicker)
     assert cold.thickest(known, 30.0) == known.thickest
     assert estimator(config).thickest(known, 45.0) == known.thickest
@@ -119,7 +119,7 @@ def test_a_film_that_may_be_colder_than_its_outlet_may_be_thicker() -> None:
 def test_the_estimator_of_the_load_gains_by_what_was_learnt() -> None:
     config = bench()
     film = equilibrium(load_N=60.0, radius_m=0.02, length_m=0.02, clearance_m=60e-6, speed_rad_s=FAST,
-                       viscosity_Pa_s=config.machine.lubricant.viscosity_Pa_s(45.0))  # fmt: skip
+                       viscosity_Pa_s=viscosity_Pa_s(config.machine.lubricant, 45.0))  # fmt: skip
     power_W = (
         float(film.film.friction_torque_N_m) * FAST + config.machine.rotor.windage_W_s3 * FAST**3
     )
@@ -157,7 +157,7 @@ def test_the_load_stays_credible_in_every_clearance_after_learning_in_another(
 def standing(clearance_m: float, share: float, load_N: float, speed: float) -> Equilibrium:
     """Where the journal stands in oil at 45 °C of so many times the declared viscosity."""
     return equilibrium(load_N=load_N, radius_m=0.02, length_m=0.02, clearance_m=clearance_m, speed_rad_s=speed,
-                       viscosity_Pa_s=share * bench().machine.lubricant.viscosity_Pa_s(45.0))  # fmt: skip
+                       viscosity_Pa_s=share * viscosity_Pa_s(bench().machine.lubricant, 45.0))  # fmt: skip
 
 
 def seen(

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 from firmware_py.config import Config
-from firmware_py.guard.bearing_laws import static_film
 from firmware_py.guard.core import GuardCore
 from firmware_py.guard.load_estimate import LoadEstimator, Look
 from firmware_py.guard.motion import MotionMeter
 from firmware_py.guard.pair import BAD_LEAST, GOOD_LEAST, PairCheck
+from firmware_py.machine.film import static_film
+from firmware_py.machine.lubricant import viscosity_Pa_s
 from firmware_py.records import Block, ChannelCause, CommandRequest, Cycle, Quality, cause_bits
 from firmware_py.wire.codec import CanCodec
 
@@ -143,7 +144,7 @@ def test_any_angle_offset_and_sign_of_scale_give_the_position_and_a_plausible_pa
     film = static_film(config.machine.bearing.journal_radius_m, config.machine.bearing.length_m)
     load_N = (
         film.load_per_viscous_speed(0.5, 80e-6)
-        * config.machine.lubricant.viscosity_Pa_s(40.0)
+        * viscosity_Pa_s(config.machine.lubricant, 40.0)
         * 6000.0
         * pi
         / 30

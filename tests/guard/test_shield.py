@@ -1,12 +1,11 @@
 from dataclasses import replace
-from math import exp, isfinite, pi
+from math import isfinite, pi
 
 import msgspec
 import numpy as np
 import pytest
 
 from firmware_py.config import SHIPPED, Config, load
-from firmware_py.guard.bearing_laws import static_film
 from firmware_py.guard.shield import (
     FITTING_MARGIN,
     GROWTH_TURNS,
@@ -16,7 +15,8 @@ from firmware_py.guard.shield import (
     Shield,
     check_safe,
 )
-from firmware_py.guard.viscosity import ViscosityTable, decay
+from firmware_py.machine.film import static_film
+from firmware_py.machine.lubricant import viscosity_Pa_s
 from sim_hil import simulate
 from sim_hil.build import Build
 from sim_hil.duty import Duty
@@ -52,7 +52,7 @@ def test_every_admissible_clearance_keeps_film_and_stability_in_the_film_solver(
         assert load_N == 300.0
         return
     assert found[0] <= SAFE_M <= found[1] + 1e-12
-    viscosity = config.machine.lubricant.viscosity_Pa_s(42.0)
+    viscosity = viscosity_Pa_s(config.machine.lubricant, 42.0)
     for clearance_m in (found[0], 0.5 * (found[0] + found[1]), found[1]):
         state = equilibrium(
             load_N=load_N,
@@ -87,7 +87,7 @@ def test_reachability_the_actuator_outruns_the_fastest_ramps_from_every_admissib
     shield, a, o = Shield(config), config.machine.actuator, config.machine.operating
     reach_s = a.time_to_live_ms * 1e-3 + a.time_constant_s
     oil = (
-        config.machine.lubricant.viscosity_Pa_s(config.machine.lubricant.film_max_C)
+        viscosity_Pa_s(config.machine.lubricant, config.machine.lubricant.film_max_C)
         * shield._viscosity.thinnest
     )
     for rpm in range(1500, 12001, 1500):
@@ -319,7 +319,7 @@ def refusal(config: Config) -> str:
 def test_the_shipped_safe_value_is_admissible_everywhere_in_the_film_solver() -> None:
     config, _ = load(SHIPPED / "bench.toml")
     assert not refusal(config)
-    hot = config.machine.lubricant.viscosity_Pa_s(config.machine.lubricant.inlet_max_C)
+    hot = viscosity_Pa_s(config.machine.lubricant, config.machine.lubricant.inlet_max_C)
     for rpm in (1500.0, 3000.0, 6000.0, 12000.0):
         state = equilibrium(
             load_N=300.0,
@@ -354,29 +354,3 @@ def test_an_impossible_range_is_refused() -> None:
 def test_a_long_bearing_is_outside_the_verified_domain() -> None:
     config = changed("bearing", length_m=0.05)
     assert "L/D = 1.25" in refusal(config)
-
-
-# ------------------------------------------------------------------ viscosity without libm
-
-
-@pytest.mark.parametrize("exponent", [0.0, 0.01, 0.03, 0.1, 0.5, 1.0])
-def test_decay_is_the_exponential(exponent: float) -> None:
-    assert decay(exponent) == pytest.approx(exp(-exponent), rel=1e-14)
-
-
-@pytest.mark.parametrize("temperature", [-40.0, -10.0, 19.5, 40.0, 41.01, 41.5, 60.0, 119.9, 199.9])
-def test_the_table_is_the_law(temperature: float) -> None:
-    oil = bench().machine.lubricant
-    assert ViscosityTable(oil).law(temperature) == pytest.approx(
-        oil.viscosity_Pa_s(temperature), rel=1.2e-4
-    )
-
-
-def test_the_credible_oils_are_every_batch_at_every_temperature_of_the_reading() -> None:
-    oil = bench().machine.lubricant
-    table = ViscosityTable(oil)
-    law = oil.viscosity_Pa_s(41.0)
-    ends = [
-        oil.viscosity_Pa_s(41.0 + error) * batch / law for error in (-1, 1) for batch in (0.9, 1.1)
-    ]
-    assert (table.thinnest, table.thickest) == pytest.approx((min(ends), max(ends)))

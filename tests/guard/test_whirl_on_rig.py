@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from firmware_py.guard import shield
-from firmware_py.guard.bearing_laws import static_film
+from firmware_py.machine.film import static_film
 from models.control.commissioned import apparent_mass_kg
 from models.control.episodes import UNTRIPPED
 from sim_hil.control_task import CONTROL_S, Disturbances, actions_of

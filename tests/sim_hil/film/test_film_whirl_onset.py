@@ -10,7 +10,7 @@ from sim_hil.film.static_table import ONSET_ECCENTRICITY, ONSET_UNBALANCE_SHARE
 from sim_hil.film.table import FilmTable
 from sim_hil.film.whirl_onset import onset_share
 
-TABLE = Path("firmware_py/guard/film_table.json")
+TABLE = Path("firmware_py/machine/film_table.json")
 
 
 def onset() -> dict[str, list]:

@@ -7,7 +7,7 @@ from math import cos, degrees, isfinite, sin
 import numpy as np
 import pytest
 
-from firmware_py.guard.bearing_laws import ECCENTRICITY_MAX, KNOTS, StaticFilm
+from firmware_py.machine.film import ECCENTRICITY_MAX, KNOTS, StaticFilm
 from sim_hil import simulate
 from sim_hil.build import Build
 from sim_hil.duty import RAD_S_PER_RPM, Duty

@@ -162,7 +162,7 @@ class _Table(msgspec.Struct, frozen=True):
 
 @cache
 def _table() -> _Table:
-    text = resources.files("firmware_py.guard").joinpath("film_table.json").read_bytes()
+    text = resources.files("firmware_py.machine").joinpath("film_table.json").read_bytes()
     return msgspec.json.decode(text, type=_Table)
 
 

@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_py.machine import ContactCircuit
+from firmware_py.machine.schema import ContactCircuit
 
 Floats = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from firmware_py.config import Config
+from firmware_py.machine.schema import Machine
 
 N_PER_BAR_MM2: Final = 0.1
 
@@ -22,7 +22,7 @@ class Groove:
 
     Parameters
     ----------
-    config
+    machine
         The feed's pressures and areas, and the declared range of the static load.
 
     Attributes
@@ -33,8 +33,8 @@ class Groove:
         Declared range of the film's load.
     """
 
-    def __init__(self, config: Config) -> None:
-        feed, o = config.machine.feed, config.machine.operating
+    def __init__(self, machine: Machine) -> None:
+        feed, o = machine.feed, machine.operating
         self._pressures_bar = feed.pressure_min_bar, feed.pressure_max_bar
         self._most_N_bar = N_PER_BAR_MM2 * feed.groove_area_max_mm2
         self.added_N = (

@@ -1,12 +1,16 @@
-"""Oil viscosity against temperature with the same bits on every machine (libm's ``exp`` is not
-that)."""
+"""Viscosity of the lubricant against its temperature, ``mu = mu_40 exp(-k (T - 40))``.
+
+The one law of guard and brain: a table made with + * / in a fixed order, the same bits on every
+machine (libm's ``exp`` is not that).
+"""
 
 from __future__ import annotations
 
+from functools import cache
 from math import floor
 from typing import Final
 
-from firmware_py.machine import Lubricant
+from firmware_py.machine.schema import Lubricant
 
 COLDEST_C: Final = -40
 HOTTEST_C: Final = 200
@@ -38,16 +42,16 @@ class ViscosityTable:
         the batch, and the thermometer; film that is colder than its outlet is not in them.
     """
 
-    def __init__(self, oil: Lubricant) -> None:
-        per_degree = decay(oil.viscosity_slope_per_K)
+    def __init__(self, lubricant: Lubricant) -> None:
+        per_degree = decay(lubricant.viscosity_slope_per_K)
         values = [1.0]
         for _ in range(HOTTEST_C - COLDEST_C):
             values.append(values[-1] * per_degree)
-        scale = oil.viscosity_at_40C_Pa_s / values[40 - COLDEST_C]
+        scale = lubricant.viscosity_at_40C_Pa_s / values[40 - COLDEST_C]
         self._values = [value * scale for value in values]
-        reading = decay(oil.viscosity_slope_per_K * TEMPERATURE_ERROR_C)
-        self.thinnest = (1.0 - oil.viscosity_error_share) * reading
-        self.thickest = (1.0 + oil.viscosity_error_share) / reading
+        reading = decay(lubricant.viscosity_slope_per_K * TEMPERATURE_ERROR_C)
+        self.thinnest = (1.0 - lubricant.viscosity_error_share) * reading
+        self.thickest = (1.0 + lubricant.viscosity_error_share) / reading
 
     def law(self, temperature_C: float) -> float:
         """Viscosity (Pa s) of the law; at most ``k^2 / 8`` of it above, for the curve is hollow."""
@@ -55,3 +59,14 @@ class ViscosityTable:
         i = min(floor(place), HOTTEST_C - COLDEST_C - 1)
         part = place - i
         return self._values[i] + part * (self._values[i + 1] - self._values[i])
+
+
+@cache
+def viscosity_table(lubricant: Lubricant) -> ViscosityTable:
+    """:class:`ViscosityTable`, made once for all that share a lubricant."""
+    return ViscosityTable(lubricant)
+
+
+def viscosity_Pa_s(lubricant: Lubricant, temperature_C: float) -> float:
+    """Dynamic viscosity (Pa s) of the law at ``temperature_C``."""
+    return viscosity_table(lubricant).law(temperature_C)
