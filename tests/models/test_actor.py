@@ -92,9 +92,9 @@ def test_only_ramps_beyond_the_declared_ones_are_announced() -> None:
 
 def test_behind_a_groove_the_shield_counts_what_that_adds_and_claims_nothing_of_friction() -> None:
     alone, fed = shipped_config("bench"), config_of("bench", fed=True)
-    assert fed.feed.groove_area_max_mm2 > fed.feed.groove_area_min_mm2 > 0.0
-    assert alone.feed.groove_area_max_mm2 == 0.0
-    assert fed.bearing.friction_error_share == 1.0
+    assert fed.machine.feed.groove_area_max_mm2 > fed.machine.feed.groove_area_min_mm2 > 0.0
+    assert alone.machine.feed.groove_area_max_mm2 == 0.0
+    assert fed.machine.bearing.friction_error_share == 1.0
     assert config_of("bench", fed=False) == alone
 
 

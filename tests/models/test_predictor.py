@@ -73,7 +73,7 @@ def test_slow_roll_finds_the_runout():
     true = build.gain[:2] * build.runout_m[:, 0]
     assert np.abs(found) == pytest.approx(true, abs=0.15e-6)
     left = after_procedure(predictor.brain("bench")[0], RIG, build, np.random.default_rng(1))
-    assert all(channel.zeroed for channel in left.channel[:2])
+    assert all(channel.zeroed for channel in left.machine.channel[:2])
     residual = [
         np.hypot(
             *(
@@ -86,7 +86,7 @@ def test_slow_roll_finds_the_runout():
                 - 1e6 * np.array([v.real, v.imag])
             )
         )
-        for c, v in zip(left.channel[:2], slow_roll_vectors(RIG, build, 1), strict=True)
+        for c, v in zip(left.machine.channel[:2], slow_roll_vectors(RIG, build, 1), strict=True)
     ]
     assert max(residual) < 0.5  # what the reference leaves, 0.3 um, and the noise of two readings
 
