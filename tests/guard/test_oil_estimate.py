@@ -10,6 +10,7 @@ import pytest
 from firmware_py.config import Config
 from firmware_py.guard.load_estimate import LoadEstimator, Look
 from firmware_py.guard.oil_estimate import OilEstimator, OilState, Steady
+from firmware_py.machine.film import StaticFilm
 from firmware_py.machine.lubricant import viscosity_Pa_s
 from sim_hil.film import Equilibrium, equilibrium
 
