@@ -1,5 +1,9 @@
 """Shaft speed from the once-per-turn mark: told, standing, lost, or doubted.
 
+A mark that stays away is a shaft that slows, or a broken cable.  While it stays away, the speed
+told is the most that a shaft can turn without making a mark; that it stands is told only where the
+shaft is seen to be quiet as well, which somebody else has to say (:meth:`SpeedMeter.hear_motion`).
+
 A node sends the 32-bit tick and the 16-bit number of the newest mark.  A mark is never later than
 the frame that tells it, so its tick is unwrapped backward from there: right for 71 minutes, and
 held as long as the mark stays the same.
@@ -7,7 +11,7 @@ held as long as the mark stays the same.
 
 from __future__ import annotations
 
-from math import pi
+from math import pi, sqrt
 from typing import Final
 
 import msgspec
@@ -17,6 +21,9 @@ STANDSTILL_RAD_S: Final = 1.0
 
 FALL_MARGIN: Final = 2.0
 """A coasting machine may slow this much faster than its declared ramp."""
+
+OVERDUE_TURNS: Final = 2
+"""A mark is overdue after so many turns at the last reading."""
 
 RISE_MARGIN: Final = 1.25
 """A drive that overshoots may rise this much faster than its declared ramp; a load rejection is
@@ -36,6 +43,13 @@ edges."""
 AHEAD_MAX_US: Final = 20
 """A mark may be this much later than its frame's last instant: the wander of the node's sample
 grid."""
+
+QUIET_S: Final = 1.5
+"""A shaft that has been quiet for so long, and made no mark at more than :data:`STANDSTILL_RAD_S`,
+stands."""
+
+MOVING_S: Final = 3.0
+"""A shaft that stood and has moved for so long is not known to stand any more."""
 
 LATE_MAX_US: Final = 50_000
 """A mark that was not told by the frame before it came after that frame, or the node is this slow
@@ -66,16 +80,20 @@ class SpeedState(msgspec.Struct):
     """Tick and number of the last mark, and the speed over the last turn(s).
 
     ``turn`` is -1 while no mark is known; ``paired`` says that the last mark was seen to come;
-    ``absent_us`` is the tick since which surely none has come; ``torn``: the marks stopped faster
-    than any shaft.  ``course_rad_s`` follows the readings no faster than the ramp (-1: unknown),
-    ``course_us`` is its tick; ``former_*`` the same before the newest doubt; ``broken``: a
-    contradiction has interrupted it. ``end_us``: last instant of the frame before.  ``most_rad_s``:
-    what the wait for the next mark lets the shaft turn at most (-1: no such bound).
+    ``absent_us`` is the tick since which surely none has come.  ``speed_rad_s`` is told;
+    ``reading_rad_s`` is what the marks said last (0: standing), more than that while they stay
+    away.  ``torn``: they went away faster than any shaft stops.  ``course_rad_s`` follows the
+    readings no faster than the ramp (-1: unknown), ``course_us`` is its tick; ``former_*`` the same
+    before the newest doubt; ``broken``: a contradiction has interrupted it.  ``end_us``: last
+    instant of the frame before.  ``most_rad_s``: what the wait for the next mark lets the shaft
+    turn at most (-1: no such bound).  ``quiet_s``, ``moving_s``: for how long the shaft has been
+    seen to be still, or not to be (0: it has not).
     """
 
     mark_us: int = -1
     turn: int = -1
     speed_rad_s: float = 0.0
+    reading_rad_s: float = 0.0
     lost: bool = True
     doubted: bool = False
     first: bool = True
@@ -89,14 +107,16 @@ class SpeedState(msgspec.Struct):
     broken: bool = False
     end_us: int = 0
     most_rad_s: float = -1.0
+    quiet_s: float = 0.0
+    moving_s: float = 0.0
 
     def surely_below(self, speed_rad_s: float) -> bool:
-        """Whether the shaft turns slower than ``speed_rad_s`` by all that the marks say, also while
-        they wait."""
+        """Whether the shaft turns slower than ``speed_rad_s``: by the marks, or by their staying
+        away from a shaft that is quiet."""
         if self.doubted:
             return False
-        return 0.0 <= self.most_rad_s < speed_rad_s or (
-            not self.lost and self.speed_rad_s < speed_rad_s
+        return (not self.lost and self.reading_rad_s < speed_rad_s) or (
+            self.quiet_s > 0.0 and 0.0 <= self.most_rad_s < speed_rad_s
         )
 
     @property
@@ -109,9 +129,10 @@ class SpeedMeter:
     """Speed between marks.
 
     Without a new mark the speed can be at most ``2 pi / (time since the last one)``.  While that
-    bound is compatible with the fastest declared ramp the shaft is slowing, at last standing; when
-    it falls faster than any ramp can slow the shaft, the mark is lost, not the speed: the last one
-    is kept and called unknown.
+    bound is compatible with the fastest declared ramp the shaft is slowing, and the bound is told;
+    when it falls faster than any ramp can slow the shaft, the mark is lost, not the speed: the last
+    reading is kept and called unknown.  A bound below :data:`STANDSTILL_RAD_S` is a standing shaft
+    where the shaft is quiet, however it came there, and a lost mark otherwise.
 
     A reading that no ramp reaches is told as it is and makes the speed ``doubted``, until
     :meth:`doubt` ends it.
@@ -127,6 +148,7 @@ class SpeedMeter:
     def __init__(self, ramp_max_rad_s2: float, period_us: int = 200) -> None:
         self._rise_rad_s2 = RISE_MARGIN * ramp_max_rad_s2
         self._fall_rad_s2 = FALL_MARGIN * ramp_max_rad_s2
+        self._unstoppable_rad_s = sqrt(4 * OVERDUE_TURNS * pi * self._fall_rad_s2)
         self._error_us = 2 * (period_us + MARK_ERROR_US)
         self.state = SpeedState()
 
@@ -155,13 +177,15 @@ class SpeedMeter:
         s.mark_us, s.turn, s.absent_us = mark_us, turn, mark_us
         if not paired:
             return None
-        s.lost, s.speed_rad_s = False, 2 * pi * turns / (interval_us * 1e-6)
+        s.lost, s.reading_rad_s = False, 2 * pi * turns / (interval_us * 1e-6)
+        s.speed_rad_s = s.reading_rad_s
         return self._judged(s.speed_rad_s, interval_us)
 
     def lose(self) -> None:
-        """The mark is not valid: unknown until two new marks."""
+        """The mark is not valid: unknown until two new marks, or until the shaft stands."""
         s = self.state
-        s.lost, s.paired, s.turn, s.first, s.most_rad_s = True, False, -1, False, -1.0
+        self._lose_sight(torn=s.reading_rad_s > self._unstoppable_rad_s)
+        s.turn, s.first = -1, False
 
     def forget(self) -> None:
         """The node's clock has jumped: nothing from before can be compared."""
@@ -173,24 +197,57 @@ class SpeedMeter:
         shaft's."""
         self.state.doubted, self.state.former_rad_s = doubted, -1.0
 
+    def hear_motion(self, quiet_s: float, moving_s: float) -> None:
+        """For how long the shaft has been seen to be still, or not to be; 0 for both: not seen."""
+        self.state.quiet_s, self.state.moving_s = quiet_s, moving_s
+
     def idle(self, tick_us: int) -> None:
         """Judge the time since the last mark at node tick ``tick_us``."""
         s = self.state
         waited_s = (tick_us - s.absent_us) * 1e-6
         s.most_rad_s = -1.0
-        if s.turn < 0 or s.torn or waited_s <= 0.0:
+        if s.turn < 0 or waited_s <= 0.0:
             return
         bound_rad_s = 2 * pi / waited_s
-        if s.lost:
-            if bound_rad_s < STANDSTILL_RAD_S:
-                s.speed_rad_s, s.lost = 0.0, False
-        elif waited_s * s.speed_rad_s > 4 * pi:
-            if bound_rad_s < s.speed_rad_s - self._fall_rad_s2 * waited_s:
-                self.lose()
-                s.torn = True
-            elif bound_rad_s < STANDSTILL_RAD_S:
-                s.speed_rad_s = 0.0
         s.most_rad_s = -1.0 if s.torn else bound_rad_s
+        if s.lost:
+            if bound_rad_s < STANDSTILL_RAD_S and s.quiet_s >= QUIET_S:
+                self._stand()
+        elif not s.reading_rad_s:
+            if s.moving_s >= MOVING_S:
+                self._lose_sight(torn=False)
+        else:
+            s.speed_rad_s = min(s.reading_rad_s, bound_rad_s)
+            if waited_s * s.reading_rad_s > OVERDUE_TURNS * 2 * pi:
+                self._overdue(waited_s, bound_rad_s)
+
+    # ------------------------------------------------------------------ marks that stay away
+
+    def _overdue(self, waited_s: float, bound_rad_s: float) -> None:
+        """Two turns at the last reading without a mark: slowing, standing, or lost."""
+        s = self.state
+        if bound_rad_s < s.reading_rad_s - self._fall_rad_s2 * waited_s:
+            self._lose_sight(torn=True)
+        elif bound_rad_s >= STANDSTILL_RAD_S:
+            return
+        elif s.quiet_s >= QUIET_S:
+            self._stand()
+        else:
+            self._lose_sight(torn=False)
+
+    def _lose_sight(self, torn: bool) -> None:
+        """Nobody knows how fast it turns; the last reading is kept."""
+        s = self.state
+        s.torn = s.torn or (torn and not s.lost)
+        s.lost, s.paired, s.most_rad_s = True, False, -1.0
+        s.speed_rad_s = s.reading_rad_s
+
+    def _stand(self) -> None:
+        """The shaft stands: what it did before says nothing of what it will do."""
+        s = self.state
+        s.speed_rad_s = s.reading_rad_s = 0.0
+        s.lost, s.torn = False, False
+        s.course_rad_s = s.former_rad_s = -1.0
 
     # ------------------------------------------------------------------ one mark
 

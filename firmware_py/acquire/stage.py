@@ -197,6 +197,10 @@ class Acquire:
         if doubted != self.speed.doubted:
             self._assembler.speed.doubt(doubted)
 
+    def hear_motion(self, quiet_s: float, moving_s: float) -> None:
+        """For how long the probes have shown a still shaft, or a moving one."""
+        self._assembler.speed.hear_motion(quiet_s, moving_s)
+
     def reset_clock(self) -> None:
         """The link was away: its delays say nothing about the ones to come."""
         self._clock.reset()

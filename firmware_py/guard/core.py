@@ -22,6 +22,7 @@ from firmware_py.guard.pair import NO_FACTS, PairCheck, PairState
 from firmware_py.guard.permit import Permit, PermitFacts, PermitState, Start
 from firmware_py.guard.protection import Protection, ProtectionState, zone
 from firmware_py.guard.readings import CLEARANCE, OIL, PRESSURE, Readings, ReadingsState
+from firmware_py.guard.rest import Rest, RestState
 from firmware_py.guard.shield import PERIOD_S, Shield
 from firmware_py.guard.speaker import Codec, Speaker, SpeakerState
 from firmware_py.guard.speed_check import SpeedCheck, SpeedCheckState
@@ -114,6 +115,7 @@ class CoreState(msgspec.Struct):
     pair: PairState = msgspec.field(default_factory=PairState)
     vibration: VibrationHoldState = msgspec.field(default_factory=VibrationHoldState)
     frame_loss: FrameLossState = msgspec.field(default_factory=FrameLossState)
+    rest: RestState = msgspec.field(default_factory=RestState)
 
 
 class GuardCore:
@@ -161,7 +163,7 @@ class GuardCore:
         names = latched or []
         self._oil = OilProtection(config, names)
         self._speed_high = SpeedHigh(config, SPEED_HIGH in names)
-        self._speed_check = SpeedCheck(config)
+        self._speed_check, self._rest = SpeedCheck(config), Rest()
         self._protection = Protection(
             config,
             [name for name in names if name != SPEED_HIGH and name not in self._oil.state.alarms],
@@ -265,6 +267,7 @@ class GuardCore:
             self._pair.state,
             self._vibration.state,
             self._frame_loss.state,
+            self._rest.state,
         )
         return Snapshot(seq, now_ns, msgspec.msgpack.encode(state))
 
@@ -286,7 +289,7 @@ class GuardCore:
         if state.supervision is not None:  # a recording of a device that had none
             self._supervision.state = state.supervision
         self._pair.state, self._vibration.state = state.pair, state.vibration
-        self._frame_loss.state = state.frame_loss
+        self._frame_loss.state, self._rest.state = state.frame_loss, state.rest
 
     @property
     def tripped(self) -> list[str]:
@@ -317,6 +320,7 @@ class GuardCore:
             cycle_gaps=self._memory.cycle_gaps,
             advices_ahead=self._memory.advices_ahead,
             speed_doubts=self._speed_check.state.doubts,
+            hard_stops=self._rest.state.hard_stops,
         )
 
     # ------------------------------------------------------------------ what changed around the guard
@@ -399,13 +403,17 @@ class GuardCore:
         return notices
 
     def _judge_speed(self, acquired: AcquireOutput, now_ns: int) -> list[Notice]:
-        """Too fast, or as no shaft turns: then the speed is unknown at once."""
-        notices = self._speed_high.step(acquired.turns, now_ns, self._acquire.speed.lost)
-        notices += self._speed_check.step(
-            acquired.turns, acquired.blocks, self._acquire.speed, now_ns
-        )
+        """Too fast, or as no shaft turns: then the speed is unknown at once; standing, or not."""
+        speed = self._acquire.speed
+        notices = self._rest.step(speed)
+        if acquired.blocks:
+            p = self._protection
+            seen = self._rest.look(p.motion, p.displacement_ok, speed, now_ns)
+            self._acquire.hear_motion(seen.quiet_s, seen.moving_s)
+        notices += self._speed_high.step(acquired.turns, now_ns, speed.lost)
+        notices += self._speed_check.step(acquired.turns, acquired.blocks, speed, now_ns)
         self._acquire.doubt_speed(self._speed_check.doubted)
-        if not self._acquire.speed.known:
+        if not speed.known:
             self._memory.interval_m = None
         return notices
 
@@ -435,7 +443,7 @@ class GuardCore:
         """Judge the slow readings, and by them the oil."""
         a, readings = self._acquire, self._readings
         notices = readings.step(
-            acquired.blocks, a.status, a.status_heard_ns, a.node, a.speed.speed_rad_s, now_ns
+            acquired.blocks, a.status, a.status_heard_ns, a.node, a.speed.reading_rad_s, now_ns
         )
         turning = not a.speed.surely_below(self._turning_rad_s)
         return notices + self._oil.step(
@@ -444,7 +452,11 @@ class GuardCore:
 
     def _look_around(self, now_ns: int) -> None:
         """Estimate the load and ask the shield: every :data:`PERIOD_S`, and anew for each command
-        that is sent."""
+        that is sent.
+
+        While the mark stays away, the shaft may have any speed between the one told and the last
+        reading.
+        """
         m, readings, known = self._memory, self._readings, self._readings.known()
         m.shield_due_ns = now_ns + SHIELD_PERIOD_NS
         motion, speed = self._protection.motion, self._acquire.speed
@@ -468,7 +480,7 @@ class GuardCore:
                     motion.mean_y_m,
                     p2p_m,
                     known.clearance_um * 1e-6,
-                    speed.speed_rad_s,
+                    speed.reading_rad_s,
                     known.oil_C,
                     known.power_W,
                     known.pressure_bar,
@@ -477,12 +489,12 @@ class GuardCore:
         oil_C, oil = self._load.oil_at(readings.value(OIL))
         narrow_m = readings.narrowest_um(smaller_um) * 1e-6
         if speed.known and motion.complete and displacement_ok:
-            p2p_m = self._vibration.step(p2p_m, narrow_m, speed.speed_rad_s, now_ns)
+            p2p_m = self._vibration.step(p2p_m, narrow_m, speed.reading_rad_s, now_ns)
         m.interval_m = (
             None
             if not speed.known
             else self._shield.interval(
-                speed.speed_rad_s,
+                speed.reading_rad_s,
                 m.load.low_N,
                 m.load.film_N,
                 oil_C,
@@ -490,6 +502,7 @@ class GuardCore:
                 narrow_m,
                 self._announcements.ahead(now_ns),
                 oil,
+                speed.speed_rad_s,
             )
         )
 

@@ -112,7 +112,7 @@ class OrbitOrders:
         self._scales = [channel.scale for channel in channels]
         floor_m = FLOOR_M + 2e-6 * max(channel.slow_roll_um for channel in channels)
         self._floor_m2 = floor_m * floor_m
-        self._swing_counts = [2.0 * floor_m / abs(scale) for scale in self._scales]
+        self._swing_counts = [FLOOR_M / abs(scale) for scale in self._scales]
         self._samples = round(WINDOW_S * config.sampling.rate_hz)
         self.seen_order = 0.0
         self.state = OrbitState()

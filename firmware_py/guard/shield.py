@@ -193,6 +193,7 @@ class Shield:
         clearance_m: float = 0.0,
         announced: Sequence[Ramp] = (),
         oil: tuple[float, float] | None = None,
+        slow_rad_s: float | None = None,
     ) -> tuple[float, float] | None:
         """Admissible radial clearances now, able to retreat in time; None when not even safe is
         one.
@@ -200,7 +201,7 @@ class Shield:
         Parameters
         ----------
         speed_rad_s
-            Shaft speed, positive.
+            Shaft speed, positive; the highest that it may have.
         load_low_N, load_high_N
             Smallest credible load of the film, and the largest as the thinnest credible oil would
             have to carry it.
@@ -214,12 +215,15 @@ class Shield:
         oil
             Thinnest and thickest credible oil over the law's at the outlet's reading; any batch
             when None.
+        slow_rad_s
+            The lowest that the shaft speed may have, where that is another one.
         """
-        if not speed_rad_s > 0.0:
+        slow_rad_s = speed_rad_s if slow_rad_s is None else slow_rad_s
+        if not 0.0 < slow_rad_s <= speed_rad_s:
             return None
-        present = Box(speed_rad_s, speed_rad_s, load_low_N, load_high_N)
+        present = Box(slow_rad_s, speed_rad_s, load_low_N, load_high_N)
         oil = oil or (self._viscosity.thinnest, self._viscosity.thickest)
-        now = self._bounds(present, temperature_C, speed_rad_s, oil)
+        now = self._bounds(present, temperature_C, slow_rad_s, oil)
         low_m = max(now[0], self._min_m, min(peak_to_peak_m / self._share, self._safe_m))
         high_m = min(now[1], now[2], self._max_m)
         if peak_to_peak_m > 0.0 and clearance_m > 0.0:
@@ -238,7 +242,7 @@ class Shield:
             if low_m >= self._safe_m - run_m and high_m <= self._safe_m + run_m:
                 break  # back at the safe clearance by then, from all that is left
             box = self._box_after(self._delay_s + end_s, present, announced)
-            low_t, high_t, whirl_m = self._bounds(box, temperature_C, speed_rad_s, oil)
+            low_t, high_t, whirl_m = self._bounds(box, temperature_C, slow_rad_s, oil)
             low_m = max(low_m, min(low_t, self._safe_m) - run_m)
             high_m = min(high_m, max(high_t, self._safe_m) + run_m)
             half_turns = (

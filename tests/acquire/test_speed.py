@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from math import pi
+from collections.abc import Callable
+from math import exp, pi
 
 import pytest
 
@@ -18,14 +19,24 @@ class Marks:
     """Frames every 600 us whose newest mark a test sets, with ticks that do not wrap."""
 
     def __init__(
-        self, start_us: int = 5 * RANGE_US, mark_us: int | None = None, turn: int = 65_530
+        self,
+        start_us: int = 5 * RANGE_US,
+        mark_us: int | None = None,
+        turn: int = 65_530,
+        quiet: bool = False,
     ) -> None:
         self.meter = SpeedMeter(RAMP_RAD_S2)
+        self.seen(quiet)
         self.now_us = start_us
         self.mark_us = start_us - 1000 if mark_us is None else mark_us
         self.turn = turn
         self.said: list[Turn] = []
         self.frame()
+
+    def seen(self, quiet: bool) -> Marks:
+        """What the probes have shown for long."""
+        self.meter.hear_motion(*((60.0, 0.0) if quiet else (0.0, 60.0)))
+        return self
 
     def frame(self) -> None:
         turn = self.meter.mark(self.mark_us & 0xFFFFFFFF, self.turn & 0xFFFF, self.now_us)
@@ -76,7 +87,7 @@ def running(rpm: float = 6000.0, turns: int = 5) -> Marks:
 
 @pytest.mark.parametrize("minutes", [1, 35, 36, 37, 71, 72, 80, 150])
 def test_a_shaft_that_stood_for_longer_than_the_ticks_range_starts_rightly(minutes: int) -> None:
-    marks = running(60.0, 3)
+    marks = running(60.0, 3).seen(quiet=True)
     marks.wait(minutes * MINUTE_US, step_us=36_600)
     assert (marks.rpm, marks.meter.state.lost) == (0.0, False)
     marks.edge(marks.now_us - marks.mark_us + 50_000)
@@ -92,7 +103,7 @@ def test_a_guard_that_starts_beside_a_standing_shaft_tells_0_and_then_the_right_
     minutes: float,
 ) -> None:
     start_us = 200_000 * MINUTE_US
-    marks = Marks(start_us, start_us - round(minutes * MINUTE_US))
+    marks = Marks(start_us, start_us - round(minutes * MINUTE_US), quiet=True)
     marks.wait(6_400_000)
     assert (marks.rpm, marks.meter.state.lost) == (0.0, False)
     marks.edge(marks.now_us - marks.mark_us + 20_000)
@@ -103,7 +114,9 @@ def test_a_guard_that_starts_beside_a_standing_shaft_tells_0_and_then_the_right_
 
 
 def test_a_mark_that_is_old_at_the_start_is_standing_at_once_and_a_young_one_is_unknown() -> None:
-    old, young = Marks(mark_us=5 * RANGE_US - 7_000_000), Marks(mark_us=5 * RANGE_US - 5_000_000)
+    old, young = (
+        Marks(mark_us=5 * RANGE_US - age_us, quiet=True) for age_us in (7_000_000, 5_000_000)
+    )
     assert (old.rpm, old.meter.state.lost) == (0.0, False)
     assert young.meter.state.lost
 
@@ -116,9 +129,94 @@ def test_the_first_mark_after_the_start_is_not_paired_with_one_of_unknown_age() 
 
 
 def test_a_shaft_that_slows_within_its_ramp_comes_to_rest() -> None:
-    marks = running(30.0, 3)
+    marks = running(30.0, 3).seen(quiet=True)
     marks.wait(9_000_000)
     assert (marks.rpm, marks.meter.state.known) == (0.0, True)
+
+
+def slowing(rpm_at: Callable[[float], float], until_rpm: float = 60.0) -> list[float]:
+    """Times (s) of the marks of a shaft whose speed falls so."""
+    at_s, turned, found, step_s = 0.0, 0.0, [], 1e-4
+    while rpm_at(at_s) > until_rpm:
+        before, turned, at_s = turned, turned + rpm_at(at_s) / 60 * step_s, at_s + step_s
+        if int(turned) != int(before):
+            found.append(at_s - step_s * (turned - int(turned)) / (turned - before))
+    return found
+
+
+RUN_DOWNS: dict[str, Callable[[float], float]] = {
+    "declared ramp": lambda t: 3000.0 - 4000.0 * t,
+    "half of it": lambda t: 3000.0 - 2000.0 * t,
+    "exponential": lambda t: 3000.0 * exp(-t / 0.8),
+}
+
+
+@pytest.mark.parametrize("name", RUN_DOWNS)
+def test_a_run_down_is_told_as_it_is_between_the_marks_too(name: str) -> None:
+    rpm_at, marks = RUN_DOWNS[name], running(3000.0)
+    start_us = marks.mark_us
+    for at_s in slowing(rpm_at):
+        turn_us = round(start_us + at_s * 1e6) - marks.mark_us
+        while marks.now_us + FRAME_US < marks.mark_us + turn_us:
+            marks.wait(FRAME_US)
+            true_rpm = rpm_at((marks.now_us - start_us) * 1e-6)
+            wait_us = marks.now_us - marks.mark_us
+            assert marks.meter.state.known
+            assert marks.rpm <= 60e6 / wait_us * 1.0001, "never above what the wait allows"
+            assert marks.rpm >= true_rpm * 0.999, "nor below the shaft"
+        marks.edge(turn_us)
+    last_rpm = marks.rpm
+    marks.wait(3_000_000)
+    assert marks.rpm == pytest.approx(60e6 / (marks.now_us - marks.mark_us), rel=1e-3)
+    assert marks.rpm < last_rpm
+    marks.seen(quiet=True).wait(4_000_000)
+    assert (marks.rpm, marks.meter.state.known) == (0.0, True)
+    assert not marks.doubts()
+
+
+def test_a_slow_run_down_of_a_shaft_that_is_not_quiet_is_no_standing_shaft() -> None:
+    """At 1000 rpm the marks alone cannot tell a stop from a cut cable."""
+    marks = running(1000.0).wait(6_000_000)
+    assert marks.meter.state.known
+    assert marks.rpm < 11.0
+    marks.wait(1_000_000)
+    assert marks.meter.state.lost
+    marks.wait(60_000_000, step_us=6000)
+    assert marks.meter.state.lost
+    marks.seen(quiet=True).wait(6000)
+    assert (marks.rpm, marks.meter.state.known) == (0.0, True)
+
+
+def test_below_is_sure_by_marks_or_by_a_quiet_shaft_and_not_by_a_wait_alone() -> None:
+    marks = running(1000.0)
+    slow = 300 * pi / 30
+    marks.wait(1_000_000)
+    assert not marks.meter.state.surely_below(slow), "the cable may be cut"
+    marks.seen(quiet=True)
+    assert marks.meter.state.surely_below(slow)
+    torn = running(6000.0).seen(quiet=True).wait(1_000_000)
+    assert not torn.meter.state.surely_below(slow)
+    assert running(200.0).meter.state.surely_below(slow)
+
+
+def test_a_shaft_that_stood_and_moves_for_long_is_not_known_to_stand() -> None:
+    marks = running(30.0, 3).seen(quiet=True).wait(9_000_000)
+    marks.meter.hear_motion(0.0, 2.9)
+    assert marks.wait(FRAME_US).meter.state.known
+    marks.meter.hear_motion(0.0, 3.0)
+    assert marks.wait(FRAME_US).meter.state.lost
+    marks.meter.hear_motion(1.4, 0.0)
+    assert marks.wait(FRAME_US).meter.state.lost
+    marks.meter.hear_motion(1.5, 0.0)
+    assert marks.wait(FRAME_US).meter.state.known
+
+
+def test_a_turning_gear_slower_than_standstill_keeps_its_speed() -> None:
+    marks = running(9.0, 3)
+    for _ in range(4):
+        marks.edge(60e6 / 9.0)
+        assert marks.meter.state.known
+        assert marks.rpm == pytest.approx(9.0, rel=1e-3)
 
 
 # ------------------------------------------------------------------ lost
@@ -133,7 +231,38 @@ def test_a_mark_that_stops_faster_than_any_ramp_is_lost_and_never_standing(rpm: 
     assert marks.meter.state.lost
     marks.wait(20_000_000, step_us=6000)
     assert marks.meter.state.lost, "a cut cable is no standing shaft"
-    assert marks.rpm == pytest.approx(rpm, rel=1e-3)
+    assert marks.rpm == pytest.approx(rpm, rel=1e-3), "the last reading"
+    assert marks.meter.state.torn
+
+
+@pytest.mark.parametrize("rpm", [1500.0, 6000.0, 12000.0])
+@pytest.mark.parametrize("invalid", [False, True])
+def test_a_stop_faster_than_any_ramp_is_told_once_the_shaft_is_quiet_and_starts_anew(
+    rpm: float, invalid: bool
+) -> None:
+    """Braked hard or seized; the node may call the mark not valid for a while."""
+    marks = running(rpm)
+    if invalid:
+        marks.meter.lose()
+    marks.seen(quiet=True).wait(5_000_000)
+    assert marks.meter.state.lost
+    assert marks.meter.state.torn
+    marks.wait(1_500_000)
+    assert (marks.rpm, marks.meter.state.known) == (0.0, True)
+    assert not marks.meter.state.torn
+    marks.seen(quiet=False)
+    marks.edge(marks.now_us - marks.mark_us + 20_000).turning(300.0, 3)
+    assert marks.rpm == pytest.approx(300.0, rel=1e-3)
+    assert not marks.doubts()
+
+
+def test_a_cable_that_makes_contact_again_brings_the_speed_back() -> None:
+    marks = running().wait(20_000_000)
+    assert marks.meter.state.lost
+    marks.edge(marks.now_us - marks.mark_us + 5_000, turns=2000).turning(6000.0, 2)
+    assert marks.meter.state.known
+    assert marks.rpm == pytest.approx(6000.0, rel=1e-3)
+    assert not marks.doubts()
 
 
 def test_two_new_marks_bring_a_lost_speed_back() -> None:

@@ -276,7 +276,19 @@ def test_a_mark_that_is_dead_from_the_start_is_no_standing_shaft() -> None:
     b.node._mark_tick -= 60_000_000
     mark_stops(b.node)
     b.run(3.5)
-    assert told_rpm(b) == 0.0
+    assert not b.core._acquire.speed.known
+    assert "mark_lost" in [a.name for a in state(b).alarms]
+
+
+def test_a_shaft_that_stood_and_swings_is_doubted() -> None:
+    b = Bench()
+    b.node.speed_rpm = 0.0
+    b.node._mark_tick -= 60_000_000
+    b.run(2.0)
+    assert (told_rpm(b), b.core._acquire.speed.known) == (0.0, True)
+    mark_stops(b.node)
+    b.node.speed_rpm = 6000.0
+    b.run(2.6)
     assert "speed_implausible" in b.names()
     (alarm,) = [a for a in state(b).alarms if a.name == "speed_implausible"]
     assert alarm.value == 0.0
