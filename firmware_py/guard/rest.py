@@ -22,9 +22,8 @@ QUIET_UM: Final = 1.0
 """Largest peak-to-peak displacement of a shaft that stands: 0.1 um rms of noise shows 0.7 um."""
 
 FALL: Final = 0.5
-"""Share of the vibration before, to which it must have fallen where the marks went away too fast."""
-
-HARD_STOP: Final = "hard_stop"
+"""Share of the vibration before, to which it must have fallen where the marks went away too
+fast."""
 
 
 class Seen(NamedTuple):
@@ -73,7 +72,7 @@ class Rest:
         return [
             Notice(
                 Severity.ALERT,
-                HARD_STOP,
+                "hard_stop",
                 "the shaft stands: it makes no mark and both probes are quiet; it stopped faster "
                 "than twice operating.speed_ramp_max_rpm_s: braked hard, or seized; look at the "
                 "machine before it starts again",

@@ -299,6 +299,8 @@ def test_a_standing_shaft_that_is_moved_once_stands() -> None:
     b.node.speed_rpm, b.node.amplitude_um = 0.0, 0.0
     b.node._mark_tick -= 60_000_000
     b.run(2.0)
+    assert b.core._acquire.speed.known, "quiet for 1.5 s"
+    b.events.clear()
     b.node.mean_um = (-40.0, -30.0)
     b.run(2.0)
     assert told_rpm(b) == 0.0
