@@ -20,14 +20,15 @@ from typing import Final
 import msgspec
 
 from firmware_py.config import SHIPPED, Check, Config, Device, Source, load, read_device
+from firmware_py.machine import folder
 from firmware_py.machine.values import NAME_PATTERN, WORDS
 from firmware_py.wire.listener import INSTANCE_MODE
 from firmware_py.wire.room_socket import RoomError
 from firmware_py.wire.rooms import checked_dir, runtime_dir
 
 SERVICE_RUNTIME: Final = Path("/run/orbitd")
-SERVICE_CONFIG: Final = Path("/etc/orbitd/orbitd.toml")
-"""Where `orbitd install` puts the system service."""
+SERVICE_RIGS: Final = (Path("/etc/orbitd/rig"), Path("/etc/orbitd/orbitd.toml"))
+"""Where `orbitd install` puts the rig of the system service, and where it once did."""
 
 LAWS: Final = ("firmware_py.guard.shield:check_safe",)
 """What else every process asks of a configuration, by name as entry points are: this module lies
@@ -46,12 +47,9 @@ class Launch:
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    """``--config``, ``--instance`` and ``--runtime-dir``, the same for every process."""
-    parser.add_argument(
-        "--config",
-        type=Path,
-        metavar="FILE",
-        help="TOML configuration (default: the running service's, else the shipped bench.toml)",
+    """``--rig``, ``--instance`` and ``--runtime-dir``, the same for every process."""
+    folder.add_option(
+        parser, "shipped rig, rig folder or file (default: the running service's, else bench)"
     )
     parser.add_argument(
         "--instance", type=instance_name, metavar="NAME", help="name of this device on this machine"
@@ -132,9 +130,9 @@ def from_options(options: argparse.Namespace) -> Launch:
     loaded, source = verified(path)
     if options.instance:
         loaded = as_instance(loaded, options.instance)
-    folder = SERVICE_RUNTIME if service else _folder(options.runtime_dir, loaded.device.instance)
+    runtime = SERVICE_RUNTIME if service else _folder(options.runtime_dir, loaded.device.instance)
     return Launch(
-        loaded, source, folder, {role: getattr(options, f"{role}_user") for role in options.peers}
+        loaded, source, runtime, {role: getattr(options, f"{role}_user") for role in options.peers}
     )
 
 
@@ -171,7 +169,12 @@ def _chosen(options: argparse.Namespace) -> tuple[Path, bool]:
     """The configuration that the options mean, and whether the system service is meant."""
     chosen = options.instance or options.runtime_dir or "RUNTIME_DIRECTORY" in os.environ
     service = not chosen and service_runs(SERVICE_RUNTIME)
-    return options.config or (SERVICE_CONFIG if service else SHIPPED / "bench.toml"), service
+    return options.rig or (service_rig() if service else SHIPPED / "bench"), service
+
+
+def service_rig() -> Path:
+    """The rig of the system service: its folder, else the one file of older installations."""
+    return next((path for path in SERVICE_RIGS if path.exists()), SERVICE_RIGS[0])
 
 
 def as_instance(loaded: Config, instance: str) -> Config:
@@ -203,9 +206,9 @@ def folder_of(config: Config) -> Path:
     return runtime_base() / config.device.instance
 
 
-def service_runs(folder: Path) -> bool:
-    """Whether the system service has its sockets in ``folder`` and this user may use them."""
-    return any(os.access(folder / name, os.W_OK) for name in ("guard.sock", "gate.sock"))
+def service_runs(runtime: Path) -> bool:
+    """Whether the system service has its sockets in ``runtime`` and this user may use them."""
+    return any(os.access(runtime / name, os.W_OK) for name in ("guard.sock", "gate.sock"))
 
 
 def runtime_base() -> Path:

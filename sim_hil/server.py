@@ -20,7 +20,7 @@ from firmware_py.options import seed
 from firmware_py.wire.link import Link, codec_for, open_link
 from sim_hil.console import SOCKET_NAME, Console
 from sim_hil.drive import HEARTBEAT_LIMIT_DEFAULT_S, HEARTBEAT_LIMIT_S
-from sim_hil.rigs import RIGS, load_rig
+from sim_hil.rigs import load_rig
 
 if TYPE_CHECKING:
     from sim_hil.duty import Duty
@@ -86,7 +86,6 @@ def main(argv: list[str]) -> int:
         "configuration",
     )
     launch.add_options(parser)
-    parser.add_argument("--rig", choices=RIGS, help="which rig (default: the configuration's)")
     parser.add_argument(
         "--seed", type=seed, default=1, help="draws build, noise and clock (default 1)"
     )
@@ -114,7 +113,7 @@ def main(argv: list[str]) -> int:
     from sim_hil.duty import Duty
 
     started = launch.from_options(options)
-    name = options.rig or started.config.device.rig
+    name = started.config.device.rig
     duty = Duty.published() if options.duty == "published" else None
     fed = options.film == "fed"
     print("\n".join(describe(load_rig(name))), flush=True)

@@ -19,7 +19,7 @@ from typing import Any
 PAGE = Path("SERVICE.md").read_text(encoding="utf-8")
 ORBITD = "/opt/orbitd/bin/orbitd"
 UNITS = Path("/usr/lib/systemd/system")
-CONFIG = Path("/etc/orbitd/orbitd.toml")
+DEVICE = Path("/etc/orbitd/rig/device.toml")
 WATCHDOG_S = {"guard": 1, "brain": 10, "gate": 10}
 ROOMS = tuple(WATCHDOG_S)
 RIG = "rotor-rig.service"
@@ -239,15 +239,15 @@ def breaks() -> None:
 
 def misconfigured() -> None:
     """A configuration error: the unit fails by name instead of starting for ever."""
-    good = CONFIG.read_text(encoding="utf-8")
-    CONFIG.write_text(good + "\n[nonsense]\n", encoding="utf-8")
+    good = DEVICE.read_text(encoding="utf-8")
+    DEVICE.write_text(good + "\n[nonsense]\n", encoding="utf-8")
     run("systemctl", "restart", room("brain"))
     failed = wait(lambda: show(room("brain"), "ActiveState") == "failed", 20)
     log = run("journalctl", "-b", "--no-pager", "-o", "cat", "-u", room("brain")).stdout
     named = [line for line in log.splitlines() if "nonsense" in line]
     seen = named[-1] if named else log[-500:]
     check("brain: an unknown key fails the unit", failed is not None and bool(named), seen)
-    CONFIG.write_text(good, encoding="utf-8")
+    DEVICE.write_text(good, encoding="utf-8")
     run("systemctl", "start", room("brain"))
 
 
@@ -278,7 +278,7 @@ def removed() -> None:
     left = [str(path) for path in Path("/usr/lib").glob("s*.d/*orbitd*")] + [
         str(p) for p in UNITS.rglob("*orbitd*")
     ]
-    check("removed: nothing but configuration and state", not left and CONFIG.exists(), left or "")
+    check("removed: nothing but configuration and state", not left and DEVICE.exists(), left or "")
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""``orbitd check CONFIG``: everything the device would refuse at start, found before it starts.
+"""``orbitd check RIG``: everything the device would refuse at start, found before it starts.
 
 All faults at once, each with file, line, key, value, limit and next step.  Exit code 0: good; 1:
 good, but a model is not used; 2: refused.
@@ -17,19 +17,25 @@ from firmware_py.brain.store import Models
 from firmware_py.commands.building import build, surroundings
 from firmware_py.config import Config, ConfigError, Source
 from firmware_py.config.source import shown
+from firmware_py.machine.folder import METAVAR, find
 
 
 def main(argv: list[str]) -> int:
     """Verify the configuration as the processes do, build what they build, and look at what they
     need around them."""
     parser = argparse.ArgumentParser(prog="orbitd check", description=__doc__)
-    parser.add_argument("config", type=Path, help="TOML configuration")
+    parser.add_argument(
+        "rig",
+        type=find,
+        metavar=METAVAR,
+        help="shipped rig, rig folder, or file of the first schema",
+    )
     parser.add_argument(
         "--json", action="store_true", help="the effective configuration, or the faults, as JSON"
     )
     options = parser.parse_args(argv)
     try:
-        return _check(options.config, options.json)
+        return _check(options.rig, options.json)
     except ConfigError as error:
         if options.json:
             print(msgspec.json.encode({"good": False, "faults": error.faults}).decode())
@@ -65,6 +71,8 @@ def _check(path: Path, as_json: bool) -> int:
         print("\n".join(f"  model {label}" for label in _labels(built.models)))
         for kind, reason in built.models.refusals.items():
             print(f"  REFUSED {kind}: {reason}")
+        if path.is_file():
+            print("  first schema: `orbitd migrate OLD.toml FOLDER` makes a rig folder of it")
         for line in _defaults(config, source):
             print(f"  default {line}")
     return 1 if built.models.refusals else 0

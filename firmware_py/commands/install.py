@@ -5,16 +5,18 @@ from __future__ import annotations
 import argparse
 import contextlib
 import os
-import shutil
 import subprocess
 import sys
 import sysconfig
 from dataclasses import dataclass
 from pathlib import Path
 
-from firmware_py import config, launch
+from firmware_py import launch
+from firmware_py.commands.migrate import migrated
 from firmware_py.config import Bus
+from firmware_py.config.written import write_rig
 from firmware_py.errors import OrbitdError
+from firmware_py.machine.folder import SHIPPED, add_option
 
 UNITS = "usr/lib/systemd/system"
 DROP_INS = f"{UNITS}/orbitd-.service.d"
@@ -30,7 +32,10 @@ FILES = {
 }
 """Source under ``deploy/`` and place under the prefix."""
 
-CONFIG = "etc/orbitd/orbitd.toml"
+RIG = "etc/orbitd/rig"
+FIRST = "etc/orbitd/orbitd.toml"
+"""Place of the rig folder, and of the one file of older installations, which is kept."""
+
 HIDDEN = ("/home/", "/root/", "/run/user/", "/tmp/", "/var/tmp/")
 """What ``ProtectHome=`` and ``PrivateTmp=`` hide from the services."""
 
@@ -62,12 +67,10 @@ class Target:
 def main(argv: list[str]) -> int:
     """Install, or remove with ``--remove``."""
     parser = argparse.ArgumentParser(prog="orbitd install", description=__doc__)
-    parser.add_argument(
-        "--config",
-        type=Path,
-        default=config.SHIPPED / "bench.toml",
-        metavar="FILE",
-        help="configuration to install, unless one is there (default: the shipped bench.toml)",
+    add_option(
+        parser,
+        "rig to install, unless one is there (default: the shipped bench)",
+        default=SHIPPED / "bench",
     )
     parser.add_argument(
         "--prefix",
@@ -86,12 +89,12 @@ def main(argv: list[str]) -> int:
     parser.add_argument(
         "--remove",
         action="store_true",
-        help="stop and remove the service; configuration, recordings and users stay",
+        help="stop and remove the service; rig, recordings and users stay",
     )
     options = parser.parse_args(argv)
     target = Target(options.prefix, options.python)
     try:
-        return _remove(target) if options.remove else _install(target, options.config)
+        return _remove(target) if options.remove else _install(target, options.rig)
     except OSError as error:
         raise InstallError(
             f"cannot write {error.filename}: {error.strerror}; run as root or give --prefix"
@@ -116,23 +119,29 @@ def source_folder() -> Path:
 
 def _install(target: Target, wanted: Path) -> int:
     _check_python(target.python)
-    place = target.prefix / CONFIG
-    kept = place.exists()
+    there = [name for name in (RIG, FIRST) if (target.prefix / name).exists()]
+    name, kept = (there[0], True) if there else (RIG, False)
+    place = target.prefix / name
     settings, _ = launch.verified(place if kept else wanted)
     source = source_folder()
-    words = _words(target, source, settings.bus)
-    for name, path in FILES.items():
-        _write(target.prefix / path, _render((source / name).read_text(encoding="utf-8"), words))
+    words = _words(target, source, f"/{name}", settings.bus)
+    for template, path in FILES.items():
+        text = (source / template).read_text(encoding="utf-8")
+        _write(target.prefix / path, _render(text, words))
     if not kept:
         place.parent.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(wanted, place)
+        write_rig(_texts(wanted), place)
     _host_steps(target)
-    print(
-        f"installed under {target.prefix}; configuration "
-        f"{place}{' (kept as it was)' if kept else ''}"
-    )
-    print(f"next: orbitd check /{CONFIG} && systemctl enable --now orbitd.target")
+    print(f"installed under {target.prefix}; rig {place}{' (kept as it was)' if kept else ''}")
+    print(f"next: orbitd check /{name} && systemctl enable --now orbitd.target")
     return 0
+
+
+def _texts(wanted: Path) -> dict[str, str]:
+    """The files of the rig to install; one of the first schema becomes a folder."""
+    if not wanted.is_dir():
+        return migrated(wanted)
+    return {path.name: path.read_text(encoding="utf-8") for path in sorted(wanted.glob("*.toml"))}
 
 
 def _check_python(python: Path) -> None:
@@ -146,7 +155,7 @@ def _check_python(python: Path) -> None:
             )
 
 
-def _words(target: Target, source: Path, bus: Bus) -> dict[str, str]:
+def _words(target: Target, source: Path, rig: str, bus: Bus) -> dict[str, str]:
     """What stands for what in the templates.
 
     The guard has the last processor for itself where there are two; which ones the machine has is
@@ -156,7 +165,7 @@ def _words(target: Target, source: Path, bus: Bus) -> dict[str, str]:
     apart = len(cpus) > 1
     return {
         "@python@": str(target.python.absolute()),
-        "@config@": f"/{CONFIG}",
+        "@rig@": rig,
         "@share@": str(source),
         "@can@": bus.channel if bus.interface == "socketcan" else "can0",
         "@nominal_bitrate@": str(bus.nominal_bitrate),
@@ -205,5 +214,5 @@ def _remove(target: Target) -> int:
         (target.prefix / DROP_INS).rmdir()
     if target.is_host:
         _host(*RELOAD)
-    print(f"removed the service under {target.prefix}; {target.prefix / CONFIG} stays")
+    print(f"removed the service under {target.prefix}; {target.prefix / RIG} stays")
     return 0

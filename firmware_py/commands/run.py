@@ -33,7 +33,7 @@ def main(argv: list[str]) -> int:
     started = launch.from_options(options)
     device, folder = started.config.device, started.runtime
     passed = [
-        "--config",
+        "--rig",
         str(started.source.path),
         "--instance",
         device.instance,

@@ -1,4 +1,4 @@
-"""The device's configuration: one TOML file, typed, with a unit in every name and one place per
+"""The device's configuration: a rig folder, typed, with a unit in every name and one place per
 limit.
 
 :func:`load` reads and verifies it (:mod:`~firmware_py.config.verify`).  Every fault is told at
@@ -6,8 +6,6 @@ once, each with file, line, key, value, limit and next step: :class:`ConfigError
 """
 
 from __future__ import annotations
-
-from pathlib import Path
 
 from firmware_py.config.schema import (
     Authority,
@@ -24,6 +22,7 @@ from firmware_py.config.schema import (
 )
 from firmware_py.config.source import ConfigError, ConfigFile, Fault, Source
 from firmware_py.config.verify import Check, decode, load, parse, read_device
+from firmware_py.machine.folder import SHIPPED
 
 __all__ = [
     "SHIPPED",
@@ -48,6 +47,3 @@ __all__ = [
     "parse",
     "read_device",
 ]
-
-SHIPPED = Path(__file__).resolve().parent.parent / "configs"
-"""Folder of the configurations that come with the package."""

@@ -80,6 +80,8 @@ class ConfigFile:
         Name for messages (the file itself is not read here).
     text
         TOML source.
+    label
+        What messages call the file, when that is not its name alone.
 
     Attributes
     ----------
@@ -87,9 +89,10 @@ class ConfigFile:
         Line of each key that is written.
     """
 
-    def __init__(self, path: Path, text: str) -> None:
+    def __init__(self, path: Path, text: str, label: str = "") -> None:
         self.path = path
         self.text = text
+        self._label = label or path.name
         self.lines = _key_lines(text)
 
     def fault(self, key: str, value: object, cause: str, line: int = 0) -> Fault:
@@ -101,7 +104,7 @@ class ConfigFile:
         if not text:
             text, step = step, "correct it"
         return Fault(
-            shown(self.path.name),
+            shown(self._label),
             line or self._line(key),
             key and shown(key),
             shown(value),
@@ -156,6 +159,19 @@ def one_file(file: ConfigFile, *, first: bool) -> Source:
     return Source(file.path, lambda key: (file, key), str)
 
 
+_OF_MACHINE: Final = re.compile(r"\bmachine(\.|, )")
+
+
+def two_files(folder: Path, machine: ConfigFile, device: ConfigFile) -> Source:
+    """The source of a rig folder."""
+
+    def place(key: str) -> tuple[ConfigFile, str]:
+        above, _, own = key.partition(".")
+        return (machine, own) if above == "machine" else (device, key)
+
+    return Source(folder, place, lambda text: _OF_MACHINE.sub("", text))
+
+
 def shown(value: object) -> str:
     """``value`` on one line, short, and without anything that a terminal would obey."""
     if (
@@ -175,15 +191,15 @@ def shown(value: object) -> str:
     return text if len(text) <= VALUE_SHOWN else f"{text[:VALUE_SHOWN]}.. ({len(text)} characters)"
 
 
-def read_text(path: Path) -> str:
-    """The text of the file, whatever a person or an editor made of it.
+def read_file(path: Path, label: str = "") -> ConfigFile:
+    """The file, whatever a person or an editor made of it; ``label`` as of :class:`ConfigFile`.
 
     Raises
     ------
     ConfigError
         Not a readable regular file of reasonable size in UTF-8; the text says which, and where.
     """
-    source = ConfigFile(path, "")
+    source = ConfigFile(path, "", label)
     try:
         data = _read(path)
     except (OSError, ValueError) as error:
@@ -216,7 +232,7 @@ def read_text(path: Path) -> str:
         if len(words) > MAX_LINE:
             cause = f"a line of more than {MAX_LINE} characters; break it"
             raise ConfigError([source.fault("", None, cause, line)])
-    return text
+    return ConfigFile(path, text, label)
 
 
 def _read(path: Path) -> bytes:

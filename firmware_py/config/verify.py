@@ -13,7 +13,16 @@ import msgspec
 from firmware_py.config.checks import RELATED
 from firmware_py.config.convert import FaultedError, Found, convert, ends_of, view
 from firmware_py.config.schema import Config, Device
-from firmware_py.config.source import ConfigError, ConfigFile, Fault, Source, one_file, read_text
+from firmware_py.config.source import (
+    ConfigError,
+    ConfigFile,
+    Fault,
+    Source,
+    one_file,
+    read_file,
+    two_files,
+)
+from firmware_py.machine.folder import DEVICE, MACHINE
 from firmware_py.machine.migrate import is_first, upgrade
 
 Check = Callable[[Config], Iterator[Found]]
@@ -27,7 +36,7 @@ def load(path: Path, laws: Sequence[Check] = ()) -> tuple[Config, Source]:
     Parameters
     ----------
     path
-        The file.
+        A rig folder, or a file of the first schema.
     laws
         Checks of later stages, made only of what the others found right.
 
@@ -38,34 +47,29 @@ def load(path: Path, laws: Sequence[Check] = ()) -> tuple[Config, Source]:
     Raises
     ------
     ConfigError
-        With every fault: the file, TOML, keys, values alone, values together, laws.
+        With every fault: the files, TOML, keys, values alone, values together, laws.
     """
-    return parse(read_text(path), path, laws)
+    return _verified(*_folder(path), laws) if path.is_dir() else _one(read_file(path), laws)
 
 
 def parse(
     text: str, path: Path = Path("<text>"), laws: Sequence[Check] = ()
 ) -> tuple[Config, Source]:
-    """As :func:`load`, from the TOML ``text``."""
-    file = ConfigFile(path, text)
-    table, source = _upgraded(_toml(file), file)
-    config, faults = verify(table, source, laws)
-    if config is None:
-        raise ConfigError(faults)
-    return config, source
+    """As :func:`load`, from the ``text`` of a file of the first schema."""
+    return _one(ConfigFile(path, text), laws)
 
 
 def read_device(path: Path) -> Device:
-    """Who the device of ``path`` is, whatever else is wrong with the file.
+    """Who the device of ``path`` is, whatever else is wrong with it.
 
     Raises
     ------
     ConfigError
         No readable TOML, or a fault in the table ``device``.
     """
-    file = ConfigFile(path, read_text(path))
-    table, source = _upgraded(_toml(file), file)
-    values, found = convert(table)
+    file = _part(path, DEVICE) if path.is_dir() else read_file(path)
+    source = one_file(file, first=True)
+    values, found = convert(upgrade(_toml(file)))
     faults = [_placed(source, *each) for each in found if each[0].partition(".")[0] == "device"]
     if faults:
         raise ConfigError(faults)
@@ -123,6 +127,44 @@ def _placed(source: Source, key: str, value: object, cause: str) -> Fault:
     return msgspec.structs.replace(source.fault(key, value, cause), least=least, greatest=greatest)
 
 
+def _one(file: ConfigFile, laws: Sequence[Check]) -> tuple[Config, Source]:
+    return _verified(*_upgraded(_toml(file), file), laws)
+
+
+def _verified(
+    table: dict[str, Any], source: Source, laws: Sequence[Check]
+) -> tuple[Config, Source]:
+    config, faults = verify(table, source, laws)
+    if config is None:
+        raise ConfigError(faults)
+    return config, source
+
+
+def _folder(path: Path) -> tuple[dict[str, Any], Source]:
+    """The tables of a rig folder, and where their keys stand; what cannot be read of both files is
+    told at once."""
+    read: list[tuple[ConfigFile, dict[str, Any]]] = []
+    faults: list[Fault] = []
+    for name in (MACHINE, DEVICE):
+        try:
+            file = _part(path, name)
+            read.append((file, _toml(file)))
+        except ConfigError as error:
+            faults += error.faults
+    if faults:
+        raise ConfigError(faults)
+    (machine_file, machine), (device_file, device) = read
+    if "machine" in device:
+        cause = f"unknown key; the machine is described in {MACHINE}"
+        raise device_file.error("machine", None, cause)
+    return {**device, "machine": machine}, two_files(path, machine_file, device_file)
+
+
+def _part(folder: Path, name: str) -> ConfigFile:
+    """A file of a rig folder; messages call it by both."""
+    return read_file(folder / name, f"{folder.resolve().name}/{name}")
+
+
 def _upgraded(table: dict[str, Any], file: ConfigFile) -> tuple[dict[str, Any], Source]:
     """``table`` in the present schema, and where its keys stand in ``file``."""
     first = is_first(table)
@@ -134,7 +176,7 @@ def _toml(source: ConfigFile) -> dict[str, Any]:
         return tomllib.loads(source.text)
     except RecursionError as error:
         raise source.error(
-            "", None, "nested deeper than any configuration; take bench.toml as pattern"
+            "", None, "nested deeper than any configuration; take the shipped rig bench as pattern"
         ) from error
     except ValueError as error:  # TOMLDecodeError, or a number of thousands of digits
         cause, _, place = str(error).partition(" (at ")

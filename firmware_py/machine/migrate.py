@@ -22,6 +22,9 @@ MOVED: Final = {_OLD.get(name, name): name for name in Machine.__struct_fields__
 _NAMES: Final = (*MOVED, "device", "bus", "sampling", "limits", "authority", "models", "drive",
                  "zenoh", "recorder", "metrics")  # fmt: skip
 _UNNAMED: Final = "unnamed"
+_GUESSED_MAX: Final = 20
+"""Unknown tables of which it is guessed what they mean."""
+
 _KEY: Final = re.compile(rf"\bmachine\.({'|'.join(MOVED.values())})(?=[.\[,\]]|$)")
 _LISTED: Final = re.compile(r"\bmachine, ")
 
@@ -42,11 +45,11 @@ def upgrade(table: dict[str, Any]) -> dict[str, Any]:
     named = isinstance(rig, str) and re.search(NAME_PATTERN, rig)
     machine: dict[str, Any] = {"name": rig if named else _UNNAMED}
     rest: dict[str, Any] = {}
+    unknown = [name for name in table if name not in _NAMES][:_GUESSED_MAX]
+    misspelt = {name for name in unknown if _meant(name) in MOVED}
     for name, value in table.items():
-        if name in MOVED:
-            machine[MOVED[name]] = value
-        elif name not in _NAMES and _meant(name) in MOVED:
-            machine[name] = value
+        if name in MOVED or name in misspelt:
+            machine[MOVED.get(name, name)] = value
         else:
             rest[name] = value
     return {**rest, "machine": machine}

@@ -192,7 +192,7 @@ class GuardedBuild:
 @cache
 def _config() -> Config:
     """Read once for each process."""
-    return load(SHIPPED / "bench.toml")[0]
+    return load(SHIPPED / "bench")[0]
 
 
 def healthy(seed: int) -> tuple[float, list[str]]:

@@ -3,8 +3,6 @@ is none."""
 
 from __future__ import annotations
 
-from importlib import resources
-from pathlib import Path
 from typing import Any, Final
 
 import gymnasium
@@ -43,9 +41,7 @@ def column(name: str) -> int:
 
 def shipped_config(rig: str) -> Config:
     """The configuration that ships for ``rig``."""
-    return configuration.load(
-        Path(str(resources.files("firmware_py").joinpath(f"configs/{rig}.toml")))
-    )[0]
+    return configuration.load(configuration.SHIPPED / rig)[0]
 
 
 def config_of(rig: str, *, fed: bool) -> Config:

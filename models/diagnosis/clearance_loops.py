@@ -4,8 +4,6 @@ its shield."""
 from __future__ import annotations
 
 import math
-from importlib import resources
-from pathlib import Path
 from typing import Final, Protocol
 
 import numpy as np
@@ -71,9 +69,7 @@ class AgentLoop:
     """
 
     def __init__(self, rig: RigData, wish: float) -> None:
-        config, _ = configuration.load(
-            Path(str(resources.files("firmware_py").joinpath(f"configs/{rig.name}.toml")))
-        )
+        config, _ = configuration.load(configuration.SHIPPED / rig.name)
         self._shield, self._loads = Shield(config), LoadEstimator(config)
         self._channels, self._wish = ChannelMap.wire(), wish
         self.start_m = config.machine.actuator.safe_radial_clearance_um * 1e-6

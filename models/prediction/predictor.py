@@ -167,7 +167,7 @@ def of_file(path: Path) -> Fitted:
 @cache
 def brain(rig_name: str) -> tuple[Config, Model]:
     """The shipped configuration and surrogate."""
-    config, _ = configuration.load(configuration.SHIPPED / f"{rig_name}.toml")
+    config, _ = configuration.load(configuration.SHIPPED / rig_name)
     return config, load_model("surrogate", config)
 
 

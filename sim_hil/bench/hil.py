@@ -56,13 +56,13 @@ def loop(kind: str, seconds: float, folder: Path) -> dict[str, float]:
     """Run the loop ``rig`` or ``empty`` and say how it kept its grid and what it took."""
     clock = Witness()
     if kind == "rig":
-        config, _ = load(SHIPPED / "bench.toml")
+        config, _ = load(SHIPPED / "bench")
         config = config.replaced(bus=msgspec.structs.replace(config.bus, channel=folder.name))
         warm_up(config, "bench")
         rig = make_rig(config, "bench", 1)
         if config.sampling.rate_hz != RATE_HZ:
             raise ValueError(
-                f"sampling.rate_hz = {config.sampling.rate_hz} in bench.toml: {RATE_HZ} is "
+                f"sampling.rate_hz = {config.sampling.rate_hz} of the rig bench: {RATE_HZ} is "
                 f"measured here"
             )
         link, console = open_link(config, "rig"), Console(folder / SOCKET_NAME, rig)

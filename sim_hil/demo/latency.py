@@ -18,9 +18,10 @@ from typing import Any, Final
 
 import msgspec
 
+from firmware_py.config.written import rig_texts, write_rig
 from firmware_py.supervise import Program, Supervisor, die_with_parent
 from sim_hil.demo.reaction import PRIORITY
-from sim_hil.demo.setting import Setting, write_config
+from sim_hil.demo.setting import Setting
 
 ECHO: Final = Path(__file__).resolve().parents[2] / "deploy" / "examples" / "echo_client.py"
 """A client with no code of the project beyond the bus plugin."""
@@ -36,9 +37,9 @@ def measure(setting: Setting, trials: int) -> dict[str, Any]:
     shipped_ms = 1000 * setting.config.limits.danger_delay_s
     with tempfile.TemporaryDirectory(prefix="orbitd-latency-") as name:
         folder = Path(name)
-        config = msgspec.structs.replace(setting.on(channel=folder.name).config, limits=limits)
-        write_config(config, folder / "orbitd.toml")
-        options = ("--config", str(folder / "orbitd.toml"), "--runtime-dir", str(folder))
+        config = setting.on(channel=folder.name).config.replaced(limits=limits)
+        write_rig(rig_texts(config), folder / "rig")
+        options = ("--rig", str(folder / "rig"), "--runtime-dir", str(folder))
         supervisor = Supervisor()
         guard = (sys.executable, "-m", "firmware_py", "guard", *options)
         supervisor.start(Program("guard", guard, folder / "guard.log"))

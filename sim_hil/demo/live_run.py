@@ -15,6 +15,7 @@ from typing import Any, Final
 import msgspec
 
 from firmware_py.commands.run import programs
+from firmware_py.config.written import rig_texts, write_rig
 from firmware_py.errors import OrbitdError
 from firmware_py.gate import keys
 from firmware_py.gate.client import Client, NoAnswerError
@@ -33,7 +34,7 @@ from firmware_py.wire import pty_cable
 from sim_hil.console import ask
 from sim_hil.demo.live import Quiet, beat_text
 from sim_hil.demo.observer import StoryObserver, StoryTruth
-from sim_hil.demo.setting import Setting, write_config
+from sim_hil.demo.setting import Setting
 from sim_hil.demo.story import Beat, Story
 from sim_hil.truth import RigTruth
 
@@ -82,18 +83,19 @@ class Stage:
         self.folder = folder
         self.setting = setting
         self.supervisor = Supervisor()
-        config_path = folder / "orbitd.toml"
-        write_config(setting.config, config_path)
-        options = ["--config", str(config_path), "--runtime-dir", str(folder)]
+        rig = folder / "rig"
+        write_rig(rig_texts(setting.config), rig)
+        options = ["--rig", str(rig), "--runtime-dir", str(folder)]
         device = setting.config.device
         self._prefix = keys.prefix(device.site, device.rig)
         if setting.config.bus.link == "serial":
             self._start("cable", ("-m", "firmware_py.wire.pty_cable", str(folder)))
-            config_path = folder / "rig.toml"
-            write_config(setting.on(serial_port=str(pty_cable.ends(folder)[1])).config, config_path)
+            rig = folder / "rig_on_cable"
+            on_cable = setting.on(serial_port=str(pty_cable.ends(folder)[1]))
+            write_rig(rig_texts(on_cable.config), rig)
         rig_options = [
-            "--config",
-            str(config_path),
+            "--rig",
+            str(rig),
             "--runtime-dir",
             str(folder),
             "--seed",

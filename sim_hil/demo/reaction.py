@@ -256,11 +256,11 @@ def quantiles(values: list[float]) -> dict[str, float]:
 def main(argv: list[str]) -> int:
     """Run the trials and print their quantiles as one line of JSON."""
     parser = argparse.ArgumentParser(prog="python -m sim_hil.demo.reaction", description=__doc__)
-    parser.add_argument("--config", type=Path, required=True)
+    parser.add_argument("--rig", type=Path, required=True)
     parser.add_argument("--runtime-dir", type=Path, required=True)
     parser.add_argument("--trials", type=int, default=20)
     options = parser.parse_args(argv)
-    config, _ = load(options.config)
+    config, _ = load(options.rig)
     with contextlib.suppress(PermissionError):
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
     generator = Generator(config, options.runtime_dir)

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -36,31 +33,7 @@ def prepare(rig_name: str, seed: int) -> Setting:
     The device does not know the build: masses, stiffnesses, clearance, viscosity, runout and sensor
     errors are drawn from ``seed`` within the spreads of ``classes.json`` and ``sensors.json``.
     """
-    config, _ = load(SHIPPED / f"{rig_name}.toml")
+    config, _ = load(SHIPPED / rig_name)
     authority = msgspec.structs.replace(config.authority, provisional_may_act=True)
     rig = load_rig(rig_name)
     return Setting(config.replaced(authority=authority), rig, Build.of_seed(rig, seed))
-
-
-def write_config(config: Config, path: Path) -> None:
-    """Write ``config`` as TOML, for the processes that read it."""
-    path.write_text("\n".join(_toml(msgspec.to_builtins(config))) + "\n")
-
-
-def _toml(table: dict[str, Any], above: str = "") -> Iterator[str]:
-    """The tables of a configuration; JSON's scalars and lists of them are TOML's."""
-    inner = {key: value for key, value in table.items() if _tables(value)}
-    for key, value in table.items():
-        if key not in inner and value is not None:
-            yield f"{key} = {json.dumps(value)}"
-    for key, value in inner.items():
-        head = f"[[{above}{key}]]" if isinstance(value, list) else f"[{above}{key}]"
-        for entry in _tables(value):
-            yield head
-            yield from _toml(entry, f"{above}{key}.")
-
-
-def _tables(value: object) -> list[dict[str, Any]]:
-    """The tables that ``value`` is; none of a scalar or a list of scalars."""
-    each = value if isinstance(value, list) else [value]
-    return [entry for entry in each if isinstance(entry, dict)]

@@ -4,7 +4,7 @@ import pytest
 from firmware_py.acquire.channel_ok import HOLD_OFF_S, STUCK_S, ChannelOk, counts_range
 from firmware_py.config import SHIPPED, load
 
-CHANNELS = load(SHIPPED / "bench.toml")[0].machine.channel
+CHANNELS = load(SHIPPED / "bench")[0].machine.channel
 RATE_HZ = 5000
 N = 30
 ALL_OK = 0xFF

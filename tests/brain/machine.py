@@ -27,7 +27,7 @@ from firmware_py.records import (
 
 from .onnx_models import actor, classifier, short_film
 
-CONFIG, _ = config.load(config.SHIPPED / "bench.toml")
+CONFIG, _ = config.load(config.SHIPPED / "bench")
 assert CONFIG.machine.contact is not None
 CONTACT = CONFIG.machine.contact
 RATE = CONFIG.sampling.rate_hz

@@ -27,7 +27,7 @@ from sim_hil.machine import Batch, Machine
 from sim_hil.rigs import load_rig
 from sim_hil.runs import recording_of, run
 
-BENCH = config.load(config.SHIPPED / "bench.toml")[0]
+BENCH = config.load(config.SHIPPED / "bench")[0]
 RIG = load_rig("bench")
 CLEARANCE_M = 60e-6
 SECOND = 1_000_000_000

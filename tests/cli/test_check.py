@@ -16,9 +16,8 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import NameOID
 
 from firmware_py.commands import building, check
-from firmware_py.config import SHIPPED, ConfigError
-
-BENCH = (SHIPPED / "bench.toml").read_text(encoding="utf-8")
+from firmware_py.config import ConfigError
+from tests.first_schema import BENCH
 
 
 @pytest.fixture
@@ -86,7 +85,7 @@ def test_any_file_name_can_be_told(place: Path, capsys: pytest.CaptureFixture[st
 def test_a_model_that_is_not_used_is_exit_code_1(
     place: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert check.main([str(SHIPPED / "seed.toml")]) == 1
+    assert check.main(["seed"]) == 1
     assert "REFUSED classifier: " in capsys.readouterr().out
 
 

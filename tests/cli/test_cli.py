@@ -12,6 +12,7 @@ import pytest
 from firmware_py import __version__, cli
 from firmware_py.config import SHIPPED, load
 from firmware_py.launch import as_instance
+from tests.first_schema import BENCH
 
 
 def orbitd(*arguments: str) -> subprocess.CompletedProcess[str]:
@@ -40,7 +41,7 @@ def test_a_reader_that_has_seen_enough_ends_it_quietly() -> None:
 
 
 def test_another_instance_has_a_bus_of_its_own_and_the_configured_one_keeps_its_bus() -> None:
-    loaded, _ = load(SHIPPED / "bench.toml")
+    loaded, _ = load(SHIPPED / "bench")
     assert as_instance(loaded, loaded.device.instance).bus.channel == loaded.bus.channel
     assert as_instance(loaded, "two").bus.channel != loaded.bus.channel
 
@@ -65,13 +66,13 @@ def test_unknown_command_is_one_line_with_a_next_step() -> None:
 
 @pytest.mark.parametrize("command", ["guard", "brain", "gate", "check", "hil", "bus", "run"])
 def test_a_wrong_configuration_is_one_line_and_exit_code_2(command: str, tmp_path: Path) -> None:
-    text = (SHIPPED / "bench.toml").read_text().replace("min_film_um", "min_flim_um")
+    text = BENCH.replace("min_film_um", "min_flim_um")
     wrong = tmp_path / "rotor.toml"
     wrong.write_text(text)
     arguments = (
         [str(wrong)]
         if command == "check"
-        else ["--config", str(wrong), "--runtime-dir", str(tmp_path)]
+        else ["--rig", str(wrong), "--runtime-dir", str(tmp_path)]
     )
     done = orbitd(command, *arguments)
     assert done.returncode == 2
@@ -83,23 +84,23 @@ def test_a_wrong_configuration_is_one_line_and_exit_code_2(command: str, tmp_pat
 @pytest.mark.parametrize("command", ["status", "arm", "disarm"])
 def test_who_speaks_to_a_running_device_needs_its_name_alone(command: str, tmp_path: Path) -> None:
     wrong = tmp_path / "rotor.toml"
-    wrong.write_text((SHIPPED / "bench.toml").read_text().replace("min_film_um", "min_flim_um"))
-    done = orbitd(command, "--config", str(wrong), "--runtime-dir", str(tmp_path))
+    wrong.write_text(BENCH.replace("min_film_um", "min_flim_um"))
+    done = orbitd(command, "--rig", str(wrong), "--runtime-dir", str(tmp_path))
     assert done.returncode == 3
     wrong.write_text('[device]\nsite = "lab"\nrig = "../bench"\n')
-    done = orbitd(command, "--config", str(wrong), "--runtime-dir", str(tmp_path))
+    done = orbitd(command, "--rig", str(wrong), "--runtime-dir", str(tmp_path))
     assert done.returncode == 2
     assert "rotor.toml:3: device.rig = ../bench: not a name of 1 to 32" in done.stderr
 
 
 def test_every_fault_is_told_by_every_process_alike(tmp_path: Path) -> None:
-    text = (SHIPPED / "bench.toml").read_text().replace("film_max_C = 60.0", "film_max_C = nan")
+    text = BENCH.replace("film_max_C = 60.0", "film_max_C = nan")
     text = text.replace("length_m = 0.02", "length_m = 0.05").replace(
         "angle_deg = 135.0", "angle_deg = 45.0"
     )
     wrong = tmp_path / "rotor.toml"
     wrong.write_text(text)
-    options = ["--config", str(wrong), "--runtime-dir", str(tmp_path)]
+    options = ["--rig", str(wrong), "--runtime-dir", str(tmp_path)]
     told = {command: orbitd(command, *options).stderr for command in ("guard", "brain", "gate")}
     told["check"] = orbitd("check", str(wrong)).stderr
     assert len(set(told.values())) == 1
@@ -139,7 +140,7 @@ def test_a_device_that_is_not_there_is_exit_code_3(
 
 
 def test_check_accepts_the_shipped_configuration_and_its_models() -> None:
-    done = orbitd("check", str(SHIPPED / "bench.toml"))
+    done = orbitd("check", "bench")
     assert done.returncode == 0, done.stdout + done.stderr
     assert "admissible over the whole declared range" in done.stdout
     assert [line.split()[1] for line in done.stdout.splitlines() if line.startswith("  model")] == [
@@ -148,7 +149,7 @@ def test_check_accepts_the_shipped_configuration_and_its_models() -> None:
 
 
 def test_check_names_the_models_that_do_not_fit_a_rig() -> None:
-    done = orbitd("check", str(SHIPPED / "seed.toml"))
+    done = orbitd("check", "seed")
     assert done.returncode == 1
     assert "admissible over the whole declared range" in done.stdout
     assert "REFUSED classifier" in done.stdout

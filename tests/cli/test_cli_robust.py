@@ -187,7 +187,7 @@ def test_output_that_goes_nowhere_is_no_traceback(
 def test_a_terminal_that_knows_only_ascii_is_no_traceback() -> None:
     environment = {**os.environ, "PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0", "LC_ALL": "C"}
     done = subprocess.run(
-        [sys.executable, "-m", "firmware_py", "check", "firmware_py/configs/bench.toml"],
+        [sys.executable, "-m", "firmware_py", "check", "bench"],
         cwd=ROOT,
         capture_output=True,
         text=True,

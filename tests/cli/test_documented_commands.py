@@ -28,7 +28,8 @@ ALONE = ("--help", "--version")
 NEVER = ("install",)
 """Changes this machine; the boot test runs it."""
 STAND_INS = {
-    "my_rig.toml": str(ROOT / "firmware_py/configs/bench.toml"),
+    "my_rig": str(ROOT / "firmware_py/rigs/bench"),
+    "old.toml": str(ROOT / "tests/config/first_schema/bench.toml"),
     "MODEL": "actor",
     "KIND": "orbit",
     "VERB": "status",

@@ -19,6 +19,7 @@ from firmware_py.supervise import (
     Supervisor,
     last_words,
 )
+from tests.first_schema import BENCH
 
 
 def crashing(tmp_path: Path, code: str) -> Program:
@@ -89,7 +90,7 @@ def test_last_words_are_those_of_this_life_whatever_bytes_they_are(tmp_path):
 
 def test_run_stops_at_wrong_input_with_the_process_own_message(tmp_path):
     # A configuration that `run` reads and the guard refuses: its safe value is none.
-    text = (Path(__file__).parents[2] / "firmware_py" / "configs" / "bench.toml").read_text()
+    text = BENCH
     broken = tmp_path / "rig.toml"
     broken.write_text(
         "\n".join(
@@ -104,7 +105,7 @@ def test_run_stops_at_wrong_input_with_the_process_own_message(tmp_path):
             "-m",
             "firmware_py",
             "run",
-            "--config",
+            "--rig",
             str(broken),
             "--runtime-dir",
             str(runtime),

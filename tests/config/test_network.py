@@ -8,8 +8,8 @@ import pytest
 
 from firmware_py import config
 from firmware_py.config.checks_network import ED25519_PREFIX, Address, parse_endpoint
+from tests.first_schema import BENCH
 
-BENCH = (config.SHIPPED / "bench.toml").read_text(encoding="utf-8")
 KEY = base64.b64encode(ED25519_PREFIX + bytes(32)).decode()
 TLS = "".join(
     f'tls_{name} = "/etc/orbitd/{name}.pem"\n' for name in ("root_ca", "certificate", "private_key")

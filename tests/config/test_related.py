@@ -10,15 +10,15 @@ import pytest
 from firmware_py import config
 from firmware_py.acquire import windows
 from firmware_py.config import checks_channel
+from firmware_py.machine.folder import shipped_names
 from firmware_py.machine.lubricant import viscosity_Pa_s
+from tests.first_schema import BENCH
 
-BENCH = (config.SHIPPED / "bench.toml").read_text()
 
-
-@pytest.mark.parametrize("path", sorted(config.SHIPPED.glob("*.toml")), ids=lambda p: p.name)
-def test_shipped_configurations_load(path: Path) -> None:
-    loaded, _ = config.load(path)
-    assert loaded.device.rig == path.stem
+@pytest.mark.parametrize("name", shipped_names())
+def test_shipped_configurations_load(name: str) -> None:
+    loaded, _ = config.load(config.SHIPPED / name)
+    assert loaded.device.rig == loaded.machine.name == name
 
 
 @pytest.mark.parametrize(

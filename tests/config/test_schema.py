@@ -15,8 +15,7 @@ from msgspec import inspect
 from firmware_py import config
 from firmware_py.config.convert import FaultedError, convert, ends_of, view
 from firmware_py.config.schema import WORDS
-
-BENCH = (config.SHIPPED / "bench.toml").read_text(encoding="utf-8")
+from tests.first_schema import BENCH
 
 
 def leaves(kind: inspect.Type, key: str = "") -> Iterator[tuple[str, inspect.Type]]:

@@ -14,7 +14,8 @@ import pytest
 
 from firmware_py import config, launch
 from firmware_py.commands import install
-from firmware_py.commands.install import CONFIG, FILES, UNITS, InstallError
+from firmware_py.commands.install import FILES, FIRST, RIG, UNITS, InstallError
+from tests.first_schema import BENCH
 
 EXPOSURE_MAX = 2.0
 PYTHON = "/bin/sh"
@@ -115,11 +116,9 @@ def test_installing_twice_changes_nothing(tmp_path: Path) -> None:
 def test_an_edited_configuration_is_kept_and_decides_the_bit_rates(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    place = installed(tmp_path) / CONFIG
+    place = installed(tmp_path) / RIG / "device.toml"
     edited = place.read_text().replace('interface = "orbitd_hub"', 'interface = "socketcan"')
-    edited = edited.replace('channel = "orbitd0"', 'channel = "can7"').replace(
-        "5_000_000", "4_000_000"
-    )
+    edited = edited.replace('channel = "orbitd0"', 'channel = "can7"').replace("5000000", "4000000")
     place.write_text(edited)
     installed(tmp_path)
     assert place.read_text() == edited
@@ -129,11 +128,40 @@ def test_an_edited_configuration_is_kept_and_decides_the_bit_rates(
     assert "DataBitRate=4000000\n" in network
 
 
-def test_the_named_configuration_is_installed(tmp_path: Path) -> None:
+def test_the_one_file_of_an_older_installation_stays_in_force(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    old = tmp_path / FIRST
+    old.parent.mkdir(parents=True)
+    old.write_text(BENCH.replace("5_000_000", "4_000_000"))
+    installed(tmp_path)
+    assert "kept" in capsys.readouterr().out
+    assert not (tmp_path / RIG).exists()
+    assert (
+        "DataBitRate=4000000\n" in (tmp_path / FILES["network/80-orbitd-can.network"]).read_text()
+    )
+    assert all(f"--rig /{FIRST} " in unit.read_text() for unit in services(tmp_path))
+    places = (tmp_path / RIG, tmp_path / FIRST)
+    monkeypatch.setattr(launch, "SERVICE_RIGS", places)
+    assert launch.service_rig() == old
+    places[0].mkdir()
+    assert launch.service_rig() == places[0]
+
+
+def test_the_named_rig_is_installed(tmp_path: Path) -> None:
+    mine = tmp_path / "mine"
+    shutil.copytree(config.SHIPPED / "seed", mine)
+    (mine / "machine.toml").write_text((mine / "machine.toml").read_text() + "# mine\n")
+    installed(tmp_path / "root", "--rig", str(mine))
+    assert files(tmp_path / "root" / RIG) == files(mine)
+    assert all(f"--rig /{RIG} " in unit.read_text() for unit in services(tmp_path / "root"))
+
+
+def test_a_named_file_of_the_first_schema_is_installed_as_a_rig(tmp_path: Path) -> None:
     mine = tmp_path / "mine.toml"
-    mine.write_text((config.SHIPPED / "bench.toml").read_text() + "# mine\n")
+    mine.write_text(BENCH.replace("5_000_000", "4_000_000"))
     installed(tmp_path / "root", "--config", str(mine))
-    assert (tmp_path / "root" / CONFIG).read_text() == mine.read_text()
+    assert config.load(tmp_path / "root" / RIG)[0] == config.load(mine)[0]
 
 
 def test_a_wrong_configuration_installs_nothing(tmp_path: Path) -> None:
@@ -147,7 +175,7 @@ def test_a_wrong_configuration_installs_nothing(tmp_path: Path) -> None:
 def test_remove_leaves_the_configuration_alone(tmp_path: Path) -> None:
     installed(tmp_path)
     assert install.main(["--prefix", str(tmp_path), "--remove"]) == 0
-    assert list(files(tmp_path)) == [CONFIG]
+    assert {Path(name).parent for name in files(tmp_path)} == {Path(RIG)}
     assert not (tmp_path / install.DROP_INS).exists()
 
 
@@ -193,4 +221,4 @@ def test_launch_tells_the_peers(tmp_path: Path) -> None:
         parser.parse_args(["--brain-user", "root", "--runtime-dir", str(tmp_path)])
     )
     assert started.peers == {"brain": 0}
-    assert started.source.path == config.SHIPPED / "bench.toml"
+    assert started.source.path == config.SHIPPED / "bench"

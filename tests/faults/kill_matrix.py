@@ -32,6 +32,7 @@ from typing import Any, Final
 
 import msgspec
 
+from firmware_py.config.written import rig_texts, write_rig
 from firmware_py.gate import keys
 from firmware_py.gate.client import Client, NoAnswerError
 from firmware_py.gate.session import SessionError
@@ -51,7 +52,7 @@ from firmware_py.supervise import die_with_parent
 from firmware_py.wire.fields import SampleFlag
 from firmware_py.wire.link import codec_for, open_link
 from sim_hil.console import ConsoleError, ask
-from sim_hil.demo.setting import Setting, prepare, write_config
+from sim_hil.demo.setting import Setting, prepare
 
 VICTIMS: Final = ("guard", "brain", "gate", "rig")
 SIGNALS: Final = ("KILL", "STOP")
@@ -206,8 +207,8 @@ class Device:
         self.folder = folder
         device = self.setting.config.device
         self._prefix = keys.prefix(device.site, device.rig)
-        write_config(self.setting.config, folder / "orbitd.toml")
-        self._options = ["--config", str(folder / "orbitd.toml"), "--runtime-dir", str(folder)]
+        write_rig(rig_texts(self.setting.config), folder / "rig")
+        self._options = ["--rig", str(folder / "rig"), "--runtime-dir", str(folder)]
         self._seed = seed
         self.rig = self._start("hil", "--seed", str(seed))
         self.run = self._start("run")

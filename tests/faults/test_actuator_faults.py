@@ -21,7 +21,7 @@ class Played:
     """Rig and guard core against each other, a millisecond a step."""
 
     def __init__(self) -> None:
-        config = load(SHIPPED / "bench.toml")[0]
+        config = load(SHIPPED / "bench")[0]
         drawing, codec = load_rig("bench"), codec_for(config)
         self.rig = Rig(drawing, codec, node_limits(drawing, config), 3)
         self.core = GuardCore(config, codec, 77)

@@ -1,4 +1,4 @@
-"""Files that might be configurations: other machines, values nobody writes on purpose, torn
+"""Rig folders and files that might be configurations: other machines, values nobody writes on purpose, torn
 bytes."""
 
 from __future__ import annotations
@@ -9,15 +9,19 @@ import math
 import random
 from collections.abc import Callable, Iterator
 from functools import cache
+from pathlib import Path
 from typing import Any, Final, cast
 
 import msgspec
 from msgspec import inspect
 
-from firmware_py.config import SHIPPED, Config, parse
+from firmware_py.config import SHIPPED, Config, load
 from firmware_py.config.convert import ends_of
+from firmware_py.machine.folder import DEVICE, MACHINE
+from firmware_py.machine.migrate import MOVED
 
 BASES: Final = ("bench", "seed")
+FIRST: Final = "fuzz.toml"
 NUMBERS: Final = (
     math.nan,
     math.inf,
@@ -74,8 +78,12 @@ OTHERS: Final[tuple[Any, ...]] = (
 )  # fmt: skip
 
 
-def case(seed: int, i: int) -> bytes:
-    """The file of case ``i``."""
+Files = dict[str, bytes]
+"""A rig folder, or the one file of the first schema, by name."""
+
+
+def case(seed: int, i: int) -> Files:
+    """The files of case ``i``."""
     rng = random.Random(f"{seed}:{i}")
     table = _table(_base(rng.choice(BASES)))
     kind = rng.random()
@@ -87,21 +95,47 @@ def case(seed: int, i: int) -> bytes:
     else:
         for _ in range(rng.choice((1, 1, 1, 2, 3, 8))):
             _spoil(rng, table)
-    text = to_toml(table)
-    return _tear(rng, text.encode()) if rng.random() < 0.06 else text.encode()
+    files = _files(rng, table)
+    if rng.random() < 0.06:
+        torn = rng.choice(list(files))
+        files[torn] = _tear(rng, files[torn])
+    return files
 
 
-def varied(seed: int, i: int) -> bytes:
-    """A file without faults of its own keys: another machine."""
+def varied(seed: int, i: int) -> Files:
+    """Files without faults of its own keys: another machine."""
     rng = random.Random(f"varied {seed}:{i}")
     table = _table(_base(rng.choice(BASES)))
     _vary(rng, table)
-    return to_toml(table).encode()
+    return _files(rng, table)
+
+
+def written(files: Files, place: Path) -> Path:
+    """``files`` in a folder ``place``, or the one file there."""
+    place.mkdir(parents=True, exist_ok=True)
+    for name, data in files.items():
+        (place / name).write_bytes(data)
+    return place / FIRST if list(files) == [FIRST] else place
+
+
+def _files(rng: random.Random, table: dict[str, Any]) -> Files:
+    """As a rig folder, or as a file of the first schema."""
+    device, machine = dict(table), table.get("machine")
+    if isinstance(machine, dict):
+        del device["machine"]
+        if rng.random() < 0.3:
+            old = {_OLD.get(name, name): value for name, value in machine.items() if name != "name"}
+            return {FIRST: to_toml(device | old).encode()}
+        return {MACHINE: to_toml(machine).encode(), DEVICE: to_toml(device).encode()}
+    return {DEVICE: to_toml(device).encode()}
+
+
+_OLD: Final = {new: old for old, new in MOVED.items()}
 
 
 @cache
 def _base(name: str) -> Config:
-    return parse((SHIPPED / f"{name}.toml").read_text(encoding="utf-8"))[0]
+    return load(SHIPPED / name)[0]
 
 
 def _table(config: Config) -> dict[str, Any]:

@@ -13,6 +13,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 from typing import Any, Final
@@ -27,7 +28,7 @@ from firmware_py.config import Config, ConfigError
 from firmware_py.records import RoomRecord
 
 from ..guard.scripted_node import Bench
-from .config_cases import case, varied
+from .config_cases import Files, case, varied, written
 from .outcome import Outcome
 
 SECONDS_MAX: Final = 2.0
@@ -42,11 +43,14 @@ ROLES: Final = ("guard", "brain", "gate")
 # ---------------------------------------------------------------------- in process
 
 
-def judge(data: bytes, folder: Path, *, drive: bool) -> tuple[bool, str]:
+def judge(files: Files, folder: Path, *, drive: bool) -> tuple[bool, str]:
     """Whether the configuration is called good, and what is wrong with that; empty when nothing
     is."""
-    path = folder / "fuzz.toml"
-    path.write_bytes(data)
+    with tempfile.TemporaryDirectory(dir=folder) as place:
+        return _judge(written(files, Path(place)), folder, drive=drive)
+
+
+def _judge(path: Path, folder: Path, *, drive: bool) -> tuple[bool, str]:
     began = time.process_time()
     try:
         config = launch.verified(path)[0]
@@ -139,17 +143,15 @@ def run_started(seed: int, n: int, folder: Path, first: int = 0) -> Outcome:
     """Start guard, brain and gate of ``n`` cases, let good ones run a second each, and end them."""
     outcome = Outcome()
     for i in range(first, first + n):
-        data = varied(seed, i) if i % 2 else case(seed, i)  # the first are good more often
-        good, wrong = _start(data, folder / f"case{i}")
+        files = varied(seed, i) if i % 2 else case(seed, i)  # the first are good more often
+        good, wrong = _start(files, folder / f"case{i}")
         outcome.add(f"seed {seed} case {i}", good, wrong)
     return outcome
 
 
-def _start(data: bytes, folder: Path) -> tuple[bool, list[str]]:
+def _start(files: Files, folder: Path) -> tuple[bool, list[str]]:
     """Whether the configuration is called good, and what is wrong with the starts."""
-    folder.mkdir(parents=True)
-    path = folder / "fuzz.toml"
-    path.write_bytes(data)
+    path = written(files, folder / "rig")
     environment = {
         **os.environ,
         "ORBITD_BUS_DIR": str(folder),
@@ -210,7 +212,7 @@ def _process(
         "-m",
         "firmware_py",
         role,
-        "--config",
+        "--rig",
         str(path),
         "--runtime-dir",
         str(folder),

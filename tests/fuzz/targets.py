@@ -113,7 +113,7 @@ def mavlink_packets() -> tuple[Feeder, Sequence[bytes]]:
 
 def room_packets() -> tuple[Feeder, Sequence[bytes]]:
     """Packets of a room's socket through all that the gate does with a record."""
-    config = load(SHIPPED / "bench.toml")[0]
+    config = load(SHIPPED / "bench")[0]
     view, station = View(config), GroundStation(9, config, lambda *_: None)
     station.close()  # its sends fail silently, as with nobody there
     state = GuardState(
@@ -279,7 +279,7 @@ def hub_packets() -> tuple[Feeder, Sequence[bytes]]:
 
 def ground_station() -> tuple[Feeder, Sequence[bytes]]:
     """Datagrams of a ground station."""
-    config = load(SHIPPED / "bench.toml")[0]
+    config = load(SHIPPED / "bench")[0]
     desk = CommandDesk(lambda request: True)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as listener:
         listener.bind(("127.0.0.1", 0))
@@ -327,7 +327,7 @@ def normal_file() -> tuple[Feeder, Sequence[bytes]]:
 
 def manifest() -> tuple[Feeder, Sequence[bytes]]:
     """The model folder's manifest."""
-    config = load(SHIPPED / "bench.toml")[0]
+    config = load(SHIPPED / "bench")[0]
 
     def read(path: Path) -> object:
         return read_models(

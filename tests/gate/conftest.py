@@ -26,7 +26,7 @@ MODELS = {"classifier.onnx": "0" * 64}
 
 @pytest.fixture(scope="session")
 def bench() -> Config:
-    return config.load(config.SHIPPED / "bench.toml")[0]
+    return config.load(config.SHIPPED / "bench")[0]
 
 
 @pytest.fixture

@@ -28,7 +28,6 @@ from typing import NoReturn
 
 import zenoh
 
-from firmware_py import config
 from firmware_py.gate import session
 from firmware_py.gate.client import Client, NoAnswerError
 from firmware_py.guard.budget import ROOM_LIMITS
@@ -48,6 +47,7 @@ from firmware_py.wire import disarm_room
 from firmware_py.wire import mav_dialect as mav
 from firmware_py.wire.disarm_room import DisarmRoom
 from firmware_py.wire.rooms import RoomServer
+from tests.first_schema import BENCH
 
 ROOT = Path(__file__).resolve().parents[2]
 PREFIX = "orbitd/lab/bench"
@@ -181,7 +181,7 @@ def device(folder: Path) -> Iterator[tuple[int, int]]:
         with socket.socket(socket.AF_INET, kind) as probe:
             probe.bind(("127.0.0.1", 0))
             ports.append(probe.getsockname()[1])
-    text = (config.SHIPPED / "bench.toml").read_text() + f"\n[metrics]\nport = {ports[0]}\n"
+    text = BENCH + f"\n[metrics]\nport = {ports[0]}\n"
     (folder / "bench.toml").write_text(text)
     (folder / disarm_room.SOCKET).unlink(missing_ok=True)
     guarding = subprocess.Popen(
@@ -193,7 +193,7 @@ def device(folder: Path) -> Iterator[tuple[int, int]]:
             "-m",
             "firmware_py",
             "gate",
-            "--config",
+            "--rig",
             str(folder / "bench.toml"),
             "--runtime-dir",
             str(folder),

@@ -19,6 +19,7 @@ from firmware_py import config
 from firmware_py.gate.client import Client
 from firmware_py.recording import Recording
 from firmware_py.wire.rooms import RoomServer
+from tests.first_schema import BENCH
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -33,7 +34,7 @@ def free_port() -> int:
 class Process:
     def __init__(self, folder: Path, *extra: str) -> None:
         self.port = free_port()
-        text = (config.SHIPPED / "bench.toml").read_text() + f"\n[metrics]\nport = {self.port}\n"
+        text = BENCH + f"\n[metrics]\nport = {self.port}\n"
         (folder / "bench.toml").write_text(text)
         self.process = subprocess.Popen(
             [
@@ -41,7 +42,7 @@ class Process:
                 "-m",
                 "firmware_py",
                 "gate",
-                "--config",
+                "--rig",
                 str(folder / "bench.toml"),
                 "--runtime-dir",
                 str(folder),

@@ -37,7 +37,7 @@ SESSION = 0x1234
 def bench() -> Config:
     """The shipped configuration of the bench rig, with a danger delay of 1 s so that tests need not
     wait for 3."""
-    config = load(SHIPPED / "bench.toml")[0]
+    config = load(SHIPPED / "bench")[0]
     return config.replaced(limits=msgspec.structs.replace(config.limits, danger_delay_s=1.0))
 
 

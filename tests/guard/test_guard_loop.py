@@ -11,7 +11,6 @@ from pathlib import Path
 import pytest
 
 from firmware_py.clock import SimClock
-from firmware_py.config import SHIPPED
 from firmware_py.guard.core import GuardCore
 from firmware_py.guard.loop import Guard, run
 from firmware_py.guard.memory import Memory
@@ -36,6 +35,7 @@ from firmware_py.records import (
 from firmware_py.wire.codec import CanCodec
 from firmware_py.wire.disarm_room import SOCKET, DisarmRoom
 from firmware_py.wire.rooms import RoomClient, RoomServer
+from tests.first_schema import BENCH
 
 from .scripted_node import MS, SESSION, ScriptedNode, bench
 
@@ -264,13 +264,13 @@ def test_the_process_starts_serves_and_stops_cleanly(tmp_path: Path) -> None:
     """The command as installed; no bus is there beyond its own hub, so it says what it lacks."""
     env = {**os.environ, "ORBITD_BUS_DIR": str(tmp_path), "OMP_NUM_THREADS": "1"}
     config = tmp_path / "rig.toml"
-    config.write_text((SHIPPED / "bench.toml").read_text().replace('"orbitd0"', '"guardtest"'))
+    config.write_text(BENCH.replace('"orbitd0"', '"guardtest"'))
     code = "import sys; from firmware_py.guard.loop import main; sys.exit(main(sys.argv[1:]))"
     command = [
         sys.executable,
         "-c",
         code,
-        "--config",
+        "--rig",
         str(config),
         "--runtime-dir",
         str(tmp_path / "rt"),

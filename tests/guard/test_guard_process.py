@@ -13,11 +13,11 @@ from pathlib import Path
 import pytest
 
 from firmware_py.clock import Clock
-from firmware_py.config import SHIPPED
 from firmware_py.guard import loop
 from firmware_py.notify import Notifier
 from firmware_py.records import CommandReply, CommandRequest, GuardState
 from firmware_py.wire.rooms import RoomClient
+from tests.first_schema import BENCH
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -25,7 +25,7 @@ ROOT = Path(__file__).resolve().parents[2]
 def config_file(folder: Path) -> Path:
     """The shipped configuration on a serial port that is not there: no hub is started."""
     path = folder / "rig.toml"
-    text = (SHIPPED / "bench.toml").read_text()
+    text = BENCH
     assert 'link = "can"' in text
     path.write_text(
         text.replace('link = "can"', f'link = "serial"\nserial_port = "{folder}/absent"', 1)
@@ -44,7 +44,7 @@ class Process:
 
     def start(self) -> GuardState:
         """Start it and wait for what it first says of itself."""
-        command = [sys.executable, "-m", "firmware_py", "guard", "--config", str(self.config), "--runtime-dir",
+        command = [sys.executable, "-m", "firmware_py", "guard", "--rig", str(self.config), "--runtime-dir",
                    str(self.runtime)]  # fmt: skip
         self.child = subprocess.Popen(command, cwd=ROOT)
         return self.ask(None)
@@ -160,9 +160,7 @@ def test_main_notes_its_start_after_it_can_be_told_to_stop(
     runtime.mkdir()
     (runtime / "starts.json").write_text("junk")
     try:
-        assert (
-            loop.main(["--config", str(config_file(tmp_path)), "--runtime-dir", str(runtime)]) == 0
-        )
+        assert loop.main(["--rig", str(config_file(tmp_path)), "--runtime-dir", str(runtime)]) == 0
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

@@ -44,7 +44,7 @@ SECOND_NS, CYCLE_NS = 1_000_000_000, 1_000_000
 
 @cache
 def config() -> Config:
-    return load(SHIPPED / "bench.toml")[0]
+    return load(SHIPPED / "bench")[0]
 
 
 @cache

@@ -317,7 +317,7 @@ def refusal(config: Config) -> str:
 
 
 def test_the_shipped_safe_value_is_admissible_everywhere_in_the_film_solver() -> None:
-    config, _ = load(SHIPPED / "bench.toml")
+    config, _ = load(SHIPPED / "bench")
     assert not refusal(config)
     hot = viscosity_Pa_s(config.machine.lubricant, config.machine.lubricant.inlet_max_C)
     for rpm in (1500.0, 3000.0, 6000.0, 12000.0):

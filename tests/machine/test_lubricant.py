@@ -9,7 +9,7 @@ import pytest
 from firmware_py.config import SHIPPED, load
 from firmware_py.machine.lubricant import ViscosityTable, decay, viscosity_Pa_s
 
-OIL = load(SHIPPED / "bench.toml")[0].machine.lubricant
+OIL = load(SHIPPED / "bench")[0].machine.lubricant
 
 
 def exact(temperature_C: float) -> float:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 from pathlib import Path
 from typing import Any
 
@@ -9,9 +11,10 @@ import msgspec
 import pytest
 
 from firmware_py import config
+from firmware_py.commands import migrate
+from firmware_py.config.written import FolderError
 from firmware_py.machine.migrate import MOVED, first_key, upgrade
-
-BENCH = (config.SHIPPED / "bench.toml").read_text(encoding="utf-8")
+from tests.first_schema import BENCH, BENCH_FILE, SEED_FILE
 
 
 def faults(text: str) -> dict[str, config.Fault]:
@@ -32,7 +35,7 @@ def first(good: config.Config) -> dict[str, Any]:
 
 @pytest.mark.parametrize("name", ["bench", "seed"])
 def test_a_configuration_recorded_under_the_first_schema_is_read(name: str) -> None:
-    good = config.load(config.SHIPPED / f"{name}.toml")[0]
+    good = config.load(config.SHIPPED / name)[0]
     old = msgspec.json.encode(first(good))
     assert b'"machine"' not in old
     assert config.decode(old, Path("old.mcap")) == good
@@ -77,3 +80,79 @@ def test_keys_are_called_as_in_the_file() -> None:
     assert first_key("machine.channel[2].scale") == "channel[2].scale"
     assert first_key("machine.contact") == "contact"
     assert first_key("limits.min_film_um") == "limits.min_film_um"
+
+
+# ---------------------------------------------------------------------- orbitd migrate
+
+
+ODD = """# A press in the yard.
+
+device = { site = "lab", rig = "press-3" }   # who
+zenoh.listen = []
+
+# of the drawing
+[bearing]
+journal_radius_m = 0.02 # measured "twice"
+"""
+
+
+def odd_file(folder: Path) -> Path:
+    """A file with inline tables, dotted keys and remarks in every place."""
+    text = BENCH.replace('[device]\nsite = "lab"\nrig = "bench"\nmode_at_start = "monitor"\n', "")
+    head, rest = text.split("[bearing]\njournal_radius_m = 0.02\n")
+    path = folder / "old.toml"
+    path.write_text(ODD + rest + "\n# the end\n" + head.partition("changed copy.\n")[2])
+    return path
+
+
+def test_a_migrated_folder_is_the_same_configuration(tmp_path: Path) -> None:
+    for old in (BENCH_FILE, SEED_FILE, odd_file(tmp_path)):
+        folder = tmp_path / old.stem
+        assert migrate.main([str(old), str(folder)]) == 0
+        assert config.load(folder)[0] == config.load(old)[0]
+        assert sorted(path.name for path in folder.iterdir()) == ["device.toml", "machine.toml"]
+
+
+def test_every_remark_is_kept_and_every_default_shown(tmp_path: Path) -> None:
+    for old in (BENCH_FILE, SEED_FILE, odd_file(tmp_path)):
+        texts = migrate.migrated(old)
+        kept = "\n".join(texts.values())
+        for line in old.read_text().splitlines():
+            remark = line[line.rfind("#") :] if "#" in line else ""
+            assert remark.strip() in kept, remark
+    for key in ("groove_area_max_mm2 = 0.0", "hysteresis_share = 0.05", "serial_baud = 3000000"):
+        assert f"\n# {key}\n" in kept
+    assert "# of the drawing\n[bearing]\n" in texts["machine.toml"]
+    assert 'journal_radius_m = 0.02  # measured "twice"\n' in texts["machine.toml"]
+    assert texts["machine.toml"].count("following_error_um") == 1
+
+
+def test_what_is_there_is_never_written_over(tmp_path: Path) -> None:
+    there = tmp_path / "there"
+    for made in (there.mkdir, there.touch, lambda: there.symlink_to("nowhere")):
+        made()
+        with pytest.raises(FolderError, match="is there already"):
+            migrate.main([str(BENCH_FILE), str(there)])
+        there.rmdir() if there.is_dir() else there.unlink()
+    with pytest.raises(FolderError, match="name a folder that this user may make"):
+        migrate.main([str(BENCH_FILE), str(tmp_path / "no" / "folder")])
+    with pytest.raises(FolderError, match="is a folder, not a file of the first schema"):
+        migrate.main([str(config.SHIPPED / "bench"), str(there)])
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_is_there_whole_or_not_at_all(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    wrong = tmp_path / "wrong.toml"
+    wrong.write_text(BENCH.replace("film_max_C = 60.0", "film_max_C = nan"))
+    with pytest.raises(config.ConfigError, match=r"wrong\.toml:38: oil\.film_max_C"):
+        migrate.main([str(wrong), str(tmp_path / "rig")])
+
+    def full(descriptor: int) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(FolderError, match="No space left on device"):
+        migrate.main([str(BENCH_FILE), str(tmp_path / "rig")])
+    assert list(tmp_path.iterdir()) == [wrong]

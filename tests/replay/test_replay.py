@@ -34,7 +34,7 @@ from sim_hil.closed_loop import ClosedLoop
 from sim_hil.rig import Rig, node_limits
 from sim_hil.rigs import load_rig
 
-BENCH = config.load(config.SHIPPED / "bench.toml")[0]
+BENCH = config.load(config.SHIPPED / "bench")[0]
 UNIX_NS = 1_800_000_000_000_000_000
 START_NS = 5_000_000_000
 SESSION = 0xC0FFEE

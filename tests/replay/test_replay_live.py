@@ -9,23 +9,19 @@ from pathlib import Path
 
 import pytest
 
-from firmware_py import config
 from firmware_py.gate.client import Client
 from firmware_py.gate.session import SessionError
 from firmware_py.replay.command import replay
+from tests.first_schema import BENCH
 
 ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.mark.slow
 def test_a_live_recording_of_a_killed_gate_replays_bit_by_bit(tmp_path):
-    text = (
-        (config.SHIPPED / "bench.toml")
-        .read_text()
-        .replace('"orbitd0"', f'"replay{time.monotonic_ns()}"')
-    )
+    text = BENCH.replace('"orbitd0"', f'"replay{time.monotonic_ns()}"')
     (tmp_path / "bench.toml").write_text(text)
-    options = ["--config", str(tmp_path / "bench.toml"), "--runtime-dir", str(tmp_path)]
+    options = ["--rig", str(tmp_path / "bench.toml"), "--runtime-dir", str(tmp_path)]
 
     def start(*words: str) -> subprocess.Popen[bytes]:
         return subprocess.Popen(

@@ -19,7 +19,7 @@ class Served:
     """A console polled by a thread of its own; the rig advances only by hand."""
 
     def __init__(self, folder: Path) -> None:
-        config, _ = load(SHIPPED / "bench.toml")
+        config, _ = load(SHIPPED / "bench")
         self.folder = folder
         self.rig = make_rig(config, "bench", 1)
         for i in range(250):

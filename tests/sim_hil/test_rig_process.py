@@ -60,7 +60,7 @@ def test_a_heartbeat_limit_out_of_bounds_is_refused_by_name(
 @pytest.mark.parametrize("limit_s", [0.5, 5.0])
 def test_the_rig_hands_its_heartbeat_limit_to_the_drive(limit_s: float) -> None:
     rig = server.make_rig(
-        load(SHIPPED / "bench.toml")[0], "bench", 1, nominal=True, heartbeat_limit_s=limit_s
+        load(SHIPPED / "bench")[0], "bench", 1, nominal=True, heartbeat_limit_s=limit_s
     )
     rig.drive.hear(DeviceHeartbeat(1, 7, 0, 0, True, False), 0)
     rig.drive.watch(round(limit_s * 1e6))

@@ -27,7 +27,7 @@ from sim_hil.server import make_rig
 
 MS = 1_000_000
 CODEC = CanCodec()
-CONFIG, _ = load(SHIPPED / "bench.toml")
+CONFIG, _ = load(SHIPPED / "bench")
 
 
 def bench(seed: int = 1) -> Rig:
@@ -269,7 +269,7 @@ def test_the_nodes_clock_drifts_within_its_data_sheet() -> None:
 @pytest.mark.parametrize("name", ["bench", "seed"])
 def test_a_rig_starts_within_what_its_shipped_configuration_declares(name: str) -> None:
     """A rig that starts faster trips speed-high before anybody can tell it otherwise."""
-    config = load(SHIPPED / f"{name}.toml")[0]
+    config = load(SHIPPED / name)[0]
     rig, operating = make_rig(config, name, 3), config.machine.operating
     for step in range(1, 300):
         rig.step(step * MS, [])

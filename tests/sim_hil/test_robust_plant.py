@@ -198,7 +198,7 @@ def test_film_between_a_resting_journal_and_a_closing_wall(eps: float) -> None:
 
 
 def test_the_rig_survives_a_trip_to_standstill_and_a_new_start() -> None:
-    config, _ = load(SHIPPED / "bench.toml")
+    config, _ = load(SHIPPED / "bench")
     codec, rig = CanCodec(), make_rig(config, "bench", 1)
 
     clock = count(0, 20_000_000)

@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import firmware_py
-from firmware_py.config import load
+from firmware_py.config import SHIPPED, load
 from firmware_py.records import (
     CHANNELS,
     Command,
@@ -155,7 +155,7 @@ def test_the_crc_is_the_published_one() -> None:
 
 
 def test_sample_scales_are_those_of_the_shipped_configuration() -> None:
-    config, _ = load(PACKAGE / "configs" / "bench.toml")
+    config, _ = load(SHIPPED / "bench")
     si_per_unit = {"um": 1e-6, "m/s2": 1.0, "Pa": 1.0, "bar": 1.0, "V": 1.0}
     for channel in config.machine.channel:
         signal = MESSAGES[FrameId.SAMPLES].get_signal_by_name(f"{channel.name}_0")

@@ -13,7 +13,7 @@ from pathlib import Path
 import can
 import pytest
 
-from firmware_py.config import load
+from firmware_py.config import SHIPPED, load
 from firmware_py.records import RawFrame
 from firmware_py.wire.can_link import BATCH, RETRY_NS, CanLink, bus_opener
 from firmware_py.wire.codec import CanCodec
@@ -274,7 +274,7 @@ def test_an_absent_socketcan_interface_is_named(caplog: pytest.LogCaptureFixture
 
 
 def test_the_configuration_chooses_link_and_codec() -> None:
-    config, _ = load(Path(__file__).parents[2] / "firmware_py" / "configs" / "bench.toml")
+    config, _ = load(SHIPPED / "bench")
     assert isinstance(codec_for(config), CanCodec)
     device, rig = open_link(config, "device"), open_link(config, "rig")
     assert rig.send(RawFrame(0, 0x0C0, bytes(64)))

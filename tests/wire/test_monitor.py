@@ -9,15 +9,15 @@ from pathlib import Path
 
 import pytest
 
-from firmware_py.config import load, parse
+from firmware_py.config import SHIPPED, load, parse
 from firmware_py.records import Command, DeviceHeartbeat, RawFrame, SampleFrame
 from firmware_py.wire.codec import CanCodec
 from firmware_py.wire.hub_connect import DIRECTORY_VARIABLE
 from firmware_py.wire.monitor import Monitor, NoBusError, dump, monitor, wire_seconds
+from tests.first_schema import BENCH
 
 ROOT = Path(__file__).resolve().parents[2]
-BENCH = ROOT / "firmware_py" / "configs" / "bench.toml"
-CONFIG, _ = load(BENCH)
+CONFIG, _ = load(SHIPPED / "bench")
 CODEC = CanCodec()
 
 
@@ -90,7 +90,7 @@ def test_the_table_is_printed_for_people(capsys: pytest.CaptureFixture[str]) -> 
 
 
 def test_an_absent_bus_is_a_named_error() -> None:
-    text = BENCH.read_text().replace('interface = "orbitd_hub"', 'interface = "socketcan"')
-    config, _ = parse(text.replace('channel = "orbitd0"', 'channel = "orbitd-none"'), BENCH)
+    text = BENCH.replace('interface = "orbitd_hub"', 'interface = "socketcan"')
+    config, _ = parse(text.replace('channel = "orbitd0"', 'channel = "orbitd-none"'))
     with pytest.raises(NoBusError, match=r"\[bus\]"):
         monitor(config, 0.1, as_json=True)

@@ -16,7 +16,7 @@ from sim_hil.demo.story import (
     draw,
 )
 
-OPERATING = load(SHIPPED / "bench.toml")[0].machine.operating
+OPERATING = load(SHIPPED / "bench")[0].machine.operating
 
 
 def story(seconds: float = 120.0, seed: int = 1, fault: str | None = None) -> Story:
