@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import msgspec
 
+from firmware_py.guard.tally import Tally
 from firmware_py.records import Alarm, Severity
 
 QUIET_NS = -1
@@ -31,7 +32,8 @@ class AlarmState(msgspec.Struct):
     """Where an alarm stands.
 
     ``over_ns`` is how long the limit has been passed without a return, in judged time;
-    ``judged_ns`` is the end of what was judged or held last.
+    ``judged_ns`` is the end of what was judged or held last.  ``kept`` is what is left of earlier
+    times above the limit, for a limit whose times add up.
     """
 
     name: str
@@ -43,6 +45,7 @@ class AlarmState(msgspec.Struct):
     since_ns: int = 0
     value: float = 0.0
     limit: float = 0.0
+    kept: Tally = msgspec.field(default_factory=Tally)
 
     def judge(
         self,
@@ -53,19 +56,24 @@ class AlarmState(msgspec.Struct):
         delay_ns: int,
         hysteresis: float,
         complete: bool,
+        adds_up: bool = False,
     ) -> bool:
         """Hold ``value`` against ``limit`` at ``t_ns``; True when the alarm begins to stand.
 
         A value over an incomplete turn can be too small, never too large: it may raise, not clear,
-        and below the limit it does not count.
+        and below the limit it does not count.  With ``adds_up``, a return takes back only part of
+        the time that went before (:mod:`firmware_py.guard.tally`).
         """
         passed_ns, self.judged_ns = max(0, t_ns - self.judged_ns), t_ns
         self.value, self.limit = value, limit
         if value > limit:
-            self.over_ns = 0 if self.over_ns == QUIET_NS else self.over_ns + passed_ns
+            self.over_ns = self._begun() if self.over_ns == QUIET_NS else self.over_ns + passed_ns
         elif not complete:
             return False
         elif value <= limit * (1.0 - hysteresis):
+            if adds_up:
+                self.kept.add(True, max(self.over_ns, 0), delay_ns)
+                self.kept.add(False, passed_ns, delay_ns)
             self.over_ns = QUIET_NS
             self.standing = self.standing and self.latching
         elif self.over_ns != QUIET_NS:
@@ -74,6 +82,17 @@ class AlarmState(msgspec.Struct):
             return False
         self.standing, self.since_ns = True, t_ns
         return True
+
+    def _begun(self) -> int:
+        """What a time above the limit begins with."""
+        begun_ns = self.kept.amount
+        self.kept.clear()
+        return begun_ns
+
+    def forget(self) -> None:
+        """The limit does not matter now: no time above it is left."""
+        self.over_ns = QUIET_NS
+        self.kept.clear()
 
     def hold(self, t_ns: int) -> None:
         """Nothing can be said of the time up to ``t_ns``: the timer keeps what it has, the alarm
@@ -85,6 +104,7 @@ class AlarmState(msgspec.Struct):
         any more."""
         if self.over_ns == QUIET_NS:
             self.standing = False
+            self.kept.clear()
         return not self.standing
 
     def record(self) -> Alarm:

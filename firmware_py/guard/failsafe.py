@@ -178,6 +178,7 @@ FAILSAFES: Final = (
     _supervised("node_not_expired", Action.TAKE_AUTHORITY),
     _supervised("node_not_following", Action.TAKE_AUTHORITY, bars_arming=False),
     _supervised("node_target_differs", Action.TAKE_AUTHORITY),
+    _supervised("node_counter_frozen", Action.TAKE_AUTHORITY, bars_arming=False),
     _supervised("node_refuses", Action.TAKE_AUTHORITY, bars_arming=False),
     _supervised("clearance_not_following", Action.TAKE_AUTHORITY),
     _supervised("target_reverses", Action.TAKE_AUTHORITY, bars_arming=False),
@@ -260,7 +261,7 @@ FAILSAFES: Final = (
     ),
     _doubt(
         "oil_pressure_lost",
-        ("pressure_actual_not_ok", "pressure_mismatch"),
+        ("pressure_actual_not_ok", "pressure_mismatch", "pressure_unknown"),
         "the supply pressure is not known; the worst declared load counts",
     ),
     _doubt(

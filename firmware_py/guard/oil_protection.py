@@ -3,8 +3,9 @@ and a permissive.
 
 The pressure is the lower of what RIG_STATUS and the channel ``supply_pressure`` show, where they
 are OK: a bearing without oil is lost in seconds.  A reading that is not OK holds the timers: it
-neither trips nor resets one.  Danger of low pressure is judged while the shaft turns; a machine at
-rest may have its pump off.
+neither trips nor resets one.  While a source is missing or doubted, what is seen low still counts,
+and what is not does not end it; times beyond a limit add up where the value comes back between.
+Danger of low pressure is judged while the shaft turns; a machine at rest may have its pump off.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import msgspec
 
 from firmware_py.config import Config
 from firmware_py.guard.alarm import QUIET_NS, AlarmState, Notice
+from firmware_py.guard.readings import Pressure
 from firmware_py.machine.lubricant import COLD_C
 from firmware_py.records import Alarm, Severity
 
@@ -74,16 +76,18 @@ class OilProtection:
                 self.state.alarms[name].standing = True
 
     def step(
-        self, pressure_bar: float | None, outlet_C: float | None, turning: bool, now_ns: int
+        self, pressure: Pressure, outlet_C: float | None, turning: bool, now_ns: int
     ) -> list[Notice]:
-        """Judge the lower credible supply pressure and the outlet; None where neither reading is
-        OK."""
+        """Judge the lower credible supply pressure and the outlet; None where nothing is credible.
+
+        A pressure that is not whole counts where it is low, and ends nothing.
+        """
         notices = []
         self.state.turning = turning
         for watch in self._watches:
             alarm, value = (
                 self.state.alarms[watch.name],
-                pressure_bar if watch.unit == "bar" else outlet_C,
+                pressure.bar if watch.unit == "bar" else outlet_C,
             )
             if value is None or now_ns - alarm.judged_ns > GAP_NS:
                 alarm.hold(now_ns)
@@ -91,7 +95,7 @@ class OilProtection:
                 continue
             if watch.unit == "bar" and watch.severity is Severity.DANGER and not turning:
                 alarm.hold(now_ns)
-                alarm.over_ns = QUIET_NS  # a machine at rest needs no oil
+                alarm.forget()  # a machine at rest needs no oil
                 continue
             stood = alarm.standing
             began = alarm.judge(
@@ -100,7 +104,8 @@ class OilProtection:
                 now_ns,
                 delay_ns=self._delays_ns[watch.severity],
                 hysteresis=self._hysteresis,
-                complete=True,
+                complete=pressure.whole or watch.unit != "bar",
+                adds_up=True,
             )
             alarm.value, alarm.limit = value, watch.limit
             if began:

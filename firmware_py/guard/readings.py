@@ -14,6 +14,9 @@ clearance      the bearing's, with a margin          the actuator's, three times
 shaft_power    plus and minus the most of the film   none: a torque steps         speed: frozen while it changes
 pressure       zero to the most, with a margin       none: a valve steps          the channel ``supply_pressure``
 ============== ===================================== ============================ ===========================
+
+Where reading and channel of the pressure are both not OK, that is an alarm of its own
+(``pressure_unknown``), and what they still show counts where it is low.
 """
 
 from __future__ import annotations
@@ -26,8 +29,19 @@ import numpy as np
 
 from firmware_py.config import Config
 from firmware_py.guard.alarm import AlarmState, Notice
+from firmware_py.guard.tally import Tally
 from firmware_py.machine.lubricant import COLD_C, ViscosityTable
-from firmware_py.records import CHANNELS, N_CHANNELS, Alarm, Block, NodeState, RigStatus, Severity
+from firmware_py.records import (
+    CHANNELS,
+    N_CHANNELS,
+    Alarm,
+    Block,
+    ChannelCause,
+    NodeState,
+    RigStatus,
+    Severity,
+    cause_of,
+)
 
 OIL, CLEARANCE, POWER, PRESSURE = "oil_outlet", "clearance_actual", "shaft_power", "pressure_actual"
 
@@ -57,7 +71,16 @@ which goes with its square), or the friction by what warms the oil by so much, n
 measures."""
 
 MISMATCH_NS: Final = 2_000_000_000
-"""Two readings of the pressure may differ for so long: one is filtered, and the other 50 ms old."""
+"""Two readings of the pressure may differ for so long: one is filtered, and the other 50 ms old.
+Where they agree between, the time adds up (:mod:`firmware_py.guard.tally`)."""
+
+BLIND_NS: Final = 500_000_000
+"""Reading and channel of the pressure may be without a value together for so long."""
+
+ALONE_NS: Final = 60_000_000_000
+"""A source of the pressure that comes and goes is not gone: until the other has been alone for so
+long, it neither ends a mismatch nor says that low pressure is over.  Twice the time after which a
+channel with a bad contact is believed again."""
 
 SUPPLY: Final = CHANNELS.index("supply_pressure")
 SUPPLY_PERIOD_NS: Final = 50_000_000
@@ -89,6 +112,17 @@ class Known(NamedTuple):
     power_W: float | None
 
 
+class Pressure(NamedTuple):
+    """The supply pressure that counts for its limits.
+
+    ``bar`` is the lowest that may be believed, None where nothing may.  ``whole`` False: a source
+    is missing or doubted, so that the pressure may be low where the other shows none of it.
+    """
+
+    bar: float | None
+    whole: bool
+
+
 class ReadingState(msgspec.Struct):
     """One reading: the newest value, the last that was believed, until when it is doubted, and
     since when it froze."""
@@ -96,6 +130,7 @@ class ReadingState(msgspec.Struct):
     value: float = 0.0
     believed: float | None = None
     doubted_ns: int = NEVER_NS
+    plausible: bool = True
     same_ns: int = NEVER_NS
     driver_low: float = 0.0
     driver_high: float = 0.0
@@ -116,7 +151,12 @@ class ReadingsState(msgspec.Struct):
     fresh: bool = False
     supply_bar: float | None = None
     supply_ns: int = NEVER_NS
-    apart_ns: int = NEVER_NS
+    supply_doubted_bar: float | None = None
+    compared_ns: int = NEVER_NS
+    both_ns: int = NEVER_NS
+    apart: Tally = msgspec.field(default_factory=Tally)
+    blind: Tally = msgspec.field(default_factory=Tally)
+    blind_ns: int = NEVER_NS
 
 
 class Readings:
@@ -166,6 +206,7 @@ class Readings:
             for name in self.rows
         }
         alarms["stale"] = AlarmState("readings_stale", int(Severity.FAULT), latching=False)
+        alarms["blind"] = AlarmState("pressure_unknown", int(Severity.FAULT), latching=False)
         alarms["mismatch"] = AlarmState("pressure_mismatch", int(Severity.FAULT), latching=False)
         self.state = ReadingsState({name: ReadingState() for name in self.rows}, alarms)
 
@@ -206,6 +247,7 @@ class Readings:
             passed_s = (status.tick_us - s.tick_us) % TICKS * 1e-6 if s.tick_us >= 0 else None
             s.tick_us, s.heard_ns = status.tick_us, heard_ns
             self._judge(status, passed_s, node, speed_rad_s, now_ns, notices)
+        self._see_pressure(now_ns, notices)
         return notices
 
     def _judge(self, status: RigStatus, passed_s: float | None, node: NodeState | None, speed_rad_s: float,
@@ -223,7 +265,7 @@ class Readings:
                     f"has stood still for {FROZEN_NS * 1e-9:g} s while what drives it moved",
                     value,
                 )
-            state.value = value
+            state.value, state.plausible = value, not cause
             if cause:
                 state.doubted_ns = now_ns
                 text = f"{row.field} = {value:.6g} {row.unit} {cause}; check its sensor and cable"
@@ -247,13 +289,16 @@ class Readings:
         """The reading of the pressure beside its channel, where both are OK by themselves."""
         s, limit_bar = self.state, self._config.machine.readings.pressure_mismatch_bar
         slow_bar, fast_bar = self.value(PRESSURE), self.supply_bar(now_ns)
-        if slow_bar is None or fast_bar is None or abs(slow_bar - fast_bar) <= limit_bar:
-            s.apart_ns = NEVER_NS
-        elif s.apart_ns == NEVER_NS:
-            s.apart_ns = now_ns
-        if s.apart_ns == NEVER_NS:
-            self._tell("mismatch", "", 0.0, limit_bar, now_ns, notices)
-        elif now_ns - s.apart_ns >= MISMATCH_NS:
+        if slow_bar is None or fast_bar is None:
+            if now_ns - s.compared_ns >= ALONE_NS:
+                s.apart.clear()
+                self._tell("mismatch", "", 0.0, limit_bar, now_ns, notices)
+            return
+        passed_ns, s.compared_ns = min(now_ns - s.compared_ns, self._age_max_ns), now_ns
+        apart_bar = abs(slow_bar - fast_bar)
+        apart = apart_bar > limit_bar
+        s.apart.add(apart, passed_ns, MISMATCH_NS + self._age_max_ns)
+        if apart and s.apart.amount - passed_ns >= MISMATCH_NS:
             self._tell(
                 "mismatch",
                 (
@@ -262,19 +307,56 @@ class Readings:
                     f"readings.pressure_mismatch_bar = {limit_bar:g} for {MISMATCH_NS * 1e-9:g} "
                     f"s); check both sensors"
                 ),
-                abs((slow_bar or 0.0) - (fast_bar or 0.0)),
+                apart_bar,
                 limit_bar,
                 now_ns,
                 notices,
             )
+        elif not apart and not s.apart.amount:
+            self._tell("mismatch", "", apart_bar, limit_bar, now_ns, notices)
+
+    def _see_pressure(self, now_ns: int, notices: list[Notice]) -> None:
+        """Whether anything shows the supply pressure.
+
+        Where neither samples nor readings come at all, the node is silent, which says more.
+        """
+        s = self.state
+        slow, fast = self.value(PRESSURE), self.supply_bar(now_ns)
+        passed_ns = min(now_ns - s.blind_ns, self._age_max_ns) if s.blind_ns != NEVER_NS else 0
+        s.blind_ns = now_ns
+        if slow is not None and fast is not None:
+            s.both_ns = now_ns
+        if not s.fresh and now_ns - s.supply_ns > self._age_max_ns:
+            return
+        if s.blind.add(slow is None and fast is None, passed_ns, BLIND_NS):
+            self._tell(
+                "blind",
+                "neither the reading pressure_actual nor the channel supply_pressure is OK: low "
+                "supply pressure trips only where it is still seen; repair one of the two",
+                0.0,
+                0.0,
+                now_ns,
+                notices,
+            )
+        elif not s.blind.amount:
+            self._tell("blind", "", 0.0, 0.0, now_ns, notices)
 
     def _average(self, block: Block, now_ns: int) -> None:
-        """Mean of the channel ``supply_pressure`` over ``block``; None while it is not OK."""
+        """Mean of the channel ``supply_pressure`` over ``block``; None while it is not OK.
+
+        A clean block of a channel with a bad contact is kept apart.
+        """
         s, (scale, offset) = self.state, self._supply
-        s.supply_ns, s.supply_bar = now_ns, None
+        s.supply_ns, s.supply_bar, s.supply_doubted_bar = now_ns, None, None
+        counts = np.frombuffer(block.samples, "<i2")[SUPPLY::N_CHANNELS]
+        mean_bar = int(counts.sum(dtype=np.int64)) / len(counts) * scale + offset
         if block.channel_ok >> SUPPLY & 1:
-            counts = np.frombuffer(block.samples, "<i2")[SUPPLY::N_CHANNELS]
-            s.supply_bar = int(counts.sum(dtype=np.int64)) / len(counts) * scale + offset
+            s.supply_bar = mean_bar
+        elif (
+            cause_of(block.channel_cause, SUPPLY) == ChannelCause.INTERMITTENT
+            and not block.unusable >> SUPPLY & 1
+        ):
+            s.supply_doubted_bar = mean_bar
 
     def _tell(
         self, name: str, cause: str, value: float, limit: float, now_ns: int, notices: list[Notice]
@@ -348,10 +430,20 @@ class Readings:
             return None
         return Known(oil_C, clearance_um, pressure_bar, self.value(POWER))
 
-    def pressure_bar(self, now_ns: int) -> float | None:
-        """The lower of reading and channel where they are OK; None where neither is."""
+    def pressure(self, now_ns: int) -> Pressure:
+        """The lower of reading and channel where they are OK.
+
+        Where neither is, the lower of what each shows that is plausible by itself: it may still
+        show low pressure, which counts, and says nothing where it shows none.
+        """
+        s, reading = self.state, self.state.readings[PRESSURE]
         found = [bar for bar in (self.value(PRESSURE), self.supply_bar(now_ns)) if bar is not None]
-        return min(found, default=None)
+        if found:
+            return Pressure(min(found), len(found) == 2 or now_ns - s.both_ns >= ALONE_NS)
+        doubted = [reading.value] if s.fresh and reading.plausible else []
+        if s.supply_doubted_bar is not None and now_ns - s.supply_ns <= self._age_max_ns:
+            doubted.append(s.supply_doubted_bar)
+        return Pressure(min(doubted, default=None), whole=False)
 
     def standing(self) -> list[Alarm]:
         """Every alarm that stands now."""

@@ -5,6 +5,7 @@ import msgspec
 import pytest
 
 from firmware_py.guard.oil_protection import OilProtection, OilProtectionState
+from firmware_py.guard.readings import Pressure
 from firmware_py.records import ArmState
 
 from .scripted_node import MS, Bench, bench, working
@@ -24,11 +25,15 @@ class Alone:
         bar: float | None = 1.0,
         outlet_C: float | None = 41.0,
         turning: bool = True,
+        whole: bool = True,
     ) -> list[str]:
         told = []
         for _ in range(round(seconds * 100)):
             self.now_ns += 10 * MS
-            told += [n.name for n in self.stage.step(bar, outlet_C, turning, self.now_ns)]
+            told += [
+                n.name
+                for n in self.stage.step(Pressure(bar, whole), outlet_C, turning, self.now_ns)
+            ]
         return told
 
 
@@ -79,6 +84,30 @@ def test_a_reading_that_is_not_ok_holds_the_timer(bad: dict[str, float]) -> None
         again.run(0.1 * DELAY_S, **bad)
         again.run(0.1, **lost)
     assert again.stage.tripped
+
+
+def test_low_pressure_before_and_after_what_says_nothing_adds_up() -> None:
+    alone = Alone()
+    alone.run(1.0)
+    alone.run(0.6 * DELAY_S, bar=0.1)
+    assert alone.run(30.0, bar=None) == []
+    assert alone.run(30.0, bar=1.0, whole=False) == []
+    assert "oil_pressure_low_danger" in alone.run(0.5 * DELAY_S, bar=0.1, whole=False)
+
+
+@pytest.mark.parametrize(("low_s", "well_s", "trips"), [
+    (0.06, 0.04, True), (0.2, 0.2, True), (0.6 * DELAY_S, 0.4 * DELAY_S, True), (0.04, 0.06, False),
+])  # fmt: skip
+def test_low_pressure_that_comes_and_goes_trips_where_it_is_there_half_of_the_time(
+    low_s: float, well_s: float, trips: bool
+) -> None:
+    alone, told = Alone(), []
+    for _ in range(round(20.0 * DELAY_S / (low_s + well_s))):
+        told += alone.run(low_s, bar=0.1) + alone.run(well_s)
+    assert ("oil_pressure_low_danger" in told) == trips
+    alone.run(1.0 + DELAY_S)
+    assert alone.stage.reset() == []
+    assert "oil_pressure_low_danger" not in alone.run(0.9 * DELAY_S, bar=0.1)
 
 
 def test_a_machine_at_rest_may_have_its_pump_off() -> None:

@@ -11,11 +11,13 @@ from firmware_py.guard.readings import (
     OIL,
     POWER,
     PRESSURE,
+    SUPPLY,
+    Pressure,
     Readings,
     ReadingsState,
     power_max_W,
 )
-from firmware_py.records import Block, NodeMode, NodeState, RigStatus
+from firmware_py.records import Block, ChannelCause, NodeMode, NodeState, RigStatus
 
 from .scripted_node import MS, Bench, bench, working
 
@@ -132,6 +134,8 @@ def test_the_pressure_is_held_against_its_channel() -> None:
     assert not found.authority
     b.node.supply_bar = None
     b.run(0.2)
+    assert "pressure_mismatch" in [a.name for a in last_state(b).alarms]
+    b.run(2.5)
     assert "pressure_mismatch" not in [a.name for a in last_state(b).alarms]
 
 
@@ -144,6 +148,7 @@ class Alone:
     def __init__(self) -> None:
         self.stage, self.now_ns, self.count = Readings(bench()), 10**10, 0
         self.target_um, self.speed_rad_s = 50.0, 600.0
+        self.blocks: list[Block] = []
         self.values = {"shaft_power_W": 50.0, "oil_outlet_C": 41.0, "clearance_actual_um": 50.0,
                        "pressure_actual_bar": 1.0}  # fmt: skip
 
@@ -158,7 +163,9 @@ class Alone:
             }
             status = RigStatus(self.count, tick, **values)
             node = NodeState(0, tick, NodeMode.SAFE, 0, 0, self.target_um, 1.0, True, 0, 0, 0, 0)
-            notices = self.stage.step([], status, self.now_ns, node, self.speed_rad_s, self.now_ns)
+            notices = self.stage.step(
+                self.blocks, status, self.now_ns, node, self.speed_rad_s, self.now_ns
+            )
             told += [n.name for n in notices]
         return told
 
@@ -227,12 +234,94 @@ def test_the_channel_counts_only_while_it_is_ok_and_fresh() -> None:
     samples = np.full((30, 8), 1500, "<i2").tobytes()
     block = Block(0, 0, 200_000, 0, 200, 0, 0xFF, 600.0, 0, [], samples)
     stage.step([block], None, 0, None, 600.0, 10**10)
-    assert stage.pressure_bar(10**10) == pytest.approx(1.5)
-    assert stage.pressure_bar(10**10 + 300 * MS) is None
+    assert stage.pressure(10**10) == (pytest.approx(1.5), True)
+    assert stage.pressure(10**10 + 300 * MS) == (None, False)
     stage.step(
         [msgspec.structs.replace(block, channel_ok=0xBF)], None, 0, None, 600.0, 10**10 + 60 * MS
     )
-    assert stage.pressure_bar(10**10 + 60 * MS) is None
+    assert stage.pressure(10**10 + 60 * MS) == (None, False)
+
+
+class TwoSources(Alone):
+    """Reading and channel of the pressure; a channel that is not OK has a bad contact."""
+
+    def see(
+        self, slow_bar: float, fast_bar: float, seconds: float = 0.05, channel: str = "ok"
+    ) -> list[str]:
+        self.values["pressure_actual_bar"] = slow_bar
+        told = []
+        for _ in range(round(seconds / 0.05)):
+            counts = np.full((30, 8), round(1000 * fast_bar), "<i2").tobytes()
+            block = Block(0, 0, 200_000, 0, 200, 0, 0xFF, 600.0, 0, [], counts)
+            if channel != "ok":
+                block = msgspec.structs.replace(
+                    block,
+                    channel_ok=0xBF,
+                    channel_cause=int(ChannelCause.INTERMITTENT) << 4 * SUPPLY,
+                    unusable=0 if channel == "clean" else 1 << SUPPLY,
+                )
+            self.blocks = [block]
+            told += self.step()
+        return told
+
+    @property
+    def pressure(self) -> Pressure:
+        return self.stage.pressure(self.now_ns)
+
+
+def test_both_sources_bad_is_named_and_what_they_show_low_still_counts() -> None:
+    two = TwoSources()
+    assert two.see(1.0, 1.0, 2.0) == []
+    assert two.pressure == (pytest.approx(1.0), True)
+    assert two.see(1.0, 1.0, 1.0, "bad") == []
+    assert two.pressure == (pytest.approx(1.0), False)
+    assert two.see(9.0, 1.0, 0.6, "bad") == ["pressure_actual_not_ok", "pressure_unknown"]
+    assert two.pressure == (None, False)
+    assert two.see(0.1, 1.0, 0.05, "bad") == []
+    assert two.pressure == (pytest.approx(0.1), False)
+    assert two.see(9.0, 0.2, 0.05, "clean") == []
+    assert two.pressure == (pytest.approx(0.2), False)
+    assert "low supply pressure" in two.stage.doubts["pressure_unknown"]
+    told = two.see(1.0, 1.0, 11.0)
+    assert told == ["pressure_unknown_ended", "pressure_actual_not_ok_ended"]
+    assert two.pressure == (pytest.approx(1.0), True)
+
+
+def test_both_sources_bad_in_turn_with_good_ones_is_named() -> None:
+    two, told = TwoSources(), []
+    two.see(9.0, 1.0, 0.2)
+    for _ in range(50):
+        told += two.see(9.0, 1.0, 0.05, "bad") + two.see(9.0, 1.0, 0.05)
+    assert told == ["pressure_unknown"]
+    assert two.see(9.0, 1.0, 1.0) == ["pressure_unknown_ended"]
+
+
+def test_a_source_that_is_gone_for_good_leaves_the_other() -> None:
+    two = TwoSources()
+    two.see(1.0, 1.0, 1.0)
+    two.see(1.0, 1.0, 59.0, "bad")
+    assert not two.pressure.whole
+    two.see(1.0, 1.0, 2.0, "bad")
+    assert two.pressure == (pytest.approx(1.0), True)
+
+
+@pytest.mark.parametrize("between", ["agree", "channel away"])
+def test_a_mismatch_that_comes_and_goes_adds_up_and_stays(between: str) -> None:
+    two, told = TwoSources(), []
+    two.see(1.0, 1.0, 1.0)
+    for _ in range(60):
+        told += two.see(1.0, 2.0, 0.15)
+        told += two.see(1.0, 1.0, 0.1) if between == "agree" else two.see(1.0, 2.0, 0.1, "bad")
+    assert told == ["pressure_mismatch"]
+    assert two.stage.known() is None
+    assert two.see(1.0, 1.0, 3.0) == ["pressure_mismatch_ended"]
+
+
+def test_a_mismatch_ends_where_nothing_is_left_to_compare() -> None:
+    two = TwoSources()
+    assert two.see(1.0, 2.0, 3.0) == ["pressure_mismatch"]
+    assert two.see(1.0, 2.0, 59.0, "bad") == []
+    assert two.see(1.0, 2.0, 2.0, "bad") == ["pressure_mismatch_ended"]
 
 
 def test_the_range_of_the_power_follows_the_machine_or_the_key() -> None:

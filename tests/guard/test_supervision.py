@@ -7,6 +7,7 @@ import msgspec
 import pytest
 
 from firmware_py.guard.core import CoreState, GuardCore
+from firmware_py.guard.supervision.following import Following, Quantity
 from firmware_py.guard.supervision.recent import Span, extremes, note
 from firmware_py.records import ArmState, DeviceHeartbeat, GuardState, NodeState
 from firmware_py.wire.codec import CanCodec
@@ -14,6 +15,7 @@ from firmware_py.wire.codec import CanCodec
 from .scripted_node import MS, SESSION, Bench, ScriptedNode, bench, working
 
 CODEC = CanCodec()
+QUANTITY = Quantity("x", "um", "measured x", 5.0, 50.0, 300 * MS, 1000 * MS)
 
 
 def state(b: Bench) -> GuardState:
@@ -188,6 +190,30 @@ def test_one_that_sticks_now_and_then_is_an_alarm() -> None:
     assert "clearance_not_following" in b.names()
 
 
+@pytest.mark.parametrize(("of_ten", "off_um", "within_s"), [
+    ("XXXXXX....", 10.0, 8.0), ("X.X.X.X.X.", -10.0, 22.0), ("X.X.X.X.X.", 22.0, 8.0), ("X.........", 10.0, 0.0),
+])  # fmt: skip
+def test_an_error_that_comes_and_goes_adds_up(of_ten: str, off_um: float, within_s: float) -> None:
+    alone, told, now_ns = Following(QUANTITY), 0.0, 10**10
+    for n in range(600):
+        now_ns += 50 * MS
+        alone.target(70.0, now_ns)
+        measured = 70.0 + off_um * (of_ten[n % 10] == "X") * (1 if n % 20 < 10 else -1)
+        if alone.step(measured, 70.0, now_ns):
+            told = told or n * 0.05
+    assert 0.0 <= told <= within_s
+    assert bool(told) == bool(within_s)
+
+
+def test_an_error_before_and_after_a_gap_adds_up() -> None:
+    alone, now_ns, told = Following(QUANTITY), 10**10, []
+    for n in range(30):
+        now_ns += 50 * MS if n % 10 else 5000 * MS
+        alone.target(70.0, now_ns)
+        told += [n] * bool(alone.step(80.0 if n else 70.0, 70.0, now_ns))
+    assert told == [23]
+
+
 def test_an_overshoot_each_time_is_an_alarm() -> None:
     b = working()
     b.node.rate_um_s = 120.0
@@ -291,6 +317,82 @@ def test_another_target_than_the_commanded_one_is_an_alarm(changed: dict[str, fl
     b.tamper = list
     b.run(4.0)
     assert state(b).authority
+
+
+def in_part(b: Bench, says: Callable[[int], bool], **changed: object) -> None:
+    """From now on those NODE_STATE say so whose number is one."""
+    reporting(b, **changed)
+    tampered, plain = b.tamper, [0]
+
+    def mixed(frames: list) -> list:
+        plain[0] += any(isinstance(CODEC.decode(f), NodeState) for f in frames)
+        return tampered(frames) if says(plain[0]) else frames
+
+    b.tamper = mixed
+
+
+@pytest.mark.parametrize("of_ten", ["XXXXXX....", "X.X.X.X.X.", "XX.XX.X..X", "X........."])
+def test_a_doubt_that_comes_and_goes_adds_up_and_stays(of_ten: str) -> None:
+    b = working()
+    in_part(b, lambda n: of_ten[n % 10] == "X", target_clearance_um=66.0)
+    b.run(2.5)
+    half = of_ten.count("X") >= 5
+    assert b.names().count("node_target_differs") == half
+    assert "node_target_differs_ended" not in b.names()
+    assert state(b).authority != half
+    b.tamper = list
+    b.run(0.7)
+    assert "node_target_differs" not in alarms(b)
+
+
+def claiming(b: Bench, counter: Callable[[int], int]) -> None:
+    """From now on NODE_STATE reports a command counter made of the true one."""
+
+    def tampered(frames: list) -> list:
+        out = []
+        for frame in frames:
+            message = CODEC.decode(frame)
+            if isinstance(message, NodeState):
+                told = msgspec.structs.replace(
+                    message, command_counter=counter(message.command_counter)
+                )
+                frame = CODEC.encode(told, frame.arrival_ns)
+            out.append(frame)
+        return out
+
+    b.tamper = tampered
+
+
+@pytest.mark.parametrize("counter", ["stands", "zero", "behind"])
+def test_a_command_counter_that_does_not_follow_the_commands_is_an_alarm(counter: str) -> None:
+    b = working()
+    stood = b.node.command_counter
+    claiming(b, lambda newest: {"stands": stood, "zero": 0, "behind": newest - 25}[counter])
+    assert until(b, "node_counter_frozen", 2.0) < 0.8
+    assert not state(b).authority
+    told = text_of(b, "node_counter_frozen")
+    assert "the newest that was sent is" in told
+    b.tamper = list
+    b.run(4.0)
+    assert "node_counter_frozen" not in alarms(b)
+    assert state(b).authority
+
+
+def test_a_command_counter_that_is_late_or_has_not_begun_is_none() -> None:
+    b = working()
+    newest: list[int] = []
+
+    def late(counter: int) -> int:
+        newest.append(counter)
+        return newest[-6] if len(newest) > 6 else 0
+
+    b.ask("disarm")
+    b.run(0.5)
+    b.ask("arm")
+    b.run(0.02)
+    claiming(b, late)
+    b.run(2.0)
+    assert not [name for name in b.names() if name.startswith("node_")]
 
 
 def test_a_target_cut_by_the_nodes_own_range_is_one_alarm() -> None:

@@ -111,7 +111,8 @@ class Supervision:
 
     @state.setter
     def state(self, state: SupervisionState) -> None:
-        self._watch.state, self._two_senders = state.node, state.two_senders
+        self._watch.restore(state.node)
+        self._two_senders = state.two_senders
         self._clearance.state, self._pressure.state = state.clearance, state.pressure
 
     def sent(self, counter: int, target: Target, now_ns: int) -> None:

@@ -6,7 +6,8 @@ the actuator away from the edge's side at once (the fastest response), and else 
 faster than the slowest admissible actuator (:data:`SLOWEST_SHARE` of the declared rate, after the
 allowed delay).  A measurement outside the band by more than the tolerance is a following error.  It
 becomes an alarm when it lasts, when it is gross, when the actuator moves too slowly, or when it
-comes again and again.  The same test sees movement that nobody commanded: without a command the
+comes again and again.  Time in error adds up where good readings, or none, come between
+(:mod:`~firmware_py.guard.tally`).  The same test sees movement that nobody commanded: without a command the
 target is the boot value.
 """
 
@@ -19,6 +20,7 @@ import msgspec
 from firmware_py.guard.alarm import Notice
 from firmware_py.guard.supervision.recent import Span, extremes, note
 from firmware_py.guard.supervision.standing import Supervised
+from firmware_py.guard.tally import Tally
 
 SLOWEST_SHARE: Final = 0.9
 """An actuator that moves at less than this share of its declared rate falls out of the band."""
@@ -46,8 +48,8 @@ AGAIN_NS: Final = 600_000_000_000
 stuck actuator is where it should be, so that being inside the band proves little."""
 
 GAP_NS: Final = 500_000_000
-"""Readings further apart than this (ten periods) do not belong to one error: the time between them
-is unknown."""
+"""Readings further apart than this (ten periods): the time between them is unknown, and counts
+neither for an error nor against it."""
 
 
 class Quantity(msgspec.Struct, frozen=True):
@@ -74,7 +76,8 @@ class FollowingState(msgspec.Struct):
     readings: int = 0
     began_ns: int = 0
     began_at: float = 0.0
-    gross_ns: int = -1
+    lasted: Tally = msgspec.field(default_factory=Tally)
+    gross: Tally = msgspec.field(default_factory=Tally)
     inside_ns: int = 0
     excursions_ns: list[int] = []
     alarms_ns: list[int] = []
@@ -130,23 +133,26 @@ class Following:
     ) -> list[Notice]:
         s, q = self.state, self._q
         joined = s.last_ns >= 0 and now_ns - s.last_ns <= GAP_NS
+        passed_ns = now_ns - s.last_ns if joined else 0
         self._move_band(measured, now_ns)
         side = 1 if measured > s.high + q.tolerance else -1 if measured < s.low - q.tolerance else 0
         if side and excused:
-            s.side, s.readings, s.gross_ns, s.inside_ns = 0, 0, -1, now_ns
+            s.side, s.readings, s.inside_ns = 0, 0, now_ns
+            self._forget()
             return []
         if s.side and side != s.side:
             self._end_excursion(now_ns)
         if not side:
-            s.side, s.readings, s.gross_ns = 0, 0, -1
+            s.side, s.readings = 0, 0
+            self._count(False, False, passed_ns)
             return self._inside(now_ns)
         if side != s.side or not joined:
-            s.side, s.readings, s.began_ns, s.began_at, s.gross_ns = side, 0, now_ns, measured, -1
+            s.side, s.readings, s.began_ns, s.began_at = side, 0, now_ns, measured
         s.readings += 1
         s.inside_ns = now_ns
         limit = s.high if side > 0 else s.low
         s.alarm.value, s.alarm.limit = measured, limit
-        why = self._why(measured, limit, now_ns)
+        why = self._why(measured, limit, passed_ns, now_ns)
         return self._begin(f"{why}{remark}", measured, commanded, limit, now_ns) if why else []
 
     def reset(self) -> None:
@@ -155,6 +161,17 @@ class Following:
         s.alarms_ns, s.excursions_ns, s.alarm.latched = [], [], False
 
     # ------------------------------------------------------------------ one reading
+
+    def _count(self, error: bool, gross: bool, passed_ns: int) -> None:
+        """The time since the reading before counts as this one does; a gap counts for neither."""
+        s, q = self.state, self._q
+        s.lasted.add(error, passed_ns, q.lasting_ns + GAP_NS)
+        s.gross.add(gross, passed_ns, GROSS_NS + GAP_NS)
+
+    def _forget(self) -> None:
+        """What was in error does not count any more."""
+        self.state.lasted.clear()
+        self.state.gross.clear()
 
     def _move_band(self, measured: float, now_ns: int) -> None:
         """Let the edges run to the extremes of the targets."""
@@ -167,20 +184,18 @@ class Following:
             s.low, s.high = min(low, s.low + way), max(high, s.high - way)
         s.last_ns = now_ns
 
-    def _why(self, measured: float, limit: float, now_ns: int) -> str:
+    def _why(self, measured: float, limit: float, passed_ns: int, now_ns: int) -> str:
         """What makes the present error an alarm; empty while it may still pass."""
         s, q = self.state, self._q
-        error, lasted_ns = abs(measured - limit), now_ns - s.began_ns
-        if error <= GROSS * q.tolerance:
-            s.gross_ns = -1
-        elif s.gross_ns < 0:
-            s.gross_ns = now_ns
+        gross, lasted_ns = abs(measured - limit) > GROSS * q.tolerance, now_ns - s.began_ns
+        self._count(True, gross, passed_ns)
         home = (s.began_at - measured) * s.side
         could = q.rate * lasted_ns * 1e-9
-        if lasted_ns >= q.lasting_ns:
-            return f"for {lasted_ns * 1e-9:.1f} s"
-        if s.gross_ns >= 0 and now_ns - s.gross_ns >= GROSS_NS:
-            return f"by more than {GROSS:g} tolerances for {(now_ns - s.gross_ns) * 1e-9:.1f} s"
+        # an error begins with its first reading, not with the time before it
+        if s.lasted.amount - passed_ns >= q.lasting_ns:
+            return f"for {q.lasting_ns * 1e-9:.1f} s"
+        if gross and s.gross.amount - passed_ns >= GROSS_NS:
+            return f"by more than {GROSS:g} tolerances for {GROSS_NS * 1e-9:.1f} s"
         if (
             lasted_ns >= SLOW_NS
             and could >= 2 * q.tolerance
@@ -199,6 +214,7 @@ class Following:
             return []
         if s.alarm.latched or now_ns - s.inside_ns < CLEAR_NS:
             return []
+        self._forget()
         return [s.alarm.end(now_ns)]
 
     def _often(self, now_ns: int) -> Notice:

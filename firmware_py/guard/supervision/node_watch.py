@@ -9,7 +9,7 @@ import msgspec
 
 from firmware_py.config import Config
 from firmware_py.guard.alarm import Notice
-from firmware_py.guard.supervision.recent import Span, extremes, note
+from firmware_py.guard.supervision.recent import ENTRIES, Span, extremes, note
 from firmware_py.guard.supervision.standing import Confirmation, Supervised
 from firmware_py.guard.target import Target
 from firmware_py.records import NodeMode, NodeState
@@ -20,7 +20,12 @@ NODE_STATE every 50 ms, and three of those lost."""
 
 CONFIRM_REPORTS: Final = 3
 CONFIRM_NS: Final = 150_000_000
-"""A doubt is confirmed, and dismissed, by so many reports in a row over this time."""
+"""A doubt is confirmed by so many reports over this time, and by more where good ones come
+between."""
+
+DISMISS_NS: Final = 500_000_000
+"""A confirmed doubt is dismissed by reports without it over this time: what comes and goes
+stands."""
 
 REFUSALS: Final = 3
 REFUSALS_NS: Final = 5_000_000_000
@@ -42,6 +47,7 @@ CONDITIONS: Final = (
     "node_not_expired",
     "node_not_following",
     "node_target_differs",
+    "node_counter_frozen",
     "node_refuses",
     "node_state_frozen",
 )
@@ -53,6 +59,13 @@ class Refusals(msgspec.Struct, array_like=True):
 
     t_ns: int
     counts: tuple[int, int, int, int]
+
+
+class Sent(msgspec.Struct, array_like=True, gc=False):
+    """A command's counter, and when it was sent."""
+
+    t_ns: int
+    counter: int
 
 
 class NodeWatchState(msgspec.Struct):
@@ -69,6 +82,7 @@ class NodeWatchState(msgspec.Struct):
     count: int = 0
     target: Target | None = None
     refusals: list[Refusals] = []
+    marks: list[Sent] = []
 
 
 class Surroundings(NamedTuple):
@@ -100,6 +114,12 @@ class NodeWatch:
             {name: Confirmation() for name in CONDITIONS},
         )
 
+    def restore(self, state: NodeWatchState) -> None:
+        """Go on from a snapshot; conditions that an earlier version did not judge begin anew."""
+        fresh, self.state = self.state, state
+        state.conditions = fresh.conditions | state.conditions
+        state.doubted, state.cleared = fresh.doubted | state.doubted, fresh.cleared | state.cleared
+
     def sent(self, counter: int, target: Target, now_ns: int) -> None:
         """This device has just sent a command."""
         s = self.state
@@ -109,6 +129,10 @@ class NodeWatch:
         s.count += 1
         note(s.clearances, now_ns, target.clearance_um, self._window_ns)
         note(s.pressures, now_ns, target.pressure_bar, self._window_ns)
+        while len(s.marks) > 1 and s.marks[1].t_ns <= now_ns - self._window_ns:
+            del s.marks[0]
+        if not s.marks or now_ns - s.marks[-1].t_ns >= self._window_ns // ENTRIES:
+            s.marks.append(Sent(now_ns, counter))
 
     def commanded(self, now_ns: int, boot: Target) -> Target:
         """Where a node that does its duty is going now."""
@@ -130,11 +154,12 @@ class NodeWatch:
     # ------------------------------------------------------------------ one report
 
     def _judge(self, condition: Supervised, doubt: str | None, now_ns: int) -> list[Notice]:
-        """Begin or end ``condition`` once enough reports in a row agree."""
+        """Begin ``condition`` once enough reports say so, end it after a while without."""
         s, name = self.state, condition.name
         if doubt is None:
-            s.doubted[name].clear()
-            if condition.standing and s.cleared[name].again(now_ns, CONFIRM_REPORTS, CONFIRM_NS):
+            s.doubted[name].against(CONFIRM_REPORTS)
+            if condition.standing and s.cleared[name].again(now_ns, CONFIRM_REPORTS, DISMISS_NS):
+                s.doubted[name].clear()
                 return [condition.end(now_ns)]
             return []
         s.cleared[name].clear()
@@ -168,6 +193,8 @@ class NodeWatch:
             )
         else:
             self._hold_against(node, around.boot, doubts)
+        if following and "node_elsewhere" not in doubts and (old := self._too_old(node, now_ns)):
+            doubts["node_counter_frozen"] = old
         if active and (grown := self._grown(node, now_ns)):
             doubts["node_refuses"] = (
                 f"node refused {grown} commands of this device within {REFUSALS_NS * 1e-9:g} s "
@@ -206,6 +233,25 @@ class NodeWatch:
                 f"{s.counter}; somebody else commands in its name: disconnect the other sender"
             )
         return ""
+
+    def _too_old(self, node: NodeState, now_ns: int) -> str:
+        """Why the command that the node says it follows is too old to be in force; empty when it is
+        not.
+
+        A node that has just begun to follow may not report a counter yet.
+        """
+        s, counter = self.state, node.command_counter
+        begins = not counter and now_ns - s.since_ns <= self._window_ns
+        if not s.marks or begins:
+            return ""
+        behind = (s.counter - counter) % _COUNTERS
+        if behind <= (s.counter - s.marks[0].counter) % _COUNTERS:
+            return ""
+        return (
+            f"node follows command {counter}, the newest that was sent is {s.counter}: "
+            f"{behind} behind, more than {self._window_ns * 1e-6:.0f} ms, while it says that it "
+            f"obeys; its command counter stands still: restart or repair the node"
+        )
 
     def _hold_against(self, node: NodeState, boot: Target, doubts: dict[str, str]) -> None:
         """Compare the reported target with what was sent, or with the boot value in mode SAFE."""

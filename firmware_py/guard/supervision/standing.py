@@ -5,6 +5,7 @@ from __future__ import annotations
 import msgspec
 
 from firmware_py.guard.alarm import Notice
+from firmware_py.guard.tally import Tally
 from firmware_py.records import Alarm, Severity
 
 
@@ -47,18 +48,27 @@ class Supervised(msgspec.Struct):
 
 
 class Confirmation(msgspec.Struct, array_like=True):
-    """How many reports in a row have said the same, and when the first of them came."""
+    """How much of what was reported lately says the same, and when the first of it came."""
 
-    reports: int = 0
+    level: int = 0
     first_ns: int = 0
 
     def again(self, now_ns: int, reports: int, lasting_ns: int) -> bool:
         """One more report; True once there are enough over enough time."""
-        if not self.reports:
+        if not self.level:
             self.first_ns = now_ns
-        self.reports += 1
-        return self.reports >= reports and now_ns - self.first_ns >= lasting_ns
+        return self._add(True, reports) and now_ns - self.first_ns >= lasting_ns
+
+    def against(self, reports: int) -> None:
+        """A report has said otherwise: one alone does not outweigh one that was there before."""
+        self._add(False, reports)
 
     def clear(self) -> None:
-        """A report has said otherwise."""
-        self.reports = 0
+        """Begin anew."""
+        self.level = 0
+
+    def _add(self, bad: bool, reports: int) -> bool:
+        tally = Tally(self.level)
+        enough = tally.add(bad, 1, reports)
+        self.level = tally.level
+        return enough

@@ -1,0 +1,37 @@
+"""How much speaks for a condition: what speaks against it takes away a little less than it brought.
+
+A count that begins anew with each good report never ends where good and bad ones alternate.  This
+one adds up as soon as bad ones make up more than four ninths, whatever their order.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import msgspec
+
+BAD: Final = 5
+GOOD: Final = 4
+"""What a bad report, or a nanosecond of bad time, adds, and what a good one takes away: a condition
+that is there half of the time adds up."""
+
+
+class Tally(msgspec.Struct, array_like=True):
+    """A leaky count, in reports or in ns, never more than what is asked of it."""
+
+    level: int = 0
+
+    def add(self, bad: bool, amount: int, enough: int) -> bool:
+        """So much more is bad, or is good; True once ``enough`` bad has come together."""
+        change = BAD * amount if bad else -GOOD * amount
+        self.level = min(max(self.level + change, 0), BAD * enough)
+        return bad and self.level >= BAD * enough
+
+    @property
+    def amount(self) -> int:
+        """How much bad is left."""
+        return self.level // BAD
+
+    def clear(self) -> None:
+        """Nothing is left of what was."""
+        self.level = 0
