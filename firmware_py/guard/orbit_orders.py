@@ -65,6 +65,10 @@ _OK_MASK: Final = sum(1 << i for i in DISPLACEMENTS)
 Counts = NDArray[np.integer[Any]]
 
 
+GAP_MAX_US: Final = 50_000
+"""A gap so long at most leaves a window whole: the shaft turns on at the told speed meanwhile."""
+
+
 class Evidence(enum.IntEnum):
     """What a window says of the marks."""
 
@@ -82,6 +86,7 @@ class OrbitState(msgspec.Struct):
     """
 
     samples: int = 0
+    next_us: int = -1
     whole: bool = True
     told_turns: float = 0.0
     sums: list[list[int]] = msgspec.field(
@@ -124,9 +129,10 @@ class OrbitOrders:
     def step(self, block: Block) -> Evidence:
         """Take in ``block``; evidence when it completes a window."""
         s = self.state
-        s.whole &= (
-            not block.quality & Quality.GAP_BEFORE and block.channel_ok & _OK_MASK == _OK_MASK
-        )
+        gap_us = block.tick_us - s.next_us if s.next_us >= 0 else 0
+        if block.quality & Quality.GAP_BEFORE and not 0 < gap_us <= GAP_MAX_US:
+            s.whole = False
+        s.whole &= block.channel_ok & _OK_MASK == _OK_MASK
         counts = (
             np.frombuffer(block.samples, "<i2")
             .reshape(-1, N_CHANNELS)[:, : len(DISPLACEMENTS)]
@@ -134,17 +140,19 @@ class OrbitOrders:
         )
         turn_step = block.speed_rad_s * (block.sample_period_us * 1e-6) / (2 * pi)
         if turn_step > 0.0:
+            s.told_turns += turn_step * max(gap_us, 0) / block.sample_period_us
             self._project(counts, turn_step)
         elif s.centre is not None:
             self._swing(counts, s.centre)
         first, second = counts.sum(axis=0).tolist()
         s.totals = [s.totals[0] + first, s.totals[1] + second]
         s.samples += len(counts)
+        s.next_us = block.tick_us + len(counts) * block.sample_period_us
         if s.samples < self._samples:
             return Evidence.NONE
         evidence = self._evidence() if s.whole else Evidence.NONE
         centre = (s.totals[0] / s.samples, s.totals[1] / s.samples)
-        self.state = OrbitState(centre=centre)
+        self.state = OrbitState(centre=centre, next_us=s.next_us)
         return evidence
 
     def _project(self, counts: Counts, turn_step: float) -> None:

@@ -1,8 +1,8 @@
 """Do the two displacement probes tell of one shaft?  Plausibility of the pair by static position,
 load and orbit.
 
-Every second without a gap, a bad sample or a lost mark is judged as a whole.  Four things no shaft
-does:
+Every second of samples is judged as a whole; a gap, a bad sample or a lost mark leaves out its
+block.  Five things no shaft does:
 
 ========  ==================================================================  =========================================
 kind      what is implausible                                                 smallest size that is found
@@ -16,9 +16,11 @@ backward  the orbit runs against the rotation by more than runout can feign   or
 um once zeroed and
                                                                               slow-rolled)
 copied    both channels carry one signal, its noise included                  0.3 um rms
+rest      a shaft that stands lies off the wall of the bearing                33 um + 8 % of the clearance (3 um + 6 %
+                                                                              once zeroed) and the clearance's error
 ========  ==================================================================  =========================================
 
-A kind stands after :data:`BAD_LEAST` windows without a good one between: 3 to 5 s while speed and
+A kind stands after :data:`BAD_LEAST` windows, and later where good ones come between: 3 to 5 s while speed and
 clearance are steady, and as much later as they are not.  ``python -m models.control.pair_study
 --faults --builds 6 --seed 3000`` measures it under a random duty (unzeroed probes, half a minute
 for each fault):
@@ -42,8 +44,11 @@ whose zero was never taken (``zeroed = false``), a mean below the middle that wa
 circle, which order, single signs and unequal gains do not leave.  That may be a zero (or a
 direction of the load) other than configured: the load estimate rests on the declared range
 meanwhile, and nothing is said here.  An equal loss of gain of both probes from the first second on
-can hide in it.  Such a mean may be ten times the declared error of the zero off: nothing but this
-narrow case keeps it from being named, and the zero procedure closes it.
+can hide in it while the shaft runs, and not at rest: a shaft that stands lies on the wall, as far
+from the middle as the clearance is wide, so that a gain of 0.2 is named in a clearance of 50 um and
+more, of 0.5 from 80 um on, :data:`REST_S` after it stopped.  Such a mean may be ten times the
+declared error of the zero off: nothing but this narrow case keeps it from being named, and the zero
+procedure closes it.
 
 A channel with a bad contact is judged in the seconds in which it is clean: a sign or order that
 changes at once looks like one first, and must be named before the channel counts as OK again.  All
@@ -68,6 +73,7 @@ from firmware_py.guard.load_estimate import (
     ZEROED_GAIN_ERROR,
 )
 from firmware_py.guard.motion import DISPLACEMENTS, probes_to_xy
+from firmware_py.guard.tally import BAD, counted
 from firmware_py.machine.film import KNOTS, static_film
 from firmware_py.machine.groove import Groove
 from firmware_py.machine.lubricant import ViscosityTable
@@ -75,7 +81,11 @@ from firmware_py.records import N_CHANNELS, Alarm, Block, ChannelCause, Quality,
 
 WINDOW_S: Final = 1.0
 BAD_LEAST: Final = 3
-"""Windows in a row before a kind stands."""
+"""Windows before a kind stands; they add up where good ones come between."""
+HELD_S: Final = 3.0
+"""A window whose blocks are that far apart begins anew."""
+REST_S: Final = 10.0
+"""A shaft that has stood so long has sunk to the wall: the film under it is squeezed out in 2 s."""
 GOOD_LEAST: Final = 10
 """And without it before it goes."""
 
@@ -107,11 +117,14 @@ ROUND_LEAST_M: Final = 0.3e-6
 probes are right."""
 ANOTHER_ZERO_M: Final = 25e-6
 """The farthest that a zero that was never taken may put the mean beside the curve."""
+REST_LEFT: Final = 0.05
+"""Share of the clearance that the film may still hold under a shaft that stands."""
 MOVED_M: Final = 6e-6
 """A mean that was off the curve from the start may move so far beside it."""
 
 OUTSIDE, POSITION, BACKWARD, COPIED_KIND = "outside", "position", "backward", "copied"
-KINDS: Final = (OUTSIDE, POSITION, BACKWARD, COPIED_KIND)
+REST: Final = "rest"
+KINDS: Final = (OUTSIDE, POSITION, BACKWARD, COPIED_KIND, REST)
 NEXT_STEP: Final = "check wiring, order, sign, gain and zero of disp_x and disp_y"
 
 
@@ -140,7 +153,7 @@ class Verdict(NamedTuple):
 
 
 class Kind(msgspec.Struct):
-    """How often a kind was found, or not, in a row."""
+    """How much speaks for a kind, and how often in a row it was not found."""
 
     bad: int = 0
     good: int = 0
@@ -155,8 +168,9 @@ class PairState(msgspec.Struct):
 
     ``sums`` are those of a, b, aa, bb, ab, the cross product of neighbours, and aa, bb, ab of
     second differences, of counts ``a`` and ``b`` of the two probes; ``first`` and ``last`` are the
-    ends of the window.  ``off_m`` is how far beside the curve the mean was in the first window that
-    was judged.
+    ends of its part without a gap, ``moved`` the way between the ends of those before, ``begun_ns``
+    the time of its first block.  The shaft stands since ``rest_ns`` (-1: it does not).  ``off_m`` is how far beside the
+    curve the mean was in the first window that was judged.
     """
 
     kinds: dict[str, Kind] = msgspec.field(default_factory=lambda: {kind: Kind() for kind in KINDS})
@@ -164,6 +178,9 @@ class PairState(msgspec.Struct):
     sums: list[int] = []
     first: list[int] = []
     last: list[list[int]] = []
+    moved: tuple[int, int] = (0, 0)
+    begun_ns: int = 0
+    rest_ns: int = -1
     start: Facts | None = None
     start_rad_s: float = 0.0
     turns: float = 0.0
@@ -278,24 +295,30 @@ class PairCheck:
     def step(self, block: Block, facts: Facts, peak_to_peak_m: float) -> list[Notice]:
         """Take in ``block``; judge when it ends a window."""
         s = self.state
-        broken = (
-            block.quality & (Quality.GAP_BEFORE | Quality.NO_MARK)
-            or block.speed_rad_s < self._slowest_rad_s
-        )
-        bad = block.channel_ok & 3 != 3 or block.unusable & 3
-        if (
-            broken
-            or bad
-            or any(cause_of(block.channel_cause, i) not in JUDGED for i in DISPLACEMENTS)
-        ):
-            s.n, s.sums = 0, []
-            return []
-        self._add(block, facts, peak_to_peak_m)
+        resting = block.speed_rad_s == 0.0 and not block.quality & Quality.NO_MARK
+        if resting != (s.rest_ns >= 0):
+            s.n, s.rest_ns = 0, block.t_acq_ns if resting else -1
+        if not resting and 0.0 < block.speed_rad_s < self._slowest_rad_s:
+            s.n = 0
+        elif _says_nothing(block):
+            self._break()
+        elif not resting or block.t_acq_ns - s.rest_ns >= REST_S * 1e9:
+            if block.t_acq_ns - s.begun_ns >= HELD_S * 1e9:
+                s.n = 0
+            self._add(block, facts, peak_to_peak_m)
         if s.n < self._samples:
             return []
         notices = self._judge(self._window(), facts, block)
-        s.n, s.sums = 0, []
+        s.n = 0
         return notices
+
+    def _break(self) -> None:
+        """A block is left out: what comes next does not continue what was before."""
+        s = self.state
+        if s.n and s.last:
+            (a0, b0), (a1, b1) = s.first, s.last[-1]
+            s.moved = (s.moved[0] + a1 - a0, s.moved[1] + b1 - b0)
+            s.last = []
 
     # ------------------------------------------------------------------ sums
 
@@ -307,8 +330,10 @@ class PairCheck:
             .astype(np.int64)
         )
         if not s.n:
-            s.first, s.last, s.sums = rows[0].tolist(), [], [0] * 9
+            s.last, s.sums, s.moved, s.begun_ns = [], [0] * 9, (0, 0), block.t_acq_ns
             s.start, s.start_rad_s, s.turns, s.p2p_m = facts, block.speed_rad_s, 0.0, 0.0
+        if not s.last:
+            s.first = rows[0].tolist()
         joined = np.concatenate([np.array(s.last, np.int64), rows]) if s.last else rows
         (a, b), (c, d) = rows.T, joined.T
         cross = (
@@ -343,8 +368,9 @@ class PairCheck:
             (n * bb - b * b) / (n * n) * kb * kb,
             (n * ab - a * b) / (n * n) * ka * kb,
         )
-        (a1, b1), (a0, b0) = s.last[-1], s.first
-        twice = (n * cross - a * (b1 - b0) + b * (a1 - a0)) / n * ka * kb * self._turned_over
+        self._break()
+        da, db = s.moved
+        twice = (n * cross - a * db + b * da) / n * ka * kb * self._turned_over
         (xa, xb), (ya, yb) = self._to_xy
         xx = xa * xa * va + 2.0 * xa * xb * vab + xb * xb * vb
         yy = ya * ya * va + 2.0 * ya * yb * vab + yb * yb * vb
@@ -358,7 +384,7 @@ class PairCheck:
             ya * a_m + yb * b_m,
             sqrt(half + apart),
             sqrt(max(half - apart, 0.0)),
-            0.5 * twice / (pi * s.turns),
+            0.5 * twice / (pi * s.turns) if s.turns else 0.0,
             sqrt(min(va, vb)),
             _share(vab, va, vb),
             _share(dab, daa, dbb),
@@ -369,7 +395,10 @@ class PairCheck:
     def _judge(self, w: Window, facts: Facts, block: Block) -> list[Notice]:
         """What the window says of each kind; nothing said leaves a kind as it is."""
         found = {BACKWARD: self._backward(w), COPIED_KIND: _copied(w)}
-        if facts.usable and self.state.start is not None and self.state.start.usable:
+        usable = facts.usable and self.state.start is not None and self.state.start.usable
+        if self.state.rest_ns >= 0:
+            found = {REST: self._at_rest(w, facts)} if usable else {}
+        elif usable:
             found[OUTSIDE] = self._outside(w, facts)
             position = self._position(w, facts, block.speed_rad_s)
             if position is not None:
@@ -390,6 +419,19 @@ class PairCheck:
         return Verdict(
             -w.area_m2 * 1e12, limit * 1e12, "the orbit runs against the rotation, um2 over pi"
         )
+
+    def _at_rest(self, w: Window, facts: Facts) -> Verdict:
+        """How far a shaft that stands is off the wall on which it lies.
+
+        Which part of the wall does not matter: friction and the direction of the load do not.
+        """
+        clearance_m = facts.clearance_m + self._offset_m
+        begun_m = self.state.start.clearance_m if self.state.start else facts.clearance_m
+        zero_m = sqrt(2.0) * self._zero_m if self._zeroed else ANOTHER_ZERO_M
+        limit = zero_m + self._runout_m + self._error_m + self._gain * clearance_m
+        limit += abs(facts.clearance_m - begun_m) + REST_LEFT * clearance_m
+        off = abs(sqrt(w.x_m * w.x_m + w.y_m * w.y_m) - clearance_m)
+        return Verdict(off * 1e6, limit * 1e6, "the shaft stands, but off the bearing's wall, um")
 
     def _outside(self, w: Window, facts: Facts) -> Verdict:
         clearance_m = max(
@@ -477,6 +519,16 @@ class PairCheck:
         return off and known and round_ and forward
 
 
+def _says_nothing(block: Block) -> bool:
+    """Whether the samples of ``block`` are not to be judged, or do not continue the ones before."""
+    return bool(
+        block.quality & (Quality.GAP_BEFORE | Quality.NO_MARK)
+        or block.channel_ok & 3 != 3
+        or block.unusable & 3
+        or any(cause_of(block.channel_cause, i) not in JUDGED for i in DISPLACEMENTS)
+    )
+
+
 def _copied(w: Window) -> Verdict:
     """Both correlations, as far as there is a signal."""
     value = (
@@ -494,10 +546,11 @@ def _share(both: float, first: float, second: float) -> float:
 
 def _count(name: str, kind: Kind, found: Verdict, t_ns: int) -> list[Notice]:
     """Count a verdict; what begins or ends with it."""
-    kind.bad, kind.good = (kind.bad + 1, 0) if found.bad else (0, kind.good + 1)
+    kind.bad = counted(kind.bad, found.bad, 1, BAD_LEAST)
+    kind.good = 0 if found.bad else kind.good + 1
     if found.bad:
         kind.value, kind.limit = found.value, found.limit
-    if kind.bad >= BAD_LEAST and not kind.standing:
+    if found.bad and kind.bad >= BAD * BAD_LEAST and not kind.standing:
         kind.standing, kind.since_ns = True, t_ns
         return [
             Notice(
@@ -514,6 +567,7 @@ def _count(name: str, kind: Kind, found: Verdict, t_ns: int) -> list[Notice]:
         ]
     if kind.good >= GOOD_LEAST and kind.standing:
         kind.standing = False
+        kind.bad = 0
         return [
             Notice(
                 Severity.INFO,

@@ -17,6 +17,7 @@ from firmware_py.acquire.speed import SpeedState, Turn
 from firmware_py.config import Config
 from firmware_py.guard.alarm import Notice
 from firmware_py.guard.orbit_orders import Evidence, OrbitOrders, OrbitState
+from firmware_py.guard.tally import BAD, counted
 from firmware_py.records import Alarm, Block, Severity
 
 NAME: Final = "speed_implausible"
@@ -25,7 +26,8 @@ CLEAN_NS: Final = 30_000_000_000
 """Marks that were implausible once are believed after this time without another doubt."""
 
 WINDOWS: Final = 3
-"""Windows in a row in which the orbit agrees with the marks, or contradicts them."""
+"""Windows in a row in which the orbit agrees with the marks; windows in which it contradicts them,
+which add up where it agrees between."""
 
 _CAUSES: Final = {
     "ramp": "the marks tell {value:.0f} rpm, operating.speed_ramp_max_rpm_s lets it reach "
@@ -129,7 +131,8 @@ class SpeedCheck:
     def _doubt(self, cause: str, value_rpm: float, limit_rpm: float, now_ns: int) -> list[Notice]:
         s = self._state
         begins = not s.cause
-        s.doubt_ns, s.returned, s.confirmed, s.agreed, s.contradicted = now_ns, False, False, 0, 0
+        s.doubt_ns, s.returned, s.confirmed, s.agreed = now_ns, False, False, 0
+        s.contradicted = 0
         s.doubts += 1
         if not begins:
             return []
@@ -142,11 +145,13 @@ class SpeedCheck:
         contradicted."""
         s = self._state
         if evidence == Evidence.AGREES:
-            s.agreed, s.contradicted = s.agreed + 1, 0
+            s.agreed += 1
+            s.contradicted = counted(s.contradicted, False, 1, WINDOWS)
             s.confirmed = s.confirmed or s.agreed >= WINDOWS
         elif evidence == Evidence.CONTRADICTS:
-            s.agreed, s.contradicted = 0, s.contradicted + 1
-            if s.contradicted >= WINDOWS:
+            s.agreed = 0
+            s.contradicted = counted(s.contradicted, True, 1, WINDOWS)
+            if s.contradicted >= BAD * WINDOWS:
                 told_rpm = speed.speed_rad_s * 30 / pi
                 cause = "orbit" if told_rpm else "standing"
                 return self._doubt(cause, told_rpm, told_rpm * self._orbit.seen_order, now_ns)
@@ -163,5 +168,6 @@ class SpeedCheck:
 
     def _end(self, why: str) -> Notice:
         s = self._state
-        s.cause, s.agreed, s.contradicted = "", 0, 0
+        s.cause, s.agreed = "", 0
+        s.contradicted = 0
         return Notice(Severity.INFO, "speed_plausible", f"{why}: the speed is believed again")

@@ -16,15 +16,19 @@ GOOD: Final = 4
 that is there half of the time adds up."""
 
 
+def counted(level: int, bad: bool, amount: int, enough: int) -> int:
+    """The level after so much more that is bad, or is good; never above what is asked of it."""
+    return min(max(level + (BAD if bad else -GOOD) * amount, 0), BAD * enough)
+
+
 class Tally(msgspec.Struct, array_like=True):
-    """A leaky count, in reports or in ns, never more than what is asked of it."""
+    """A leaky count, in reports or in ns."""
 
     level: int = 0
 
     def add(self, bad: bool, amount: int, enough: int) -> bool:
         """So much more is bad, or is good; True once ``enough`` bad has come together."""
-        change = BAD * amount if bad else -GOOD * amount
-        self.level = min(max(self.level + change, 0), BAD * enough)
+        self.level = counted(self.level, bad, amount, enough)
         return bad and self.level >= BAD * enough
 
     @property

@@ -117,6 +117,43 @@ def test_a_window_with_a_gap_or_a_bad_channel_says_nothing(why: str) -> None:
     assert evidence(shaft, 2, stage) == [Evidence.NONE, Evidence.AGREES]
 
 
+@pytest.mark.parametrize(("told", "said"), [(1.0, Evidence.AGREES), (2.0, Evidence.CONTRADICTS)])
+def test_lost_frames_in_every_window_do_not_silence_the_orbit(told: float, said: Evidence) -> None:
+    shaft, stage, found = Shaft(4321.0, told), OrbitOrders(bench()), []
+    for k in range(400):
+        shaft.quality = 0
+        if k % 40 == 17:
+            for _ in range(k % 7):
+                shaft.block()
+            shaft.quality = int(Quality.GAP_BEFORE) * (k % 7 > 0)
+        evidence = stage.step(shaft.block())
+        found += [evidence] * (stage.state.samples == 0)
+    assert set(found) == {said}
+
+
+def test_a_gap_of_unknown_length_silences_its_window() -> None:
+    shaft, stage = Shaft(6000.0), OrbitOrders(bench())
+    stage.step(shaft.block())
+    for _ in range(60):
+        shaft.block()
+    shaft.quality = int(Quality.GAP_BEFORE)
+    stage.step(shaft.block())
+    shaft.quality = 0
+    assert evidence(shaft, 2, stage) == [Evidence.NONE, Evidence.AGREES]
+
+
+def test_marks_that_the_orbit_contradicts_half_of_the_time_are_doubted() -> None:
+    check, told, now_ns = SpeedCheck(bench()), list[str](), 0
+    right, wrong = Shaft(6000.0), Shaft(6000.0, 2.0)
+    speed = SpeedState(speed_rad_s=6000.0 * pi / 30, lost=False)
+    for k in range(84 * 30):
+        window = k // 84
+        block = (wrong if window % 2 else right).block()
+        now_ns += ROWS * PERIOD_US * 1000
+        told += [n.name for n in check.step([], [block], speed, now_ns)]
+    assert told[:1] == ["speed_implausible"]
+
+
 def test_a_shaft_that_is_told_to_stand_and_swings_is_contradicted() -> None:
     assert evidence(Shaft(1500.0, 0.0)) == [
         Evidence.NONE,

@@ -69,6 +69,7 @@ class Bearing:
         self.meter, self.pair = MotionMeter(config), PairCheck(config)
         self.rpm, self.clearance_um, self.oil_C, self.orbit_um = 6000.0, 80.0, 40.0, 3.0
         self.ellipse = 1.0
+        self.place_um: tuple[float, float] | None = None
         self.distort: Distort = lambda seen, t: seen
         self.seq, self.quality, self.cause = 0, 0, 0
         self.rng = np.random.default_rng(5)
@@ -77,7 +78,7 @@ class Bearing:
         self.block: Block | None = None
 
     def run(self, seconds: float) -> "Bearing":
-        x0, y0 = place_um(self.config, self.eccentricity, self.clearance_um)
+        x0, y0 = self.place_um or place_um(self.config, self.eccentricity, self.clearance_um)
         probes = self.config.machine.channel[:2]
         for _ in range(round(seconds * RATE / N)):
             t = (self.seq * N + np.arange(N)) / RATE
@@ -279,6 +280,81 @@ def test_a_window_with_bad_quality_says_nothing(bad: str) -> None:
     else:
         b.oil_C = 327.0
     assert b.run(6.0).names == []
+
+
+@pytest.mark.parametrize("bad", ["gap", "cause", "mark"])
+def test_one_bad_block_in_every_window_does_not_keep_the_pair_from_being_judged(bad: str) -> None:
+    for name in ("swapped", "backward"):
+        b = Bearing(with_probes())
+        b.distort = FAULTS["swapped"] if name == "swapped" else lambda s, t: -s[:, ::-1]
+        b.orbit_um = 12.0
+        for _ in range(12):
+            b.quality, b.cause = 0, 0
+            b.run(0.9)
+            b.quality = int(
+                Quality.GAP_BEFORE if bad == "gap" else Quality.NO_MARK if bad == "mark" else 0
+            )
+            b.cause = cause_bits(1, ChannelCause.STUCK) if bad == "cause" else 0
+            b.run(0.006)
+        assert b.names
+
+
+def test_a_good_orbit_with_gaps_is_none() -> None:
+    b = Bearing(with_probes())
+    b.orbit_um = 12.0
+    for k in range(60):
+        b.quality = 0
+        b.run(0.15 + 0.006 * (k % 5))
+        b.quality = int(Quality.GAP_BEFORE)
+        b.run(0.006)
+    assert b.names == []
+
+
+def test_a_place_that_is_wrong_half_of_the_time_adds_up() -> None:
+    b = Bearing(with_probes())
+    for k in range(26):
+        b.distort = FAULTS["both signs"] if k % 2 else lambda s, t: s
+        b.run(334 * N / RATE)  # two windows: the first holds the jump and says nothing
+    assert b.names[0] == "disp_pair_position"
+
+
+def at_rest(
+    gain: float, clearance_um: float, zeroed: bool = False, zero_um: float = 0.0
+) -> Bearing:
+    """A shaft that lies on the wall, a little beside the bottom."""
+    b = Bearing(with_probes(zeroed=zeroed))
+    b.rpm, b.orbit_um, b.clearance_um = 0.0, 0.0, clearance_um
+    x_um, y_um = 0.2 * clearance_um, -(0.96**0.5) * clearance_um
+    b.place_um = (gain * x_um, gain * y_um + zero_um)
+    b.run(16.0)
+    return b
+
+
+@pytest.mark.parametrize(("gain", "clearance_um", "zeroed", "named"), [
+    (1.0, 50.0, False, False), (1.03, 160.0, False, False), (0.2, 50.0, False, True), (0.5, 80.0, False, True),
+    (0.5, 50.0, False, False), (0.8, 50.0, True, True), (1.01, 50.0, True, False),
+])  # fmt: skip
+def test_a_shaft_at_rest_off_the_wall_tells_an_equal_loss_of_both_gains(
+    gain: float, clearance_um: float, zeroed: bool, named: bool
+) -> None:
+    assert at_rest(gain, clearance_um, zeroed).names == ["disp_pair_rest"] * named
+
+
+def test_a_zero_far_off_is_named_at_rest_and_stays_while_the_shaft_runs() -> None:
+    assert at_rest(1.0, 50.0, zero_um=25.0).names == []
+    b = at_rest(1.0, 50.0, zero_um=-45.0)
+    assert b.names == ["disp_pair_rest"]
+    b.place_um, b.rpm, b.orbit_um = None, 6000.0, 3.0
+    b.run(12.0)
+    assert not b.pair.plausible
+
+
+def test_a_shaft_that_has_just_stopped_is_not_judged_yet() -> None:
+    b = Bearing(with_probes())
+    b.run(2.0)
+    b.rpm, b.orbit_um = 0.0, 0.0
+    b.run(9.0)
+    assert b.names == []
 
 
 def test_it_goes_only_after_ten_good_seconds_and_says_so_once() -> None:

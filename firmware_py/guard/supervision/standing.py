@@ -5,7 +5,7 @@ from __future__ import annotations
 import msgspec
 
 from firmware_py.guard.alarm import Notice
-from firmware_py.guard.tally import Tally
+from firmware_py.guard.tally import BAD, counted
 from firmware_py.records import Alarm, Severity
 
 
@@ -57,18 +57,13 @@ class Confirmation(msgspec.Struct, array_like=True):
         """One more report; True once there are enough over enough time."""
         if not self.level:
             self.first_ns = now_ns
-        return self._add(True, reports) and now_ns - self.first_ns >= lasting_ns
+        self.level = counted(self.level, True, 1, reports)
+        return self.level >= BAD * reports and now_ns - self.first_ns >= lasting_ns
 
     def against(self, reports: int) -> None:
         """A report has said otherwise: one alone does not outweigh one that was there before."""
-        self._add(False, reports)
+        self.level = counted(self.level, False, 1, reports)
 
     def clear(self) -> None:
         """Begin anew."""
         self.level = 0
-
-    def _add(self, bad: bool, reports: int) -> bool:
-        tally = Tally(self.level)
-        enough = tally.add(bad, 1, reports)
-        self.level = tally.level
-        return enough
