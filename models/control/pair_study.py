@@ -3,6 +3,7 @@ builds.
 
     python -m models.control.pair_study --hours 20            # false alarms of healthy builds
     python -m models.control.pair_study --faults --builds 40  # share found, and time to detect, by fault
+    python -m models.control.pair_study --rest --builds 40    # shafts that stand, healthy and not
 
 Rig, sample blocks and the guard's own parts, without wire and arming: the machine follows a random
 duty, and its clearance wanders through what the shield admits.  Each build draws its calibration,
@@ -44,6 +45,7 @@ EPISODE_S: Final = 120.0
 SETTLED_S: Final = 2.0
 CHANNEL: Final = "channel"
 """Not a kind of the pair: a displacement channel is not OK, which ends authority at once."""
+REST_EPISODE_S: Final = 20.0
 START_S: Final = 20.0
 """A fault begins so long after the start of its episode."""
 
@@ -79,13 +81,16 @@ FAULTS: Final[dict[str, Distort]] = {
 class GuardedBuild:
     """One build behind its guard."""
 
-    def __init__(self, seed: int, config: Config) -> None:
+    def __init__(self, seed: int, config: Config, rest: bool = False) -> None:
         self._rng = np.random.default_rng([seed, 20])
         rig = load_rig("bench")
         self._duty = Duty.random(rig, self._rng, EPISODE_S)
         self._oil_error = float(self._rng.uniform(-OIL_ERROR_C, OIL_ERROR_C))
         self._power_error = float(self._rng.uniform(-POWER_ERROR_W, POWER_ERROR_W))
         self._target_m = self._safe_m = config.machine.actuator.safe_radial_clearance_um * 1e-6
+        self._rest = rest
+        if rest:
+            self._duty = Duty((0.0,), (0.0,), self._duty.load_N[:1])
         self._machine = Machine(
             rig, Build.draw(rig, self._rng), seed, rate_hz=RATE_HZ, clearance_m=self._safe_m
         )
@@ -154,6 +159,8 @@ class GuardedBuild:
             facts = self._pair.facts(clearance_m, oil_C)
             names += [notice.name for notice in self._pair.step(block, facts, p2p_m)]
             self._seq += 1
+        if self._rest:
+            return names
         time_s = self._seq * ROWS / RATE_HZ
         load = self._load.estimate(
             Look(
@@ -216,6 +223,12 @@ def faulty(seed: int, fault: str) -> tuple[float, float]:
     return min(found.values(), default=math.inf) - START_S, first
 
 
+def resting(seed: int, fault: str) -> list[str]:
+    """What a shaft that stands in the safe clearance brings, with a fault from the first sample
+    on."""
+    return sorted(Run(seed, _config(), rest=True).seconds(REST_EPISODE_S, FAULTS.get(fault)))
+
+
 def upper_limit(count: int) -> float:
     """Upper 95 % limit of a Poisson mean of which ``count`` were seen."""
     low, high = 0.0, 10.0 + 4.0 * count
@@ -237,11 +250,19 @@ def main() -> int:
     )
     parser.add_argument("--hours", type=float, default=0.5, help="simulated time of healthy builds")
     parser.add_argument("--faults", action="store_true", help="instead: how soon faults are found")
+    parser.add_argument("--rest", action="store_true", help="instead: shafts that stand")
     parser.add_argument("--builds", type=int, default=10, help="builds for each fault")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--workers", type=int, default=2)
     asked = parser.parse_args()
     with ProcessPoolExecutor(asked.workers) as pool:
+        if asked.rest:
+            for fault in ("none", "gain of both 0.2", "gain of both 0.5", "gain of x 0.2"):
+                seeds = range(asked.seed, asked.seed + asked.builds)
+                found = list(pool.map(resting, seeds, [fault] * asked.builds))
+                named = [names for names in found if set(names) - {CHANNEL}]
+                print(f"{fault:22s} named in {len(named):3d} of {len(found):3d}", flush=True)
+            return 0
         if asked.faults:
             for fault in FAULTS:
                 seeds = range(asked.seed, asked.seed + asked.builds)
