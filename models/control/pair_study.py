@@ -226,7 +226,9 @@ def faulty(seed: int, fault: str) -> tuple[float, float]:
 def resting(seed: int, fault: str) -> list[str]:
     """What a shaft that stands in the safe clearance brings, with a fault from the first sample
     on."""
-    return sorted(Run(seed, _config(), rest=True).seconds(REST_EPISODE_S, FAULTS.get(fault)))
+    return sorted(
+        GuardedBuild(seed, _config(), rest=True).seconds(REST_EPISODE_S, FAULTS.get(fault))
+    )
 
 
 def upper_limit(count: int) -> float:

@@ -226,15 +226,17 @@ def test_every_name_on_the_page_exists() -> None:
 
 def test_every_key_and_constant_on_the_page_exists() -> None:
     text = named(PAGE.read_text())
-    tables = Config.__struct_fields__
+    tables = {
+        name: getattr(part, name)
+        for part in (config(), config().machine)
+        for name in part.__struct_fields__
+    }
     keys = {
         name
         for name in text
         if re.fullmatch(r"[a-z]+\.[A-Za-z0-9_]+", name) and name.split(".")[0] in tables
     }
-    lacking = {
-        key for key in keys if not hasattr(getattr(config(), key.split(".")[0]), key.split(".")[1])
-    }
+    lacking = {key for key in keys if not hasattr(tables[key.split(".")[0]], key.split(".")[1])}
     constants = {
         node.target.id
         for tree in trees()
