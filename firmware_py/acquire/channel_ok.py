@@ -25,10 +25,10 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
-from firmware_py.acquire.rails import Rail, RailState, RailWatch
+from firmware_py.acquire.rails import CLEAR, Rail, RailState, RailWatch
 from firmware_py.config import Config
 from firmware_py.machine import FastChannel
-from firmware_py.records import CHANNELS, N_CHANNELS, ChannelCause, cause_bits
+from firmware_py.records import CHANNELS, N_CHANNELS, ChannelCause, cause_bits, cause_of
 
 STUCK_S: Final = 0.25
 FLAT_S: Final = 0.02
@@ -165,12 +165,17 @@ class ChannelOk:
         torn, undecided = self._torn(samples)
         ok = causes = unusable = 0
         for i in range(N_CHANNELS):
-            stuck = self._stuck(i, samples, still[i])
-            rail = self._rails[i].step(
-                s.rails[i], samples[:, i], outside[i] > 0, s.turn, speed_rad_s
-            )
+            if still[i]:
+                stuck = self._stuck(i, samples)
+            else:
+                s.same[i], stuck = 0, False
+            rail, touch = CLEAR, s.rails[i]
+            if outside[i] or touch.side or touch.count:
+                rail = self._rails[i].step(
+                    touch, samples[:, i], outside[i] > 0, s.turn, speed_rad_s
+                )
             bad = 4 * outside[i] > n or stuck or torn >> i & 1
-            s.owed[i] = self._hold_off_samples if bad else max(0, s.owed[i] - n)
+            s.owed[i] = self._hold_off_samples if bad else _after(s.owed[i], n)
             ok |= (s.owed[i] == 0) << i
             cause, left_out = self._cause(i, n, rail, stuck, bool(torn >> i & 1))
             if cause == ChannelCause.OK and s.owed[i]:
@@ -186,9 +191,13 @@ class ChannelOk:
     ) -> tuple[ChannelCause, bool]:
         """Why channel ``i`` is not OK, and whether its block is left out of every judgement."""
         s = self.state
+        if rail is CLEAR and not (
+            stuck or torn or s.unclean[i] or s.torn[i] or s.cause_owed[i]
+        ):  # nothing is wrong, and nothing was
+            return ChannelCause.OK, s.same[i] >= self._flat_samples
         torn_rail = rail.out_of_step and CHANNELS[i] in RAIL_JUDGED
-        s.unclean[i] = self._clean_samples if torn or torn_rail else max(0, s.unclean[i] - n)
-        s.torn[i] = self._hold_off_samples if torn else max(0, s.torn[i] - n)
+        s.unclean[i] = self._clean_samples if torn or torn_rail else _after(s.unclean[i], n)
+        s.torn[i] = self._hold_off_samples if torn else _after(s.torn[i], n)
         now = ChannelCause.OK
         if rail.open:
             now = ChannelCause.OPEN
@@ -201,8 +210,8 @@ class ChannelOk:
         if now:
             s.cause[i], s.cause_owed[i] = now, self._hold_off_samples
         else:
-            s.cause_owed[i] = max(0, s.cause_owed[i] - n)
-        held = ChannelCause(s.cause[i]) if s.cause_owed[i] else ChannelCause.OK
+            s.cause_owed[i] = _after(s.cause_owed[i], n)
+        held = cause_of(s.cause[i], 0) if s.cause_owed[i] else ChannelCause.OK
         cause = ChannelCause.INTERMITTENT if held == ChannelCause.OK and s.unclean[i] else held
         left_out = torn or rail.unsure or s.same[i] >= self._flat_samples
         return cause, left_out or cause in (ChannelCause.OPEN, ChannelCause.STUCK)
@@ -240,16 +249,21 @@ class ChannelOk:
             undecided |= _lone_so_far(steps[-2:, j].tolist(), self._steps[j]) << i
         return mask, undecided
 
-    def _stuck(self, i: int, samples: npt.NDArray[np.int16], ends_equal: bool) -> bool:
-        """Whether channel ``i`` has held one value for the stuck time."""
+    def _stuck(self, i: int, samples: npt.NDArray[np.int16]) -> bool:
+        """Whether channel ``i``, which ends as it begins, has held one value for the stuck time."""
         s = self.state
-        if not ends_equal or bool((samples[:, i] != samples[0, i]).any()):
+        if bool((samples[:, i] != samples[0, i]).any()):
             s.same[i] = 0
             return False
         value = int(samples[0, i])
         s.same[i] = s.same[i] + len(samples) if value == s.value[i] else len(samples)
         s.value[i] = value
         return s.same[i] >= self._stuck_samples
+
+
+def _after(owed: int, n: int) -> int:
+    """What is left of ``owed`` samples after ``n`` good ones."""
+    return owed - n if owed > n else 0
 
 
 def _lone_step(steps: npt.NDArray[np.int64], limit: float) -> bool:

@@ -44,7 +44,7 @@ the second."""
 _TURN: Final = 65536
 _HALF: Final = _TURN // 2
 _UNIT: Final = _HALF * _HALF // 4 >> 14
-_ORDERS: Final = np.array([*range(40, 51), *range(80, 100, 2), *range(100, 900, 100)], np.int64)
+_ORDERS: Final = np.array([*range(40, 51), *range(80, 100, 2), *range(100, 900, 100)])[:, None]
 """Whirl (twice: it may touch both ends), the rotation and its first harmonics, in 1/100 of the
 rotation."""
 
@@ -190,13 +190,14 @@ def coherent(turns: list[float]) -> bool:
     a parabola for the sine, which is within 6 % of it.
     """
     places = np.array([round((t - turns[0]) * _TURN) for t in turns], np.int64)
-    phase = places[None, :] * _ORDERS[:, None] // 100 % _TURN
-    x, y = (_parabola(part).sum(axis=1) for part in ((phase + _TURN // 4) % _TURN, phase))
+    phase = places * _ORDERS // 100
+    sums = _parabola(np.concatenate((phase + _TURN // 4, phase)) & _TURN - 1).sum(axis=1)
+    x, y = sums[: len(_ORDERS)], sums[len(_ORDERS) :]
     least = COHERENT_PERCENT * len(turns) * _UNIT // 100
     return bool((x * x + y * y >= least * least).any())
 
 
 def _parabola(phase: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
-    half = phase % _HALF
+    half = phase & _HALF - 1
     arch = half * (_HALF - half) >> 14
     return np.where(phase < _HALF, arch, -arch)

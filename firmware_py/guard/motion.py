@@ -55,6 +55,15 @@ class Motion(msgspec.Struct, frozen=True):
     whole: tuple[bool, bool, bool, bool, bool] = (False, False, False, False, False)
 
 
+class Good(msgspec.Struct, gc=False):
+    """Blocks of one channel that may be judged, the samples in them, and whether they cover the
+    window without a hole."""
+
+    blocks: list[BlockSums]
+    count: int
+    whole: bool
+
+
 class MotionMeter:
     """Rolling statistics of displacement and acceleration.
 
@@ -87,17 +96,21 @@ class MotionMeter:
         oldest_ns = block.t_acq_ns - round(KEPT * needed_s * 1e9)
         while window[0].t_ns < oldest_ns:
             del window[0]
-        if any(b.unusable or b.gap for b in window):
-            found = [self._newest(i, needed) for i in WATCHED]
-            return self._motion([good for good, _ in found], [whole for _, whole in found], needed)
-        total = sum(b.count for b in window)
+        masks = {b.unusable for b in window}
+        if masks != {0} or any(b.gap for b in window):
+            found: dict[tuple[int, ...], Good] = {}
+            alike = [tuple([mask >> i & 1 for mask in masks]) for i in WATCHED]
+            for i, places in zip(WATCHED, alike, strict=True):
+                if places not in found:  # channels that are left out of the same blocks share one
+                    found[places] = self._newest(i, needed)
+            return self._motion([found[places] for places in alike], needed)
+        total = sum([b.count for b in window])
         while total - window[0].count >= needed:
             total -= window.pop(0).count
-        return self._motion([window] * len(WATCHED), [total >= needed] * len(WATCHED), needed)
+        return self._motion([Good(window, total, total >= needed)] * len(WATCHED), needed)
 
-    def _newest(self, i: int, needed: float) -> tuple[list[BlockSums], bool]:
-        """Newest blocks of channel ``i`` that may be judged, and whether they cover the window
-        without a hole."""
+    def _newest(self, i: int, needed: float) -> Good:
+        """Newest blocks of channel ``i`` that may be judged."""
         good, n, hole = list[BlockSums](), 0, False
         for b in reversed(self.window):
             if b.unusable >> i & 1:
@@ -108,23 +121,27 @@ class MotionMeter:
             if n >= needed:
                 break
             hole = hole or b.gap
-        return good, n >= needed and not hole
+        return Good(good, n, n >= needed and not hole)
 
-    def _motion(self, good: list[list[BlockSums]], whole: list[bool], needed: float) -> Motion:
+    def _motion(self, good: list[Good], needed: float) -> Motion:
         """Of the good blocks of each channel; the mean position of those that are good on both
         probes."""
-        both = [b for b in good[0] if not b.unusable >> DISPLACEMENTS[1] & 1]
-        n = max(sum(b.count for b in both), 1)
+        both, n = good[0].blocks, good[0].count
+        if good[0] is not good[1]:
+            both = [b for b in both if not b.unusable >> DISPLACEMENTS[1] & 1]
+            n = sum([b.count for b in both])
+        n = max(n, 1)
+        whole = [each.whole for each in good]
         a, b = (
-            sum(block.sums[i] for block in both) / n * scale + offset
+            sum([block.sums[i] for block in both]) / n * scale + offset
             for i, (scale, offset) in zip(DISPLACEMENTS, self._offsets, strict=True)
         )
         (xa, xb), (ya, yb) = self._to_xy
 
         def span_um(i: int) -> float:
-            blocks = good[i]
+            blocks = good[i].blocks
             return (
-                (max(b.highs[i] for b in blocks) - min(b.lows[i] for b in blocks))
+                (max([b.highs[i] for b in blocks]) - min([b.lows[i] for b in blocks]))
                 * self._scales[i]
                 * 1e6
                 if blocks
@@ -133,8 +150,9 @@ class MotionMeter:
 
         def rms(i: int) -> float:
             """Of the alternating part; what is missing of the window counts as still."""
-            n, total = sum(b.count for b in good[i]), sum(b.sums[i] for b in good[i])
-            square = n * sum(b.squares[i - ACCELERATIONS[0]] for b in good[i]) - total * total
+            blocks, n = good[i].blocks, good[i].count
+            total = sum([b.sums[i] for b in blocks])
+            square = n * sum([b.squares[i - ACCELERATIONS[0]] for b in blocks]) - total * total
             return sqrt(square / (n * max(float(n), needed))) * self._scales[i] if n else 0.0
 
         return Motion(

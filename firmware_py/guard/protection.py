@@ -182,8 +182,13 @@ class Protection:
         return {
             name: ChannelCause(s.causes[i]).name.lower() if s.causes[i] else UNKNOWN
             for i, name in enumerate(CHANNELS)
-            if s.not_ok[name].standing or (name in s.saturated and s.saturated[name].standing)
+            if self._stands(name)
         }
+
+    def _stands(self, name: str) -> bool:
+        """Whether channel ``name`` is said to be not OK, or saturated."""
+        s = self._state
+        return s.not_ok[name].standing or (name in s.saturated and s.saturated[name].standing)
 
     def standing(self) -> list[Alarm]:
         """Every alarm that stands now."""
@@ -240,7 +245,7 @@ class Protection:
                 )
             elif saturated and not s.saturated[name].standing:
                 notices.append(self._saturated(i, name))
-            elif not bad and not saturated and name in self.causes:
+            elif not bad and not saturated and self._stands(name):
                 notices.append(Notice(Severity.INFO, f"{name}_ok", f"channel {name} is OK again"))
             s.causes[i] = int(cause)
             _stand(s.not_ok[name], bad, t_ns)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+from typing import Final
 
 from firmware_py.records.base import N_CHANNELS, Record
 from firmware_py.records.wire import NodeState, RigStatus
@@ -38,8 +39,13 @@ def cause_bits(channel: int, cause: ChannelCause) -> int:
 def cause_of(word: int, channel: int) -> ChannelCause:
     """The cause of a channel in ``Block.channel_cause``; one of a later version counts as a bad
     contact."""
-    value = word >> (4 * channel) & 0xF
-    return ChannelCause(value) if value <= max(ChannelCause) else ChannelCause.INTERMITTENT
+    return _CAUSES[word >> (4 * channel) & 0xF]
+
+
+_CAUSES: Final = tuple(
+    ChannelCause(value) if value in tuple(ChannelCause) else ChannelCause.INTERMITTENT
+    for value in range(16)
+)
 
 
 class Block(Record, frozen=True, tag=True):

@@ -2,7 +2,9 @@ import numpy as np
 import pytest
 
 from firmware_py.acquire.channel_ok import HOLD_OFF_S, STUCK_S, ChannelOk, counts_range
+from firmware_py.acquire.rails import CHAIN_UNKNOWN_S
 from firmware_py.config import SHIPPED, load
+from firmware_py.records import ChannelCause, cause_of
 
 CHANNELS = load(SHIPPED / "bench")[0].machine.channel
 RATE_HZ = 5000
@@ -70,3 +72,18 @@ def test_returns_only_after_the_hold_off() -> None:
     owed = round(HOLD_OFF_S * RATE_HZ)
     masks = [ok.step(lively(k)) & 1 for k in range(owed // N + 2)]
     assert masks.index(1) == -(-owed // N) - 1
+
+
+def test_a_lone_touch_is_a_bad_contact_once_nothing_follows_it() -> None:
+    ok = ChannelOk(CHANNELS, RATE_HZ)
+    causes = []
+    for k in range(round(CHAIN_UNKNOWN_S * RATE_HZ / N) + 2):
+        samples = lively(k)
+        if k == 0:
+            samples[5, 0] = 24501
+        ok.step(samples)
+        causes.append(cause_of(ok.state.causes, 0))
+    after = N - 6  # samples behind the touch in its own block
+    ended = (round(CHAIN_UNKNOWN_S * RATE_HZ) - after) // N + 1
+    assert causes[:ended] == [ChannelCause.OK] * ended
+    assert causes[ended:] == [ChannelCause.INTERMITTENT] * (len(causes) - ended)
