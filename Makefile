@@ -72,7 +72,7 @@ $(VENV)/.train: pyproject.toml constraints.txt | $(BIN)/python
 	@$(PIP) -e '.[train,crosscheck]' && touch $@ $(VENV)/.sim
 
 dialect: $(VENV)/.dev   ## generate the MAVLink dialect module from its XML again
-	@$(BIN)/mavgen.py --lang=Python3 --wire-protocol=2.0 --output=firmware_py/wire/mav_dialect.py firmware_py/wire/orbitd.xml
+	@$(BIN)/python deploy/make_dialect.py
 
 lock:            ## renew constraints.txt from the present environment
 	@$(BIN)/python -m pip freeze --exclude-editable | sed 's/+cpu$$//' > constraints.txt

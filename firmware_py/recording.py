@@ -18,6 +18,7 @@ from typing import Final, Literal, NamedTuple, TypeVar
 import msgspec
 from mcap.records import Channel, Message, Metadata
 
+from firmware_py import signals
 from firmware_py.errors import OrbitdError
 from firmware_py.mcap_scan import Content, End, Skipped, scan
 from firmware_py.records import (
@@ -64,24 +65,16 @@ class Topic(NamedTuple):
     encoding: Literal["msgpack", "json"]
 
 
+_RECORDS: Final[tuple[type[Record], ...]] = (
+    CycleRecord, Snapshot, Block, RigReading, GuardState, Event, CommandRequest, CommandReply, Diagnosis,
+    WindowRecord, Forecast, Advice, BrainState, CommissionState, Normal, WallClock,
+)  # fmt: skip
+_ROWS: Final = {row.record: row for row in signals.STREAMS}
+
 TOPICS: Final[dict[type[Record], Topic]] = {
-    CycleRecord: Topic("guard/cycle", "msgpack"),
-    Snapshot: Topic("guard/snapshot", "msgpack"),
-    Block: Topic("da/block", "msgpack"),
-    RigReading: Topic("da/reading", "json"),
-    GuardState: Topic("sd/state", "json"),
-    Event: Topic("event", "json"),
-    CommandRequest: Topic("cmd/request", "json"),
-    CommandReply: Topic("cmd/reply", "json"),
-    Diagnosis: Topic("ha/diagnosis", "json"),
-    WindowRecord: Topic("ha/window", "json"),
-    Forecast: Topic("pa/forecast", "json"),
-    Advice: Topic("ag/advice", "json"),
-    BrainState: Topic("ha/state", "json"),
-    CommissionState: Topic("ha/commission", "json"),
-    Normal: Topic("ha/normal", "msgpack"),
-    WallClock: Topic("clock", "json"),
+    kind: Topic(_ROWS[kind.__name__].topic, _ROWS[kind.__name__].encoding) for kind in _RECORDS
 }
+"""Where each record lies, by :data:`firmware_py.signals.STREAMS`."""
 
 _to_msgpack = msgspec.msgpack.Encoder().encode
 _to_json = msgspec.json.Encoder().encode

@@ -53,20 +53,48 @@ class Drive:
             raise ValueError(
                 f"heartbeat limit {heartbeat_limit_s:g} s: outside {low_s:g} .. {high_s:g} s"
             )
+        self.heartbeat_limit_s = heartbeat_limit_s
+        self.coasts_on_silence = coast_on_silence
         self._silence_us = round(heartbeat_limit_s * 1e6)
         self._data = data
-        self._coast_on_silence = coast_on_silence
         self.coasting = False
         self.reason = ""
         self._granted: int | None = None
         self._permit = False
         self._heard_us = 0
+        self._local: tuple[Duty, float] | None = None
         self.follow(duty, 0.0)
         self.speed_rad_s, self.load_N = duty.point(0.0)
 
     def follow(self, duty: Duty, now_s: float) -> None:
-        """Follow ``duty``, whose time 0 is ``now_s``."""
-        self._duty, self._start_s = duty, now_s
+        """Follow ``duty``, whose time 0 is ``now_s``; while steered, from its release on."""
+        if self._local is None:
+            self._duty, self._start_s = duty, now_s
+        else:
+            self._local = (duty, now_s)
+
+    def steer(self, speed_rpm: float, load_N: float, ramp_s: float, now_s: float) -> None:
+        """Go to a setpoint of the device in ``ramp_s``; the local duty waits."""
+        local = self._local or (self._duty, self._start_s)
+        self._local = None
+        self.operate(speed_rpm, load_N, ramp_s, now_s)
+        self._local = local
+
+    def release(self) -> None:
+        """The device steers no more: back to the local duty."""
+        if self._local is not None:
+            self._duty, self._start_s = self._local
+            self._local = None
+
+    @property
+    def local_rpm(self) -> float:
+        """Speed at the end of the local duty."""
+        return (self._local or (self._duty, 0.0))[0].speed_rpm[-1]
+
+    @property
+    def local_N(self) -> float:
+        """Load at the end of the local duty."""
+        return (self._local or (self._duty, 0.0))[0].load_N[-1]
 
     def operate(self, speed_rpm: float, load_N: float, ramp_s: float, now_s: float) -> None:
         """Go to a speed and load in ``ramp_s`` and stay."""
@@ -99,7 +127,7 @@ class Drive:
         silent = self._granted is not None and tick_us - self._heard_us > self._silence_us
         if silent:
             self._permit = False
-            if self._coast_on_silence:
+            if self.coasts_on_silence:
                 self._coast("device heartbeat lost")
 
     def advance(self, start_s: float, period_s: float, n: int) -> Floats:

@@ -11,10 +11,8 @@ from dataclasses import dataclass
 from typing import Final
 
 from firmware_py.records import Command, DeviceHeartbeat, NodeMode, NodeState, Rejected, WireMessage
+from sim_hil.follower import COUNTERS, TICKS, Follower
 
-SESSION_ALIVE_US: Final = 1_000_000
-_TICKS: Final = 1 << 32
-_COUNTERS: Final = 1 << 16
 _CHECK_REASONS: Final = ("length", "crc")
 
 
@@ -38,11 +36,17 @@ class Node:
         self.clearance_um = limits.boot_clearance_um
         self.pressure_bar = limits.boot_pressure_bar
         self.mode = NodeMode.SAFE
-        self.session = 0
-        self.counter = 0
-        self.refused = {"stale": 0, "check": 0, "session": 0, "range": 0}
-        self._heard_us: int | None = None
-        self._obeyed_us: int | None = None
+        self.follower: Follower[Command] = Follower(limits.time_to_live_ms, self._in_range)
+
+    @property
+    def session(self) -> int:
+        """Session that is followed; 0: none yet."""
+        return self.follower.session
+
+    @property
+    def refused(self) -> dict[str, int]:
+        """Refused commands by rule."""
+        return self.follower.refused
 
     def receive(self, messages: list[WireMessage | Rejected], tick_us: int) -> None:
         """Everything that waits, at once; only the newest intact command is judged."""
@@ -52,21 +56,15 @@ class Node:
                 self.refused["check"] += message.reason in _CHECK_REASONS
             elif isinstance(message, Command):
                 newest = message
-            elif isinstance(message, DeviceHeartbeat) and message.session == self.session:
-                self._heard_us = tick_us
-        if newest is not None:
-            reason = self._refusal(newest, tick_us)
-            if reason is None:
-                self._obey(newest, tick_us)
-            else:
-                self.refused[reason] += 1
+            elif isinstance(message, DeviceHeartbeat):
+                self.follower.hear(message.session, tick_us)
+        if newest is not None and self.follower.judge(newest, tick_us):
+            self.clearance_um, self.pressure_bar = newest.clearance_um, newest.pressure_bar
+            self.mode = NodeMode.FOLLOWING
 
     def expire(self, tick_us: int) -> None:
         """Fall back to the boot values when no command was obeyed for the time to live."""
-        if (
-            self._obeyed_us is None
-            or tick_us - self._obeyed_us > self.limits.time_to_live_ms * 1000
-        ):
+        if self.follower.expired(tick_us):
             self.mode = NodeMode.SAFE
             self.clearance_um = self.limits.boot_clearance_um
             self.pressure_bar = self.limits.boot_pressure_bar
@@ -74,32 +72,16 @@ class Node:
     def state(self, counter: int, tick_us: int, at_target: bool) -> NodeState:
         """The node's own account."""
         return NodeState(
-            counter=counter, tick_us=tick_us % _TICKS, mode=int(self.mode), session=self.session,
-            command_counter=self.counter, target_clearance_um=self.clearance_um,
+            counter=counter, tick_us=tick_us % TICKS, mode=int(self.mode), session=self.session,
+            command_counter=self.follower.counter, target_clearance_um=self.clearance_um,
             target_pressure_bar=self.pressure_bar, at_target=at_target,
-            **{f"refused_{reason}": count % _COUNTERS for reason, count in self.refused.items()},
+            **{f"refused_{reason}": count % COUNTERS for reason, count in self.refused.items()},
         )  # fmt: skip
 
-    def _refusal(self, command: Command, tick_us: int) -> str | None:
-        """Name of the first rule that ``command`` breaks."""
+    def _in_range(self, command: Command) -> bool:
+        """Whether both targets lie in the actuator's own range."""
         limits = self.limits
-        alive = self._heard_us is not None and tick_us - self._heard_us <= SESSION_ALIVE_US
-        if command.session != self.session and alive:
-            return "session"
-        same = command.session == self.session and self._obeyed_us is not None
-        if same and not 1 <= (command.counter - self.counter) % _COUNTERS < _COUNTERS // 2:
-            return "check"
-        if (tick_us - command.echo_tick_us) % _TICKS > limits.time_to_live_ms * 1000:
-            return "stale"
-        if not (
+        return (
             limits.clearance_um[0] <= command.clearance_um <= limits.clearance_um[1]
             and limits.pressure_bar[0] <= command.pressure_bar <= limits.pressure_bar[1]
-        ):
-            return "range"
-        return None
-
-    def _obey(self, command: Command, tick_us: int) -> None:
-        self.session, self.counter = command.session, command.counter
-        self.clearance_um, self.pressure_bar = command.clearance_um, command.pressure_bar
-        self.mode = NodeMode.FOLLOWING
-        self._heard_us = self._obeyed_us = tick_us
+        )

@@ -14,25 +14,30 @@ import numpy as np
 
 from firmware_py.config import Config
 from firmware_py.records import (
-    INSTANTS_PER_FRAME,
     Command,
     DeviceHeartbeat,
+    DriveState,
+    NodeFigures,
     NodeInfo,
     NodeState,
     RawFrame,
+    ReadingQuality,
+    ReadingsFrame,
     RigStatus,
     WireMessage,
 )
-from firmware_py.wire.fields import SCHEMA, SampleFlag
+from firmware_py.wire.fields import SampleFlag
 from firmware_py.wire.link import Codec
 from sim_hil.build import Build
 from sim_hil.drive import HEARTBEAT_LIMIT_DEFAULT_S, Drive
-from sim_hil.duty import Duty
+from sim_hil.drive_link import DriveLink
+from sim_hil.duty import RAD_S_PER_RPM, Duty
 from sim_hil.faults import ACTUATOR_FAULTS, NODE_FAULTS, FaultSet, check_fault
 from sim_hil.faults.actuator import Reach, reached
 from sim_hil.machine import Batch, Machine, Readings
 from sim_hil.node import Node, NodeLimits
 from sim_hil.rigs import RigData
+from sim_hil.rotor.assembly import PRESSURE_TIME_CONSTANT_S
 from sim_hil.rotor.parameters import TRUTH_COLUMNS
 from sim_hil.runs import CLEARANCE_NOISE_M, OIL_ERROR_C, POWER_ERROR_W
 from sim_hil.sampler import COUNTERS, TICKS, Sampler
@@ -113,7 +118,7 @@ class Rig:
         heartbeat_limit_s: float = HEARTBEAT_LIMIT_DEFAULT_S,
     ) -> None:
         self._rng = np.random.default_rng([seed, 2])
-        self._codec = codec
+        self._codec, self._layout = codec, codec.layout
         self.node = Node(limits)
         self.drive = Drive(
             rig.drive,
@@ -133,8 +138,11 @@ class Rig:
         self._tick0 = int(self._rng.integers(TICKS))
         self._power_error_W = float(self._rng.uniform(-POWER_ERROR_W, POWER_ERROR_W))
         self._oil_error_C = float(self._rng.uniform(-OIL_ERROR_C, OIL_ERROR_C))
-        self._sampler = Sampler(self._period_us, round(self.machine.delay_s * 1e6), self._tick0)
+        self._sampler = Sampler(
+            codec.layout, self._period_us, round(self.machine.delay_s * 1e6), self._tick0
+        )
         self._truth = TruthKeeper(self.machine)
+        self._drive_link = DriveLink(self.drive, limits.time_to_live_ms)
         self._start_ns: int | None = None
         self._periods = 0
         self._counters: Counter[type] = Counter()
@@ -207,11 +215,12 @@ class Rig:
         lag_ms = due * self._period_us * 1e-3
         self.lag_ms_max = max(self.lag_ms_max, lag_ms)
         if lag_ms > GIVE_UP_MS:
-            frames = due // INSTANTS_PER_FRAME
+            instants = self._sampler.instants
+            frames = due // instants
             self._sampler.skip(frames)
-            self._periods += frames * INSTANTS_PER_FRAME
-            self.periods_left_out += frames * INSTANTS_PER_FRAME
-            due -= frames * INSTANTS_PER_FRAME
+            self._periods += frames * instants
+            self.periods_left_out += frames * instants
+            due -= frames * instants
         return due, lag_ms > BEHIND_MS
 
     def _take(self, frames_in: list[RawFrame], tick_us: int) -> None:
@@ -220,6 +229,7 @@ class Rig:
         for message in messages:
             if isinstance(message, DeviceHeartbeat):
                 self.drive.hear(message, tick_us)
+        self._drive_link.receive(messages, tick_us, self.time_s)
         if self._drive_faults.get("node_refuses"):
             messages = [_outdated(m, tick_us) if isinstance(m, Command) else m for m in messages]
         self.node.receive(messages, tick_us)
@@ -248,6 +258,7 @@ class Rig:
         start_us = self._elapsed_us
         self.node.expire(self._tick0 + start_us)
         self.drive.watch(self._tick0 + start_us)
+        self._drive_link.expire(self._tick0 + start_us)
         drive = self.drive.advance(self.time_s, self.machine.period_s, n)
         batch = self.machine.advance(drive, *self._reached())
         self._periods += n
@@ -266,10 +277,70 @@ class Rig:
         self._power_W.extend(batch.truth[:, _POWER].tolist())
         if self._elapsed_us // STATE_US > before_us // STATE_US:
             now = self.machine.readings()
-            messages += [self._status(now), self._state(now)]
+            messages += [*self._readings(self._status(now)), self._state(now)]
+            if self._layout.schema > 1:
+                messages.append(self._drive_link.state(self._count(DriveState), self._tick))
         if self._elapsed_us // INFO_US > before_us // INFO_US:
+            if self._layout.schema > 1:
+                messages.append(self._figures())
             messages.append(self._info())
         return messages
+
+    def _readings(self, status: RigStatus) -> list[WireMessage]:
+        """The status as the layout's schema carries it."""
+        if self._layout.schema == 1:
+            return [status]
+        told = self._slow_values(status)
+        pages: list[WireMessage] = []
+        for number in range(self._layout.pages):
+            page = [told.get(row.name) for row in self._layout.page(number)]
+            pages.append(
+                ReadingsFrame(
+                    self._count(ReadingsFrame),
+                    status.tick_us,
+                    number,
+                    tuple(0.0 if value is None else value for value in page),
+                    tuple(2550 if value is None else 0 for value in page),
+                    tuple(
+                        int(ReadingQuality.ABSENT if value is None else ReadingQuality.OK)
+                        for value in page
+                    ),
+                )
+            )
+        return pages
+
+    def _slow_values(self, status: RigStatus) -> dict[str, float]:
+        """The readings that this rig has, by name: the standard ones, and what the drive knows."""
+        return {
+            "shaft_power": status.shaft_power_W,
+            "oil_outlet": status.oil_outlet_C,
+            "clearance_actual": status.clearance_actual_um,
+            "pressure_actual": status.pressure_actual_bar,
+            "drive_speed": self.drive.speed_rad_s / RAD_S_PER_RPM,
+            "drive_load": self.drive.load_N,
+            "drive_torque": status.shaft_power_W / max(self.drive.speed_rad_s, 1.0),
+        }
+
+    def _figures(self) -> NodeFigures:
+        limits, rig = self.node.limits, self.machine.rig
+        return NodeFigures(
+            counter=self._count(NodeFigures),
+            tick_us=self._tick,
+            heartbeat_limit_ms=round(self.drive.heartbeat_limit_s * 1e3),
+            coasts_on_silence=self.drive.coasts_on_silence,
+            drive_commandable=True,
+            clearance_min_um=limits.clearance_um[0],
+            clearance_max_um=limits.clearance_um[1],
+            pressure_min_bar=limits.pressure_bar[0],
+            pressure_max_bar=limits.pressure_bar[1],
+            clearance_lag_ms=round(rig.actuator.time_constant_s * 1e3),
+            pressure_lag_ms=round(PRESSURE_TIME_CONSTANT_S * 1e3),
+            drive_time_to_live_ms=self._drive_link.time_to_live_ms,
+            speed_min_rpm=self._drive_link.speed_rpm[0],
+            speed_max_rpm=self._drive_link.speed_rpm[1],
+            load_min_N=self._drive_link.load_N[0],
+            load_max_N=self._drive_link.load_N[1],
+        )
 
     def _status(self, now: Readings) -> RigStatus:
         clearance_m = now.clearance_m + CLEARANCE_NOISE_M * float(self._rng.standard_normal())
@@ -294,12 +365,13 @@ class Rig:
         return NodeInfo(
             counter=self._count(NodeInfo),
             tick_us=self._tick,
-            schema=SCHEMA,
+            schema=self._layout.schema,
             sample_period_us=self._period_us,
             boot_clearance_um=limits.boot_clearance_um,
             boot_pressure_bar=limits.boot_pressure_bar,
             time_to_live_ms=limits.time_to_live_ms,
             rate_um_s=limits.rate_um_s,
+            layout_hash=self._layout.hash,
         )
 
     @property

@@ -1,4 +1,4 @@
-"""Sample frames: three instants each, with the newest mark at or before the last of them.
+"""Sample frames of the rig's layout, with the newest mark at or before the last of them.
 
 Times are microseconds of the node's clock since its start; an instant was measured one filter delay
 before its value is ready.
@@ -10,14 +10,16 @@ from collections import deque
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
-from firmware_py.records import INSTANTS_PER_FRAME, N_CHANNELS, SampleFrame
+from firmware_py import signals
+from firmware_py.records import CHANNELS, SampleFrame
 from firmware_py.wire.fields import SampleFlag
+from firmware_py.wire.layout import WireLayout
 from sim_hil.machine import Batch
 
 TICKS: Final = 1 << 32
 COUNTERS: Final = 1 << 16
-_FRAME_BYTES: Final = INSTANTS_PER_FRAME * N_CHANNELS * 2
 
 
 class Sampler:
@@ -25,13 +27,19 @@ class Sampler:
 
     Parameters
     ----------
+    layout
+        Of the frames; a channel that the machine has not shows what its first standard channel of
+        the same kind shows, or nothing.
     period_us, delay_us
         Sampling period and delay of the anti-alias filter.
     tick0
         The node's tick at its start.
     """
 
-    def __init__(self, period_us: int, delay_us: int, tick0: int) -> None:
+    def __init__(self, layout: WireLayout, period_us: int, delay_us: int, tick0: int) -> None:
+        self.instants = layout.instants
+        self._sources = sources(layout)
+        self._bytes = layout.samples_bytes
         self._period_us, self._delay_us, self._tick0 = period_us, delay_us, tick0
         self._pending = bytearray()
         self._first_us = 0
@@ -43,7 +51,7 @@ class Sampler:
 
     def skip(self, frames: int) -> None:
         """Leave out ``frames``: their time and their counters pass, nothing is sent."""
-        self._first_us += frames * INSTANTS_PER_FRAME * self._period_us
+        self._first_us += frames * self.instants * self._period_us
         self._counter = (self._counter + frames) % COUNTERS
 
     def frames(self, batch: Batch, start_us: int, flags: int) -> list[SampleFrame]:
@@ -56,16 +64,24 @@ class Sampler:
             )
         if not self._pending:
             self._first_us = start_us + self._period_us - self._delay_us
-        self._pending += batch.counts.astype("<i2", copy=False).tobytes()
+        self._pending += self._of_rig(batch).astype("<i2", copy=False).tobytes()
         out: list[SampleFrame] = []
-        while len(self._pending) >= _FRAME_BYTES:
-            out.append(self._frame(bytes(self._pending[:_FRAME_BYTES]), flags))
-            del self._pending[:_FRAME_BYTES]
-            self._first_us += INSTANTS_PER_FRAME * self._period_us
+        while len(self._pending) >= self._bytes:
+            out.append(self._frame(bytes(self._pending[: self._bytes]), flags))
+            del self._pending[: self._bytes]
+            self._first_us += self.instants * self._period_us
         return out
 
+    def _of_rig(self, batch: Batch) -> NDArray[np.int16]:
+        """The machine's counts in the order of the layout."""
+        if self._sources == list(range(len(CHANNELS))):
+            return batch.counts
+        counts = batch.counts[:, self._sources]
+        counts[:, [source < 0 for source in self._sources]] = 0
+        return counts
+
     def _frame(self, samples: bytes, flags: int) -> SampleFrame:
-        last_us = self._first_us + (INSTANTS_PER_FRAME - 1) * self._period_us
+        last_us = self._first_us + (self.instants - 1) * self._period_us
         while self._marks and self._marks[0][0] <= last_us:
             self._mark_us, self._edges_sent = self._marks.popleft()
         known = self._edges_sent > 0
@@ -78,3 +94,16 @@ class Sampler:
             flags=flags + known * SampleFlag.MARK_VALID.value,
             samples=samples,
         )
+
+
+def sources(layout: WireLayout) -> list[int]:
+    """The machine's column for each channel of ``layout``; -1 where it has none of that kind."""
+    kinds = [row.kind for row in signals.CHANNELS]
+    return [
+        CHANNELS.index(c.name)
+        if c.name in CHANNELS
+        else kinds.index(c.kind.name)
+        if c.kind.name in kinds
+        else -1
+        for c in layout.channels
+    ]

@@ -13,7 +13,8 @@ from firmware_py.acquire.clock_map import ClockMap
 from firmware_py.acquire.counting import CounterTrack, doubled, suspect, take
 from firmware_py.acquire.speed import SpeedMeter, Turn
 from firmware_py.config import Config
-from firmware_py.records import INSTANTS_PER_FRAME, N_CHANNELS, Block, Quality, SampleFrame
+from firmware_py.config.instances import frame_instants, places
+from firmware_py.records import Block, Quality, SampleFrame
 
 MARK_VALID: Final = 2
 """Bit of ``SampleFrame.flags``: the once-per-turn mark is good."""
@@ -50,7 +51,10 @@ class Assembler:
 
     def __init__(self, config: Config, clock: ClockMap, counters: dict[str, int]) -> None:
         self._period_us = config.sampling.period_us
-        self._frame_us = INSTANTS_PER_FRAME * self._period_us
+        instants = frame_instants(config)
+        self._channels = places(config.machine.channel).number
+        self._frame_us = instants * self._period_us
+        self._last_us = (instants - 1) * self._period_us
         self._frames_per_block = config.sampling.frames_per_block
         self._clock = clock
         self._counters = counters
@@ -79,7 +83,7 @@ class Assembler:
         if not s.started or lost or restarted or off_us > TICK_TOLERANCE_US:
             blocks = self._gap(lost, restarted, tick_us, arrival_ns)
         s.started, s.tick_us, s.arrival_ns = True, tick_us, arrival_ns
-        self._clock.observe(tick_us + (INSTANTS_PER_FRAME - 1) * self._period_us, arrival_ns)
+        self._clock.observe(tick_us + self._last_us, arrival_ns)
         self._mark(frame, tick_us)
         if not s.parts:
             s.block_tick_us = tick_us
@@ -129,7 +133,7 @@ class Assembler:
         s = self.state
         self.speed.idle(s.tick_us)
         samples = b"".join(s.parts)
-        counts = np.frombuffer(samples, "<i2").reshape(-1, N_CHANNELS)
+        counts = np.frombuffer(samples, "<i2").reshape(-1, self._channels)
         quality = s.block_quality
         if not self._clock.settled:
             quality |= Quality.CLOCK_UNSETTLED
@@ -153,6 +157,8 @@ class Assembler:
             samples=samples,
             channel_cause=self.channel_ok.state.causes,
             unusable=self.channel_ok.state.unusable,
+            channels=self._channels,
+            channel_cause_high=self.channel_ok.state.causes_high,
         )
         s.seq += 1
         s.block_quality, s.parts, s.marks = 0, [], []

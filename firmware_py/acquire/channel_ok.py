@@ -27,8 +27,10 @@ import numpy.typing as npt
 
 from firmware_py.acquire.rails import CLEAR, Rail, RailState, RailWatch
 from firmware_py.config import Config
+from firmware_py.config.instances import places
 from firmware_py.machine import FastChannel
-from firmware_py.records import CHANNELS, N_CHANNELS, ChannelCause, cause_bits, cause_of
+from firmware_py.records import ChannelCause, cause_bits, cause_of
+from firmware_py.records.acquired import CAUSE_BITS
 
 STUCK_S: Final = 0.25
 FLAT_S: Final = 0.02
@@ -51,14 +53,9 @@ GAP_SHARE: Final = 1.25
 """Mean of a displacement, over the widest clearance, beyond which the gap is wrong, whatever
 touches the rail."""
 
-RAIL_JUDGED: Final = frozenset(
-    {"disp_x", "disp_y", "acc_bearing_vertical", "acc_bearing_horizontal", "acc_motor"}
-)
-"""Channels on which a touch out of step is a bad contact; a microphone and a contact resistance may
-touch theirs."""
-
 _BEFORE: Final = 3
 """Samples of the block before that a step needs on both its sides."""
+_WORD: Final = (1 << CAUSE_BITS) - 1
 _INT16_MIN: Final = -32768
 _INT16_MAX: Final = 32767
 
@@ -87,6 +84,7 @@ class ChannelOkState(msgspec.Struct):
     turn: float = 0.0
     causes: int = 0
     unusable: int = 0
+    causes_high: int = 0
 
 
 def counts_range(channel: FastChannel) -> tuple[int, int]:
@@ -98,12 +96,13 @@ def counts_range(channel: FastChannel) -> tuple[int, int]:
 
 
 class ChannelOk:
-    """Judges the eight channels, block by block.
+    """Judges the channels, block by block.
 
     Parameters
     ----------
     channels
-        The configured channels in wire order.
+        The configured channels in wire order; on those that shake with the shaft (by their kind)
+        a touch of the rail out of step is a bad contact.
     rate_hz
         Sampling rate.
     reach_m, fastest_m_s
@@ -128,14 +127,16 @@ class ChannelOk:
         self._stuck_samples = round(STUCK_S * rate_hz)
         self._hold_off_samples = round(HOLD_OFF_S * rate_hz)
         self._clean_samples = round(CLEAN_S * rate_hz)
-        self._probes = [i for i, name in enumerate(CHANNELS) if name.startswith("disp")]
+        where = places(channels)
+        self._count, self._shaking = where.number, where.shaking
+        self._probes = [i for i, c in enumerate(where.kinds) if c == "displacement"]
         scales = [
             (abs(channels[i].scale), channels[i].offset / channels[i].scale) for i in self._probes
         ]
         self._steps = [fastest_m_s / rate_hz / scale for scale, _ in scales]
         self._zeros = [DROP_M / scale for scale, _ in scales]
         self._gaps = [(zero, GAP_SHARE * reach_m / scale) for scale, zero in scales]
-        self.state = ChannelOkState([0] * N_CHANNELS, [0] * N_CHANNELS, [0] * N_CHANNELS)
+        self.state = ChannelOkState([0] * self._count, [0] * self._count, [0] * self._count)
 
     @classmethod
     def of(cls, config: Config) -> ChannelOk:
@@ -150,21 +151,21 @@ class ChannelOk:
     def step(
         self, samples: npt.NDArray[np.int16], speed_rad_s: float = 0.0, gap: bool = False
     ) -> int:
-        """Mask of OK channels for the diagnosis, after the next ``samples`` (``n x 8`` counts).
+        """Mask of OK channels for the diagnosis, after the next ``samples`` (``n x channels`` counts).
 
         ``gap`` says that samples are missing before them; a speed of 0 is unknown.
         """
         s, n = self.state, len(samples)
         if not s.cause:
-            s.cause, s.cause_owed, s.unclean, s.torn = ([0] * N_CHANNELS for _ in range(4))
-            s.rails = [RailState() for _ in range(N_CHANNELS)]
+            s.cause, s.cause_owed, s.unclean, s.torn = ([0] * self._count for _ in range(4))
+            s.rails = [RailState() for _ in range(self._count)]
         if gap:
             s.before = []
         outside = ((samples < self._low) | (samples > self._high)).sum(axis=0).tolist()
         still = (samples[0] == samples[-1]).tolist()
         torn, undecided = self._torn(samples)
         ok = causes = unusable = 0
-        for i in range(N_CHANNELS):
+        for i in range(self._count):
             if still[i]:
                 stuck = self._stuck(i, samples)
             else:
@@ -183,7 +184,8 @@ class ChannelOk:
             causes |= cause_bits(i, cause)
             unusable |= (left_out or undecided >> i & 1) << i
         s.turn += n * speed_rad_s / (2 * math.pi * self._rate_hz)
-        s.causes, s.unusable = causes, unusable
+        s.causes, s.causes_high = causes & _WORD, causes >> CAUSE_BITS
+        s.unusable = unusable
         return ok
 
     def _cause(
@@ -195,7 +197,7 @@ class ChannelOk:
             stuck or torn or s.unclean[i] or s.torn[i] or s.cause_owed[i]
         ):  # nothing is wrong, and nothing was
             return ChannelCause.OK, s.same[i] >= self._flat_samples
-        torn_rail = rail.out_of_step and CHANNELS[i] in RAIL_JUDGED
+        torn_rail = rail.out_of_step and i in self._shaking
         s.unclean[i] = self._clean_samples if torn or torn_rail else _after(s.unclean[i], n)
         s.torn[i] = self._hold_off_samples if torn else _after(s.torn[i], n)
         now = ChannelCause.OK

@@ -14,7 +14,15 @@ from typing import Final, NamedTuple
 
 import msgspec
 
-from firmware_py.records import NodeInfo, NodeState, RigStatus, SampleFrame
+from firmware_py.records import (
+    DriveState,
+    NodeFigures,
+    NodeInfo,
+    NodeState,
+    ReadingsFrame,
+    RigStatus,
+    SampleFrame,
+)
 
 NEAR: Final = 64
 """Widest counter jump that the next frame alone may confirm."""
@@ -29,7 +37,7 @@ holds."""
 NEVER_NS: Final = -(1 << 62)
 _MASK: Final = 0xFFFF
 
-Message = SampleFrame | RigStatus | NodeState | NodeInfo
+Message = SampleFrame | RigStatus | NodeState | NodeInfo | ReadingsFrame | NodeFigures | DriveState
 
 
 class Patience(NamedTuple):
@@ -46,6 +54,9 @@ PATIENCE: Final[dict[type, Patience]] = {
     RigStatus: Patience(3.0, 0.5, 2_000_000_000),
     NodeState: Patience(3.0, 0.5, 2_000_000_000),
     NodeInfo: Patience(3.0, 0.1, 5_000_000_000),
+    ReadingsFrame: Patience(3.0, 0.5, 2_000_000_000),
+    NodeFigures: Patience(3.0, 0.1, 5_000_000_000),
+    DriveState: Patience(3.0, 0.5, 2_000_000_000),
 }
 """A late frame or two, and one burst of them, are one sender's; frames of three periods or more are
 not."""

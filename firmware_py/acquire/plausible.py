@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from firmware_py import signals
 from firmware_py.records import N_CHANNELS
 
 TORN_SHARE: Final = 0.002
@@ -28,11 +29,12 @@ MAINS_HZ: Final = (50.0, 60.0)
 MAINS_ORDER_GAP: Final = 0.08
 """The mains is told from the shaft where no multiple of half its speed comes nearer than this (in
 orders)."""
-MAINS_SI: Final = (1e-6, 1e-6, 0.7, 0.7, 0.7, 0.07, 0.03, 0.006)
+_KINDS: Final = tuple(signals.FAST[row.kind] for row in signals.CHANNELS)
+MAINS_SI: Final = tuple(kind.mains_si for kind in _KINDS)
 """Amplitudes of a mains line, about 0.4 % of the channels' ranges: m, m/s2, Pa, bar, V."""
-MEAN_SI: Final = (np.inf, np.inf, 2.0, 2.0, 2.0, 0.3, np.inf, np.inf)
+MEAN_SI: Final = tuple(kind.mean_si for kind in _KINDS)
 """Means that accelerometers (m/s2) and microphone (Pa) cannot have."""
-_CONTACT: Final = 7
+_RESTING: Final = np.array([kind.rests for kind in _KINDS])
 
 Counts = NDArray[np.int16]
 Integers = NDArray[np.int32]
@@ -81,7 +83,7 @@ def flat(counts: Integers, low: Integers, high: Integers) -> Flags:
     at its supply."""
     at_low, at_high = (np.count_nonzero(counts == end[:, None], axis=1) for end in (low, high))
     many = (np.maximum(at_low, at_high) > FLAT_SHARE * counts.shape[1]) & (high - low > FLAT_LEAST)
-    many[_CONTACT] = False
+    many[_RESTING] = False
     return np.asarray(many)
 
 

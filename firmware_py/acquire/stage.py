@@ -12,6 +12,7 @@ from firmware_py.acquire.assembler import Assembler, AssemblerState
 from firmware_py.acquire.channel_ok import ChannelOkState
 from firmware_py.acquire.clock_map import ClockMap, ClockMapState, unwrap
 from firmware_py.acquire.counting import CounterTrack, doubled, take
+from firmware_py.acquire.slow_pages import SlowPages
 from firmware_py.acquire.speed import SpeedState, Turn
 from firmware_py.acquire.stamps import TICK_AHEAD_MAX_NS, bounded_arrival_ns
 from firmware_py.config import Config
@@ -19,14 +20,19 @@ from firmware_py.records import (
     Block,
     Command,
     DeviceHeartbeat,
+    DriveCommand,
+    DriveState,
+    NodeFigures,
     NodeInfo,
     NodeState,
     Quality,
     RawFrame,
+    ReadingsFrame,
     Rejected,
     RigReading,
     RigStatus,
     SampleFrame,
+    SlowValue,
     WireMessage,
 )
 
@@ -42,13 +48,24 @@ REJECTS: Final = (
     "masquerade",
     "ahead",
 )
+REJECTS_2: Final = ("layout",)
+"""Beside them, under wire schema 2."""
 NEVER_NS: Final = 1 << 62
 """Age of a sample that never came."""
 
-SLOW: Final = {RigStatus: "RIG_STATUS", NodeState: "NODE_STATE", NodeInfo: "NODE_INFO"}
+SLOW: Final = {
+    RigStatus: "RIG_STATUS",
+    NodeState: "NODE_STATE",
+    NodeInfo: "NODE_INFO",
+    ReadingsFrame: "READINGS",
+    NodeFigures: "NODE_FIGURES",
+    DriveState: "DRIVE_STATE",
+}
 """The slow messages, by the names that people read."""
 
 _TICK_MASK: Final = 0xFFFFFFFF
+
+SlowMessage = RigStatus | NodeState | NodeInfo | ReadingsFrame | NodeFigures | DriveState
 
 
 class Decoder(Protocol):
@@ -74,6 +91,9 @@ class AcquireState(msgspec.Struct):
     status_heard_ns: int = -NEVER_NS
     reading_seq: int = 0
     arrival_ns: int = -NEVER_NS
+    figures: NodeFigures | None = None
+    drive: DriveState | None = None
+    values: dict[str, SlowValue] = {}
 
 
 class AcquireOutput(msgspec.Struct):
@@ -85,8 +105,9 @@ class AcquireOutput(msgspec.Struct):
 
     blocks: list[Block]
     readings: list[RigReading]
-    foreign: list[DeviceHeartbeat | Command]
+    foreign: list[DeviceHeartbeat | Command | DriveCommand]
     node_info: NodeInfo | None = None
+    figures: NodeFigures | None = None
     restarted: bool = False
     node_ahead_ns: int = 0
     clock_jumped: bool = False
@@ -129,7 +150,9 @@ class Acquire:
             "stamps_ahead",
             "stamps_behind",
         ]
-        self.counters = dict.fromkeys(names + [f"reject_{name}" for name in REJECTS], 0)
+        rejects = REJECTS + (REJECTS_2 if config.bus.schema > 1 else ())
+        self.counters = dict.fromkeys(names + [f"reject_{name}" for name in rejects], 0)
+        self._pages = SlowPages(config)
         self._clock = ClockMap()
         self._assembler = Assembler(config, self._clock, self.counters)
         self._rest = AcquireState(
@@ -146,6 +169,10 @@ class Acquire:
             NodeInfo: self._on_info,
             DeviceHeartbeat: self._on_foreign,
             Command: self._on_foreign,
+            DriveCommand: self._on_foreign,
+            ReadingsFrame: self._on_readings,
+            NodeFigures: self._on_figures,
+            DriveState: self._on_drive,
             Rejected: self._on_rejected,
         }
 
@@ -223,6 +250,11 @@ class Acquire:
         return self._rest.node_info
 
     @property
+    def figures(self) -> NodeFigures | None:
+        """What the node says it was built with (wire schema 2)."""
+        return self._rest.figures
+
+    @property
     def status(self) -> RigStatus | None:
         """The latest slow measurements."""
         return self._rest.status
@@ -265,9 +297,7 @@ class Acquire:
 
     # ------------------------------------------------------------------ one kind of message each
 
-    def _new(
-        self, message: RigStatus | NodeState | NodeInfo, arrival_ns: int
-    ) -> list[tuple[Any, int]]:
+    def _new(self, message: SlowMessage, arrival_ns: int) -> list[tuple[Any, int]]:
         """What of a slow message's stream counts from now on, with its arrival: nothing, it, or one
         that waited."""
         tick_us = unwrap(message.tick_us, self._assembler.state.tick_us)
@@ -280,18 +310,37 @@ class Acquire:
         return [(taken.message, taken.arrival_ns) for taken in found]
 
     def _on_status(self, message: RigStatus, arrival_ns: int, output: AcquireOutput) -> None:
-        s = self._rest
         for status, heard_ns in self._new(message, arrival_ns):
-            s.status, s.status_heard_ns = status, heard_ns
-            tick_us = unwrap(status.tick_us, self._assembler.state.tick_us)
-            t_acq_ns = self._clock.host_ns(tick_us) if self._clock.state.known else heard_ns
-            quality = 0 if self._clock.settled else Quality.CLOCK_UNSETTLED
-            if heard_ns - t_acq_ns > self._fresh_age_ns:
-                quality |= Quality.STALE
-            output.readings.append(
-                RigReading(s.reading_seq, t_acq_ns, int(quality), status, s.node)
-            )
-            s.reading_seq += 1
+            self._take_status(status, heard_ns, output)
+
+    def _on_readings(self, message: ReadingsFrame, arrival_ns: int, output: AcquireOutput) -> None:
+        """The last page of readings makes a status of them all."""
+        for page, heard_ns in self._new(message, arrival_ns):
+            self._rest.values = self._rest.values | self._pages.values(page)
+            status = self._pages.status(page, self._rest.values)
+            if status is not None:
+                self._take_status(status, heard_ns, output)
+
+    def _take_status(self, status: RigStatus, heard_ns: int, output: AcquireOutput) -> None:
+        s = self._rest
+        s.status, s.status_heard_ns = status, heard_ns
+        tick_us = unwrap(status.tick_us, self._assembler.state.tick_us)
+        t_acq_ns = self._clock.host_ns(tick_us) if self._clock.state.known else heard_ns
+        quality = 0 if self._clock.settled else Quality.CLOCK_UNSETTLED
+        if heard_ns - t_acq_ns > self._fresh_age_ns:
+            quality |= Quality.STALE
+        output.readings.append(
+            RigReading(s.reading_seq, t_acq_ns, int(quality), status, s.node, s.values, s.drive)
+        )
+        s.reading_seq += 1
+
+    def _on_figures(self, message: NodeFigures, arrival_ns: int, output: AcquireOutput) -> None:
+        for figures, _ in self._new(message, arrival_ns):
+            self._rest.figures = output.figures = figures
+
+    def _on_drive(self, message: DriveState, arrival_ns: int, output: AcquireOutput) -> None:
+        for drive, _ in self._new(message, arrival_ns):
+            self._rest.drive = drive
 
     def _on_node(self, message: NodeState, arrival_ns: int, output: AcquireOutput) -> None:
         for node, heard_ns in self._new(message, arrival_ns):
@@ -303,7 +352,10 @@ class Acquire:
             self._rest.node_info = output.node_info = info
 
     def _on_foreign(
-        self, message: DeviceHeartbeat | Command, arrival_ns: int, output: AcquireOutput
+        self,
+        message: DeviceHeartbeat | Command | DriveCommand,
+        arrival_ns: int,
+        output: AcquireOutput,
     ) -> None:
         self.counters["foreign"] += 1
         output.foreign.append(message)
@@ -317,5 +369,6 @@ class Acquire:
         for track in self._rest.tracks.values():
             track.last, track.held, track.run, track.beside = -1, None, 0, 0
         self._rest.node, self._rest.node_info, self._rest.status = None, None, None
+        self._rest.figures, self._rest.drive, self._rest.values = None, None, {}
         self._rest.node_heard_ns = self._rest.status_heard_ns = -NEVER_NS
         output.restarted = True

@@ -18,7 +18,9 @@ from numpy.typing import NDArray
 
 from firmware_py.acquire.plausible import plausible
 from firmware_py.config import Config
+from firmware_py.config.instances import places
 from firmware_py.records import N_CHANNELS, Block, Quality, RigReading
+from firmware_py.wire.layout import SCHEMA_1
 
 TURNS: Final = 32
 """Turns that a window holds when its length allows."""
@@ -39,7 +41,7 @@ MARK_RATIO_MAX: Final = 1.5
 """Neighbouring turns that differ by more hold a lost or a false mark (a 4000 rpm/s ramp gives
 1.1)."""
 
-WIRE_SCALES: Final = (1e-8, 1e-8, 1e-2, 1e-2, 1e-2, 1e-3, 1e-3, 1e-4)
+WIRE_SCALES: Final = tuple(channel.wire_scale for channel in SCHEMA_1.channels)
 """SI value of one count of each channel in ``orbitd.dbc`` (m, m, m/s2 x 3, Pa, bar, V)."""
 
 Floats = NDArray[np.float64]
@@ -61,16 +63,27 @@ class ChannelMap:
     scale: Floats
     offset: Floats
     to_xy: Floats
+    order: tuple[int, ...] = tuple(range(N_CHANNELS))
+    """Place of each column in a block; -1 where the rig has no such channel."""
 
     @classmethod
     def from_config(cls, config: Config) -> ChannelMap:
-        """Scales, offsets and probe angles of the configured channels."""
+        """The standard channels, which the diagnosis knows."""
+        return cls._of(config, places(config.machine.channel).standard)
+
+    @classmethod
+    def every(cls, config: Config) -> ChannelMap:
+        """All configured channels in wire order."""
+        return cls._of(config, tuple(range(len(config.machine.channel))))
+
+    @classmethod
+    def _of(cls, config: Config, order: tuple[int, ...]) -> ChannelMap:
+        channels = config.machine.channel
         return cls(
-            np.array([channel.scale for channel in config.machine.channel]),
-            np.array([channel.offset for channel in config.machine.channel]),
-            _probe_inverse(
-                config.machine.channel[0].angle_deg, config.machine.channel[1].angle_deg
-            ),
+            np.array([channels[i].scale if i >= 0 else 1.0 for i in order]),
+            np.array([channels[i].offset if i >= 0 else 0.0 for i in order]),
+            _probe_inverse(channels[0].angle_deg, channels[1].angle_deg),
+            order,
         )
 
     @classmethod
@@ -78,8 +91,21 @@ class ChannelMap:
         """The scales of ``orbitd.dbc`` with probes at 45 and 135 degrees."""
         return cls(np.array(WIRE_SCALES), np.zeros(N_CHANNELS), _probe_inverse(45.0, 135.0))
 
+    def columns(self, counts: NDArray[np.int16]) -> NDArray[np.int16]:
+        """The columns of :attr:`order` out of a block's, zeros for a channel that is not there."""
+        if self.order == tuple(range(counts.shape[1])):
+            return counts
+        found = counts[:, self.order]
+        found[:, [i < 0 for i in self.order]] = 0
+        return found
+
+    def ok(self, mask: int) -> int:
+        """The OK bits of a block in the order of :attr:`order`; a channel that is not there is not
+        OK."""
+        return sum((mask >> i & 1) << column for column, i in enumerate(self.order) if i >= 0)
+
     def to_si(self, counts: NDArray[np.int16]) -> Floats:
-        """Shape (n, 8) in SI; columns 0 and 1 are the shaft's x and y in metres."""
+        """Shape (n, columns) in SI; columns 0 and 1 are the shaft's x and y in metres."""
         values = counts * self.scale + self.offset
         values[:, :2] = values[:, :2] @ self.to_xy.T
         return values
@@ -211,7 +237,9 @@ class Windower:
 
     def step(self, block: Block) -> list[Window]:
         """Take one block; return the windows that it completes, oldest first."""
-        counts = np.frombuffer(block.samples, "<i2").reshape(-1, N_CHANNELS)
+        counts = self.channels.columns(
+            np.frombuffer(block.samples, "<i2").reshape(-1, block.channels)
+        )
         marks = np.array(block.mark_ticks_us, np.int64)
         return self._take(
             _Chunk(
@@ -223,7 +251,7 @@ class Windower:
                 block.period_ns,
                 block.seq,
                 block.quality,
-                block.channel_ok,
+                self.channels.ok(block.channel_ok),
             )
         )
 

@@ -12,7 +12,7 @@ import numpy as np
 from firmware_py.acquire.orders import Orders
 from firmware_py.acquire.windows import ChannelMap, Window
 from firmware_py.brain.measurement import Measured
-from firmware_py.records import N_CHANNELS, Block, Quality, RigReading
+from firmware_py.records import Block, Quality, RigReading
 
 SPAN_S: Final = 0.2
 """Time over which the present is taken; shortened to whole turns."""
@@ -76,7 +76,7 @@ class Observer:
         if record.quality & Quality.GAP_BEFORE or record.tick_us != self._next_tick_us:
             self._blocks.clear()
             self._span_ns = 0
-        self._next_tick_us = record.tick_us + _instants(record) * record.sample_period_us
+        self._next_tick_us = record.tick_us + record.instants * record.sample_period_us
         self._blocks.append(record)
         self._span_ns += _length_ns(record)
         while self._span_ns - _length_ns(self._blocks[0]) >= SPAN_S * 1e9:
@@ -92,16 +92,15 @@ class Observer:
         turns = int(SPAN_S / turn_s)
         if turns < 1:
             return None
-        counts = np.frombuffer(b"".join(block.samples for block in self._blocks), "<i2").reshape(
-            -1, N_CHANNELS
-        )
+        raw = b"".join(block.samples for block in self._blocks)
+        counts = self._channels.columns(np.frombuffer(raw, "<i2").reshape(-1, last.channels))
         counts = counts[-round(turns * turn_s * 1e6 / last.sample_period_us) :]
         si = self._channels.to_si(counts)
         probes = np.ptp(counts[:, :2].astype(np.int32), axis=0) * np.abs(self._channels.scale[:2])
         mean, spread = si.mean(axis=0), np.ptp(si[:, :2], axis=0)
         ok = 0xFF
         for block in self._blocks:
-            ok &= block.channel_ok
+            ok &= self._channels.ok(block.channel_ok)
         return Present(
             t_acq_ns=last.t_acq_ns + _length_ns(last),
             reading_ns=self._reading.t_acq_ns,
@@ -139,9 +138,5 @@ def window_measured(window: Window, orders: Orders) -> tuple[Measured, complex] 
     ), 0.5 * (x + 1j * y)
 
 
-def _instants(block: Block) -> int:
-    return len(block.samples) // (2 * N_CHANNELS)
-
-
 def _length_ns(block: Block) -> int:
-    return _instants(block) * block.period_ns
+    return block.instants * block.period_ns

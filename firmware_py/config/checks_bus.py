@@ -6,15 +6,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Final
 
+from firmware_py import signals
 from firmware_py.config.convert import Found
+from firmware_py.config.instances import frame_instants
 from firmware_py.config.schema import Config
-from firmware_py.records import INSTANTS_PER_FRAME
 
-SERIAL_BYTES_PER_SAMPLE_FRAME: Final = 74
-"""One MAVLink 2 sample packet: 62 bytes of payload in a frame of 12."""
+SERIAL_BYTES_PER_SAMPLE_FRAME: Final = {1: 74, 2: 75}
+"""One MAVLink 2 sample packet, by wire schema: 62 or 63 bytes of payload in a frame of 12."""
 
-SERIAL_OVERHEAD_BYTES_S: Final = 1350
-"""The rig's other packets: node state and rig status 20 times a second, node info once."""
+SERIAL_OVERHEAD_BYTES_S: Final = {1: 1350, 2: 13_000}
+"""The rig's other packets: node state and readings (schema 2: up to 8 pages) 20 times a second,
+node info once."""
 
 BUS_LOAD_LIMIT: Final = 0.8
 """Share of the bus that sample frames may take."""
@@ -71,7 +73,7 @@ def _freshness(config: Config) -> Iterator[Found]:
 
 def _frames(config: Config) -> Iterator[Found]:
     fresh_ms = config.sampling.fresh_age_ms
-    least_ms = FRESH_FRAMES_MIN * INSTANTS_PER_FRAME * 1e3 / config.sampling.rate_hz
+    least_ms = FRESH_FRAMES_MIN * frame_instants(config) * 1e3 / config.sampling.rate_hz
     if fresh_ms < least_ms:
         yield (
             "sampling.fresh_age_ms",
@@ -110,7 +112,7 @@ def _turns(config: Config) -> Iterator[Found]:
 
 def _blocks(config: Config) -> Iterator[Found]:
     sampling = config.sampling
-    block_s = sampling.frames_per_block * INSTANTS_PER_FRAME / sampling.rate_hz
+    block_s = sampling.frames_per_block * frame_instants(config) / sampling.rate_hz
     low_s, high_s = BLOCK_S
     if not low_s <= block_s <= high_s:
         step = "raise it" if block_s < low_s else "lower it"
@@ -151,17 +153,20 @@ def _link(config: Config) -> Iterator[Found]:
 def _capacity(config: Config) -> Iterator[Found]:
     """Sampling rates that the link cannot carry."""
     rate_hz, bus = config.sampling.rate_hz, config.bus
-    frames_s = rate_hz / INSTANTS_PER_FRAME
+    frames_s = rate_hz / frame_instants(config)
     if bus.link == "serial":
-        needed = frames_s * SERIAL_BYTES_PER_SAMPLE_FRAME + SERIAL_OVERHEAD_BYTES_S
+        each, other = (
+            table[bus.schema] for table in (SERIAL_BYTES_PER_SAMPLE_FRAME, SERIAL_OVERHEAD_BYTES_S)
+        )
+        needed = frames_s * each + other
         room = bus.serial_baud / 10 * 0.95
         if needed > room:
             yield (
                 "sampling.rate_hz",
                 rate_hz,
                 (
-                    f"needs {frames_s:.0f} packets/s x {SERIAL_BYTES_PER_SAMPLE_FRAME} bytes + "
-                    f"{SERIAL_OVERHEAD_BYTES_S} = {needed:.0f} bytes/s, but {bus.serial_baud} baud "
+                    f"needs {frames_s:.0f} packets/s x {each} bytes + "
+                    f"{other} = {needed:.0f} bytes/s, but {bus.serial_baud} baud "
                     f"carries {room:.0f} "
                     "(10 bits a byte, 95 %); lower the rate or raise bus.serial_baud"
                 ),
@@ -192,4 +197,31 @@ def can_frame_seconds(nominal_bitrate: int, data_bitrate: int) -> float:
     return stuffing * (nominal_bits / nominal_bitrate + data_bits / data_bitrate)
 
 
-BUS_CHECKS: Final = (_commands, _freshness, _frames, _period, _turns, _blocks, _link, _capacity)
+def _layout(config: Config) -> Iterator[Found]:
+    """What wire schema 2 can carry."""
+    if config.bus.schema == 1:
+        return
+    n, rate_hz = len(config.machine.channel), config.sampling.rate_hz
+    low, high = signals.CHANNELS_RANGE
+    if not low <= n <= high:
+        yield (
+            "machine.channel",
+            n,
+            f"{n} channels, the wire carries {low} .. {high}; correct the list",
+        )
+    if n * rate_hz > signals.VALUES_PER_S_MAX:
+        yield (
+            "sampling.rate_hz",
+            rate_hz,
+            f"{n} channels make {n * rate_hz} samples/s, at most {signals.VALUES_PER_S_MAX}; lower "
+            f"the rate or leave out channels",
+        )
+    least_hz = 1_000_000 // signals.SPAN_MAX_US
+    if rate_hz < least_hz:
+        cause = f"below {least_hz}: a frame spans at most {signals.SPAN_MAX_US} us; raise it"
+        yield "sampling.rate_hz", rate_hz, cause
+
+
+BUS_CHECKS: Final = (
+    _layout, _commands, _freshness, _frames, _period, _turns, _blocks, _link, _capacity,
+)  # fmt: skip

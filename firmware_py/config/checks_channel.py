@@ -1,4 +1,4 @@
-"""Channels that are not the eight of the wire, cannot be read, or cannot show what protection
+"""Channels that the wire does not carry, cannot be read, or cannot show what protection
 watches."""
 
 from __future__ import annotations
@@ -7,16 +7,12 @@ from collections.abc import Iterator
 from math import radians, sin
 from typing import Final
 
+from firmware_py import signals
 from firmware_py.config.convert import Found
+from firmware_py.config.instances import PROBES, places
 from firmware_py.config.schema import Config
 from firmware_py.machine import FastChannel
 from firmware_py.records import CHANNELS
-
-UNITS: Final = ("m", "m", "m/s2", "m/s2", "m/s2", "Pa", "bar", "V")
-"""Of the eight channels in the order of :data:`~firmware_py.records.CHANNELS`."""
-
-WIRE_SCALES: Final = (1e-8, 1e-8, 1e-2, 1e-2, 1e-2, 1e-3, 1e-3, 1e-4)
-"""Unit per count of each channel in ``orbitd.dbc``."""
 
 SCALE_FACTOR_MAX: Final = 10.0
 """A calibrated scale differs from the wire's by some per cent; by more than this it is in another
@@ -39,41 +35,74 @@ READABLE_SHARE: Final = 0.8
 CREST_FACTOR: Final = 2.0
 """Peak over rms of a housing that shakes; of a sine 1.4."""
 
-DISPLACEMENTS, ACCELERATIONS, SUPPLY_PRESSURE, CONTACT = (0, 1), (2, 3, 4), 6, 7
+DISPLACEMENTS: Final = (0, 1)
 
 
 def _names(config: Config) -> Iterator[Found]:
+    """Schema 1 has the eight standard channels; schema 2 needs the two probes in front."""
     names = [channel.name for channel in config.machine.channel]
-    if names != list(CHANNELS):
+    if config.bus.schema == 1:
+        if names != list(CHANNELS):
+            yield (
+                "machine.channel",
+                ", ".join(names),
+                f"must be exactly {', '.join(CHANNELS)}, in this order (bus.schema = 1); correct "
+                f"the names, or set bus.schema = 2",
+            )
+        return
+    if tuple(names[:2]) != PROBES:
         yield (
             "machine.channel",
             ", ".join(names),
-            f"must be exactly {', '.join(CHANNELS)}, in this order; correct the names",
+            f"must begin with {PROBES[0]}, {PROBES[1]}: protection rests on them; put them first",
         )
+    for i, name in enumerate(names):
+        if name in names[:i]:
+            yield f"machine.channel[{i}].name", name, "named twice; give each channel its own name"
+
+
+def _kinds(config: Config) -> Iterator[Found]:
+    for i, channel in enumerate(config.machine.channel):
+        kind = signals.fast_kind(channel.name, channel.kind)
+        standard = signals.STANDARD_CHANNEL.get(channel.name)
+        if kind is None:
+            cause = f"no kind of fast channel; write one of {', '.join(signals.FAST)}"
+            yield f"machine.channel[{i}].kind", channel.kind or '""', cause
+        elif standard and kind.name != standard.kind:
+            cause = f"the channel {channel.name} is of kind {standard.kind}; leave it out"
+            yield f"machine.channel[{i}].kind", channel.kind, cause
 
 
 def _units(config: Config) -> Iterator[Found]:
-    for i, (channel, unit) in enumerate(zip(config.machine.channel, UNITS, strict=False)):
-        if channel.unit != unit:
+    for i, channel in enumerate(config.machine.channel):
+        kind = signals.fast_kind(channel.name, channel.kind)
+        if kind is not None and channel.unit != kind.unit:
             yield (
                 f"machine.channel[{i}].unit",
                 channel.unit,
-                f"the wire carries {unit}; write {unit}, and scale in {unit}",
+                f"the wire carries {kind.unit}; write {kind.unit}, and scale in {kind.unit}",
             )
 
 
 def _scales(config: Config) -> Iterator[Found]:
-    for i, (channel, scale) in enumerate(zip(config.machine.channel, WIRE_SCALES, strict=False)):
+    for i, channel in enumerate(config.machine.channel):
+        kind = signals.fast_kind(channel.name, channel.kind)
+        if kind is None:
+            continue
+        scale = channel.wire_scale or kind.wire_scale
         low, high = scale / SCALE_FACTOR_MAX, scale * SCALE_FACTOR_MAX
         if not low <= abs(channel.scale) <= high:
             yield (
                 f"machine.channel[{i}].scale",
                 channel.scale,
                 (
-                    f"outside {low:g} .. {high:g} {UNITS[i]} a count, the wire has {scale:g}; "
+                    f"outside {low:g} .. {high:g} {kind.unit} a count, the wire has {scale:g}; "
                     f"correct its unit"
                 ),
             )
+        if channel.wire_scale and config.bus.schema == 1:
+            cause = "schema 1 has the scales of orbitd.dbc; leave it out, or set bus.schema = 2"
+            yield f"machine.channel[{i}].wire_scale", channel.wire_scale, cause
 
 
 def _ok_range(i: int, channel: FastChannel) -> Iterator[Found]:
@@ -163,7 +192,7 @@ def _displacement_seen(config: Config) -> Iterator[Found]:
 
 def _acceleration_seen(config: Config) -> Iterator[Found]:
     danger = config.limits.acceleration_danger_m_s2
-    for i in ACCELERATIONS:
+    for i in places(config.machine.channel).accelerations:
         for channel in config.machine.channel[i : i + 1]:
             most = min(channel.ok_high, -channel.ok_low) / CREST_FACTOR
             if danger > most:
@@ -181,13 +210,14 @@ def _acceleration_seen(config: Config) -> Iterator[Found]:
 def _slow_channels_seen(config: Config) -> Iterator[Found]:
     """What the feed, one that has failed, and an open contact give is a good signal."""
     feed, contact = config.machine.feed, config.machine.contact
-    wanted = [(SUPPLY_PRESSURE, 0.0, feed.pressure_max_bar, "the feed's pressures and of none")]
+    wanted = [("supply_pressure", 0.0, feed.pressure_max_bar, "the feed's pressures and of none")]
     if contact is not None:
-        wanted.append(
-            (CONTACT, 0.0, contact.circuit_V, "the voltages of machine.contact.circuit_V")
-        )
-    for i, low, high, words in wanted:
-        for channel in config.machine.channel[i : i + 1]:
+        volts = "the voltages of contact.circuit_V"
+        wanted.append(("contact_resistance", 0.0, contact.circuit_V, volts))
+    names = [channel.name for channel in config.machine.channel]
+    for name, low, high, words in wanted:
+        for i in [names.index(name)] if name in names else []:
+            channel = config.machine.channel[i]
             if not channel.ok_low <= low <= high <= channel.ok_high:
                 yield (
                     f"machine.channel[{i}].ok_high",
@@ -200,6 +230,40 @@ def _slow_channels_seen(config: Config) -> Iterator[Found]:
                 )
 
 
+def _readings(config: Config) -> Iterator[Found]:
+    """Slow readings: known kinds, names once, the four that the guard rests on."""
+    names = [row.name for row in config.machine.reading]
+    standard = [row.name for row in signals.READINGS]
+    if not names:
+        return
+    if config.bus.schema == 1:
+        cause = "schema 1 carries the four of RIG_STATUS; remove them, or set bus.schema = 2"
+        yield "machine.reading", ", ".join(names), cause
+        return
+    for missing in [name for name in standard if name not in names]:
+        cause = f"{missing} is missing, which the guard rests on; add it"
+        yield "machine.reading", ", ".join(names), cause
+    for i, row in enumerate(config.machine.reading):
+        kind = signals.slow_kind(row.name, row.kind)
+        known = signals.STANDARD_READING.get(row.name)
+        if kind is None:
+            cause = f"no kind of slow reading; write one of {', '.join(signals.SLOW)}"
+            yield f"machine.reading[{i}].kind", row.kind or '""', cause
+        elif known and kind.name != known.kind:
+            cause = f"the reading {row.name} is of kind {known.kind}; leave it out"
+            yield f"machine.reading[{i}].kind", row.kind, cause
+        if row.name in names[:i]:
+            yield (
+                f"machine.reading[{i}].name",
+                row.name,
+                "named twice; give each reading its own name",
+            )
+        if row.ok_low >= row.ok_high:
+            cause = f"not below ok_high ({row.ok_high:g}); lower it"
+            yield f"machine.reading[{i}].ok_low", row.ok_low, cause
+
+
 CHANNEL_CHECKS: Final = (
-    _names, _units, _scales, _ok_ranges, _probes, _displacement_seen, _acceleration_seen, _slow_channels_seen,
+    _names, _kinds, _units, _scales, _readings, _ok_ranges, _probes,
+    _displacement_seen, _acceleration_seen, _slow_channels_seen,
 )  # fmt: skip

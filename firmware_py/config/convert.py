@@ -156,7 +156,7 @@ def _wrong_other(kind: inspect.Type, value: object) -> str:
     if isinstance(kind, inspect.LiteralType):
         return (
             ""
-            if value in kind.values
+            if any(type(value) is type(each) and value == each for each in kind.values)
             else f"unknown; write one of {', '.join(map(str, kind.values))}"
         )
     if isinstance(kind, inspect.BoolType):

@@ -62,6 +62,9 @@ class Bus(Section, frozen=True):
     """The CAN FD bus, or the serial port that carries the same records as MAVLink 2."""
 
     link: Literal["can", "serial"] = "can"
+    schema: Literal[1, 2] = 1
+    """Of the messages (``deploy/NODE.md``): 1 is the eight standard channels and four readings, 2
+    what the rig declares."""
     interface: Literal["orbitd_hub", "socketcan"] = "orbitd_hub"
     channel: BusChannel = "orbitd0"
     nominal_bitrate: Annotated[int, Meta(ge=10_000, le=1_000_000)] = 1_000_000
@@ -71,7 +74,7 @@ class Bus(Section, frozen=True):
 
 
 class Sampling(Section, frozen=True):
-    """Rate of the eight channels, and how many frames make a block."""
+    """Rate of the fast channels, and how many frames make a block."""
 
     rate_hz: Annotated[int, Meta(ge=100, le=10_000)] = 5000
     frames_per_block: Annotated[int, Meta(ge=1, le=100)] = 10

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from firmware_py.acquire.windows import ChannelMap
 from firmware_py.config import Config
-from firmware_py.records import CHANNELS, N_CHANNELS, Block
+from firmware_py.records import Block
 
 PERIOD_NS: Final = 100_000_000
 BLOCKS_MAX: Final = 1000
@@ -61,22 +61,23 @@ class Decimator:
     """
 
     def __init__(self, config: Config) -> None:
-        self._channels = ChannelMap.from_config(config)
+        self._channels = ChannelMap.every(config)
+        self._names = [channel.name for channel in config.machine.channel]
         self._blocks: list[Block] = []
         self._seq = 0
-        self._counts: NDArray[np.int16] = np.zeros((0, N_CHANNELS), np.int16)
+        self._counts: NDArray[np.int16] = np.zeros((0, len(self._names)), np.int16)
         self._t_acq_ns = 0
 
     def step(self, block: Block) -> Features | None:
         """Take ``block``; the features when a tenth of a second is full."""
         self._blocks.append(block)
         first = self._blocks[0]
-        end_ns = block.t_acq_ns + block.period_ns * (len(block.samples) // (2 * N_CHANNELS))
+        end_ns = block.t_acq_ns + block.period_ns * block.instants
         if 0 <= end_ns - first.t_acq_ns < PERIOD_NS and len(self._blocks) < BLOCKS_MAX:
             return None
         blocks, self._blocks = self._blocks, []
         raw = b"".join(b.samples for b in blocks)
-        self._counts = np.frombuffer(raw, "<i2").reshape(-1, N_CHANNELS)
+        self._counts = np.frombuffer(raw, "<i2").reshape(-1, block.channels)
         self._t_acq_ns = block.t_acq_ns
         self._seq += 1
         return self._features(blocks)
@@ -99,7 +100,7 @@ class Decimator:
                 name: ChannelFeatures(
                     float(mean[i]), float(rms[i]), float(spread[i]), bool(ok >> i & 1)
                 )
-                for i, name in enumerate(CHANNELS)
+                for i, name in enumerate(self._names)
             },
         )
 

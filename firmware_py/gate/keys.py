@@ -43,28 +43,14 @@ from __future__ import annotations
 
 from typing import Final
 
-from firmware_py.records import (
-    Advice,
-    Block,
-    BrainState,
-    CommissionState,
-    Diagnosis,
-    Forecast,
-    GuardState,
-    Record,
-    RigReading,
-    Severity,
-)
+from firmware_py import signals
+from firmware_py.recording import TOPICS
+from firmware_py.records import Record, Severity
 
 PUBLISHED: Final[dict[type[Record], str]] = {
-    Block: "da/block",
-    RigReading: "da/reading",
-    GuardState: "sd/state",
-    Diagnosis: "ha/diagnosis",
-    Forecast: "pa/forecast",
-    Advice: "ag/advice",
-    BrainState: "ha/state",
-    CommissionState: "ha/commission",
+    kind: topic.name
+    for kind, topic in TOPICS.items()
+    if kind.__name__ in {row.record for row in signals.STREAMS if row.published}
 }
 """Records that go out as they come in."""
 

@@ -200,8 +200,9 @@ class GuardCore:
             notices.append(_clock_notice(acquired))
         notices += self._strangers(acquired, now_ns)
         notices += self._frame_loss.step(self._acquire.counters["frames_lost"], now_ns)
-        if acquired.restarted or acquired.node_info is not None:
-            m.node_reasons = node_reasons(self._config, self._acquire.node_info)
+        if acquired.restarted or acquired.node_info is not None or acquired.figures is not None:
+            a = self._acquire
+            m.node_reasons = node_reasons(self._config, a.node_info, a.figures)
         notices += self._slow(acquired, now_ns)
         notices += self._supervise(acquired, now_ns)
         if acquired.blocks:

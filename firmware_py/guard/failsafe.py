@@ -9,10 +9,15 @@ from typing import Final
 import msgspec
 
 from firmware_py.config import Config
-from firmware_py.records import NodeInfo
+from firmware_py.records import NodeFigures, NodeInfo
+from firmware_py.wire.layout import WireLayout
 
-SCHEMA: Final = 1
-"""Version of the wire interface that this guard speaks."""
+CLEARANCE_STEP_UM: Final = 0.02
+PRESSURE_STEP_BAR: Final = 0.002
+"""Two steps of the wire: closer figures are equal."""
+
+HEARTBEAT_LIMIT_MS: Final = (500, 5000)
+"""Range of a node's heartbeat limit (``deploy/NODE.md``, 7)."""
 
 
 class Action(enum.IntEnum):
@@ -285,27 +290,37 @@ def active(situation: Situation) -> list[Failsafe]:
     return [failsafe for failsafe in FAILSAFES if failsafe.holds(situation)]
 
 
-def node_reasons(config: Config, info: NodeInfo | None) -> list[str]:
+def node_reasons(
+    config: Config, info: NodeInfo | None, figures: NodeFigures | None = None
+) -> list[str]:
     """Every way in which the node is not the configured one; empty when it conforms.
 
-    ``None`` (it has not said yet) gives an empty list: not having heard it is another matter.
+    ``info`` is None while it has not said yet, which gives an empty list: not having heard it is
+    another matter.
     """
     if info is None:
         return []
     a, period_us = config.machine.actuator, config.sampling.period_us
+    schema, layout = config.bus.schema, WireLayout.of(config)
+    step = "update one of the two" if schema == 1 else "update one of the two, or set bus.schema"
     checks = (
         (
-            info.schema == SCHEMA,
-            f"node: schema = {info.schema}: this device speaks {SCHEMA}; update one of the two",
+            info.schema == schema,
+            f"node: schema = {info.schema}: this device speaks {schema}; {step}",
         ),
         (
-            abs(info.boot_clearance_um - a.safe_radial_clearance_um) < 0.02,
+            info.schema != schema or info.layout_hash == layout.hash,
+            f"node: layout {info.layout_hash:#010x} is not {layout.hash:#010x} of the configured "
+            f"channels and readings; give node and device the same list (`orbitd rig dbc`)",
+        ),
+        (
+            abs(info.boot_clearance_um - a.safe_radial_clearance_um) < CLEARANCE_STEP_UM,
             f"node: boot clearance {info.boot_clearance_um:g} um is not "
             f"actuator.safe_radial_clearance_um = "
             f"{a.safe_radial_clearance_um:g}; make them equal",
         ),
         (
-            abs(info.boot_pressure_bar - a.safe_pressure_bar) < 0.002,
+            abs(info.boot_pressure_bar - a.safe_pressure_bar) < PRESSURE_STEP_BAR,
             f"node: boot pressure {info.boot_pressure_bar:g} bar is not "
             f"actuator.safe_pressure_bar = "
             f"{a.safe_pressure_bar:g}; make them equal",
@@ -326,4 +341,43 @@ def node_reasons(config: Config, info: NodeInfo | None) -> list[str]:
             f"lower the latter",
         ),
     )
-    return [text for holds, text in checks if not holds]
+    reasons = [text for holds, text in checks if not holds]
+    if schema == 1 or info.schema != schema:
+        return reasons
+    return reasons + _figure_reasons(config, figures)
+
+
+def _figure_reasons(config: Config, figures: NodeFigures | None) -> list[str]:
+    """How what the node was built with (wire schema 2) contradicts the configuration."""
+    if figures is None:
+        return ["node: says nothing of its figures (NODE_FIGURES); it must send them every second"]
+    b, f, drive = config.machine.bearing, config.machine.feed, config.drive
+    ranges = (
+        (
+            "clearance", "um", figures.clearance_min_um, figures.clearance_max_um,
+            b.radial_clearance_min_um, b.radial_clearance_max_um, CLEARANCE_STEP_UM,
+        ),
+        (
+            "pressure", "bar", figures.pressure_min_bar, figures.pressure_max_bar,
+            f.pressure_min_bar, f.pressure_max_bar, PRESSURE_STEP_BAR,
+        ),
+    )  # fmt: skip
+    reasons = [
+        f"node: its {what} is {has_low:g} .. {has_high:g} {unit}, the configuration wants "
+        f"{low:g} .. {high:g}; narrow the latter"
+        for what, unit, has_low, has_high, low, high, step in ranges
+        if has_low > low + step or has_high < high - step
+    ]
+    least_ms, most_ms = HEARTBEAT_LIMIT_MS
+    if not least_ms <= figures.heartbeat_limit_ms <= most_ms:
+        reasons.append(
+            f"node: heartbeat limit {figures.heartbeat_limit_ms} ms is outside {least_ms} .. "
+            f"{most_ms}; correct it at the node"
+        )
+    if figures.coasts_on_silence != drive.coast_down_on_lost_heartbeat:
+        reasons.append(
+            f"node: its drive {'coasts' if figures.coasts_on_silence else 'runs on'} when the "
+            f"heartbeat is lost, drive.coast_down_on_lost_heartbeat = "
+            f"{str(drive.coast_down_on_lost_heartbeat).lower()}; make them agree"
+        )
+    return reasons

@@ -12,9 +12,10 @@ from typing import Final
 import msgspec
 
 from firmware_py.config import Config
+from firmware_py.config.instances import frame_instants
 from firmware_py.guard.alarm import Notice
 from firmware_py.guard.condition import Condition, ConditionState
-from firmware_py.records import INSTANTS_PER_FRAME, Alarm, Severity
+from firmware_py.records import Alarm, Severity
 
 NAME: Final = "frames_lost"
 
@@ -59,7 +60,7 @@ class FrameLoss:
     """
 
     def __init__(self, config: Config) -> None:
-        self._whole = BINS * BIN_NS / (INSTANTS_PER_FRAME * config.sampling.period_us * 1000)
+        self._whole = BINS * BIN_NS / (frame_instants(config) * config.sampling.period_us * 1000)
         self._condition = Condition(NAME, f"{NAME}_ended", Severity.ALERT)
         self._state = FrameLossState()
 

@@ -10,12 +10,12 @@ import msgspec
 import numpy as np
 
 from firmware_py.config import Config
-from firmware_py.records import N_CHANNELS, Block, Quality
+from firmware_py.config.instances import places
+from firmware_py.machine import FastChannel
+from firmware_py.records import Block, Quality
 
 DISPLACEMENTS: Final = (0, 1)
-ACCELERATIONS: Final = (2, 3, 4)
-WATCHED: Final = DISPLACEMENTS + ACCELERATIONS
-_WATCHED_MASK: Final = (1 << len(WATCHED)) - 1
+"""The two probes of the bearing are always the first channels."""
 KEPT: Final = 3.0
 WINDOW_S: Final = 0.1
 """The window is one full turn, and at least this long (API 670, 5th ed.: the rms time constant is
@@ -23,7 +23,8 @@ of this order)."""
 
 
 class BlockSums(msgspec.Struct, array_like=True, gc=False):
-    """Extremes, sums and squares of one block in counts; squares of the accelerations only.
+    """Extremes, sums and squares of one block in counts, of the watched channels in their order;
+    squares of the accelerations only.
 
     ``unusable`` has the bits of channels that are not to be judged by this block; ``gap`` says that
     samples are missing before it; ``t_ns`` is when it began.
@@ -32,8 +33,8 @@ class BlockSums(msgspec.Struct, array_like=True, gc=False):
     count: int
     lows: tuple[int, int]
     highs: tuple[int, int]
-    sums: tuple[int, int, int, int, int]
-    squares: tuple[int, int, int]
+    sums: tuple[int, ...]
+    squares: tuple[int, ...]
     unusable: int = 0
     gap: bool = False
     t_ns: int = 0
@@ -43,16 +44,21 @@ class Motion(msgspec.Struct, frozen=True):
     """Statistics over the window; ``complete`` says that it covers a full turn of both
     displacements without a gap.
 
-    ``whole`` says the same of each of the five channels.  Before that, peak-to-peak and rms are too
-    small, never too large.
+    ``whole`` says the same of each watched channel: the displacements, then the accelerations.
+    Before that, peak-to-peak and rms are too small, never too large.
     """
 
     complete: bool
     peak_to_peak_um: tuple[float, float]
-    rms_m_s2: tuple[float, float, float]
+    rms_m_s2: tuple[float, ...]
     mean_x_m: float
     mean_y_m: float
-    whole: tuple[bool, bool, bool, bool, bool] = (False, False, False, False, False)
+    whole: tuple[bool, ...] = (False, False, False, False, False)
+
+
+def watched(channels: list[FastChannel]) -> tuple[int, ...]:
+    """Channels whose vibration protection judges: the two displacements, then the accelerations."""
+    return DISPLACEMENTS + places(channels).accelerations
 
 
 class Good(msgspec.Struct, gc=False):
@@ -83,13 +89,17 @@ class MotionMeter:
         self._longest_s = 60.0 / max(config.limits.min_speed_rpm, 1.0)
         self._scales = [abs(channel.scale) for channel in channels]
         self._offsets = [(channels[i].scale, channels[i].offset) for i in DISPLACEMENTS]
+        self._watched = watched(channels)
+        n = len(self._watched)
+        self._columns = slice(n) if self._watched == tuple(range(n)) else list(self._watched)
+        self._mask = sum(1 << i for i in self._watched)
         self._to_xy = probes_to_xy(channels[0].angle_deg, channels[1].angle_deg)
         self.window: list[BlockSums] = []
 
     def step(self, block: Block) -> Motion:
         """Statistics including ``block``."""
         window = self.window
-        window.append(_sums(block))
+        window.append(self._sums(block))
         turn_s = 2 * pi / block.speed_rad_s if block.speed_rad_s > 0 else self._longest_s
         needed_s = max(min(turn_s, self._longest_s), WINDOW_S)
         needed = needed_s / self._period_s
@@ -99,15 +109,16 @@ class MotionMeter:
         masks = {b.unusable for b in window}
         if masks != {0} or any(b.gap for b in window):
             found: dict[tuple[int, ...], Good] = {}
-            alike = [tuple([mask >> i & 1 for mask in masks]) for i in WATCHED]
-            for i, places in zip(WATCHED, alike, strict=True):
-                if places not in found:  # channels that are left out of the same blocks share one
-                    found[places] = self._newest(i, needed)
-            return self._motion([found[places] for places in alike], needed)
+            alike = [tuple([mask >> i & 1 for mask in masks]) for i in self._watched]
+            for i, left_out in zip(self._watched, alike, strict=True):
+                if left_out not in found:  # channels left out of the same blocks share one
+                    found[left_out] = self._newest(i, needed)
+            return self._motion([found[left_out] for left_out in alike], needed)
         total = sum([b.count for b in window])
         while total - window[0].count >= needed:
             total -= window.pop(0).count
-        return self._motion([Good(window, total, total >= needed)] * len(WATCHED), needed)
+        good = Good(window, total, total >= needed)
+        return self._motion([good] * len(self._watched), needed)
 
     def _newest(self, i: int, needed: float) -> Good:
         """Newest blocks of channel ``i`` that may be judged."""
@@ -152,33 +163,33 @@ class MotionMeter:
             """Of the alternating part; what is missing of the window counts as still."""
             blocks, n = good[i].blocks, good[i].count
             total = sum([b.sums[i] for b in blocks])
-            square = n * sum([b.squares[i - ACCELERATIONS[0]] for b in blocks]) - total * total
-            return sqrt(square / (n * max(float(n), needed))) * self._scales[i] if n else 0.0
+            square = n * sum([b.squares[i - len(DISPLACEMENTS)] for b in blocks]) - total * total
+            scale = self._scales[self._watched[i]]
+            return sqrt(square / (n * max(float(n), needed))) * scale if n else 0.0
 
         return Motion(
             complete=whole[0] and whole[1],
             peak_to_peak_um=(span_um(0), span_um(1)),
-            rms_m_s2=(rms(2), rms(3), rms(4)),
+            rms_m_s2=tuple(rms(i) for i in range(len(DISPLACEMENTS), len(self._watched))),
             mean_x_m=xa * a + xb * b,
             mean_y_m=ya * a + yb * b,
-            whole=(whole[0], whole[1], whole[2], whole[3], whole[4]),
+            whole=tuple(whole),
         )
 
-
-def _sums(block: Block) -> BlockSums:
-    counts = np.frombuffer(block.samples, "<i2").reshape(-1, N_CHANNELS)[:, : 1 + ACCELERATIONS[-1]]
-    wide = counts.astype(np.int64)
-    lows, highs = counts[:, :2].min(axis=0).tolist(), counts[:, :2].max(axis=0).tolist()
-    return BlockSums(
-        len(counts),
-        tuple(lows),
-        tuple(highs),
-        tuple(wide.sum(axis=0).tolist()),
-        tuple((wide[:, 2:] * wide[:, 2:]).sum(axis=0).tolist()),
-        block.unusable & _WATCHED_MASK,
-        bool(block.quality & Quality.GAP_BEFORE),
-        block.t_acq_ns,
-    )
+    def _sums(self, block: Block) -> BlockSums:
+        counts = np.frombuffer(block.samples, "<i2").reshape(-1, block.channels)
+        wide = counts[:, self._columns].astype(np.int64)
+        lows, highs = counts[:, :2].min(axis=0).tolist(), counts[:, :2].max(axis=0).tolist()
+        return BlockSums(
+            len(counts),
+            tuple(lows),
+            tuple(highs),
+            tuple(wide.sum(axis=0).tolist()),
+            tuple((wide[:, 2:] * wide[:, 2:]).sum(axis=0).tolist()),
+            block.unusable & self._mask,
+            bool(block.quality & Quality.GAP_BEFORE),
+            block.t_acq_ns,
+        )
 
 
 def probes_to_xy(

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from firmware_py.config import Config
 from firmware_py.guard.motion import DISPLACEMENTS
-from firmware_py.records import N_CHANNELS, Block, Quality
+from firmware_py.records import Block, Quality
 
 WINDOW_S: Final = 0.5
 """12 turns at 1500 rpm: motion at other orders leaks by less than 6 %."""
@@ -135,7 +135,7 @@ class OrbitOrders:
         s.whole &= block.channel_ok & _OK_MASK == _OK_MASK
         counts = (
             np.frombuffer(block.samples, "<i2")
-            .reshape(-1, N_CHANNELS)[:, : len(DISPLACEMENTS)]
+            .reshape(-1, block.channels)[:, : len(DISPLACEMENTS)]
             .astype(np.int64)
         )
         turn_step = block.speed_rad_s * (block.sample_period_us * 1e-6) / (2 * pi)

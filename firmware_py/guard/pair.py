@@ -77,7 +77,7 @@ from firmware_py.guard.tally import BAD, counted
 from firmware_py.machine.film import KNOTS, static_film
 from firmware_py.machine.groove import Groove
 from firmware_py.machine.lubricant import ViscosityTable
-from firmware_py.records import N_CHANNELS, Alarm, Block, ChannelCause, Quality, Severity, cause_of
+from firmware_py.records import Alarm, Block, ChannelCause, Quality, Severity, cause_of
 
 WINDOW_S: Final = 1.0
 BAD_LEAST: Final = 3
@@ -326,7 +326,7 @@ class PairCheck:
         s = self.state
         rows = (
             np.frombuffer(block.samples, "<i2")
-            .reshape(-1, N_CHANNELS)[:, : len(DISPLACEMENTS)]
+            .reshape(-1, block.channels)[:, : len(DISPLACEMENTS)]
             .astype(np.int64)
         )
         if not s.n:
@@ -403,7 +403,7 @@ class PairCheck:
             position = self._position(w, facts, block.speed_rad_s)
             if position is not None:
                 found[POSITION] = position
-        t_ns = block.t_acq_ns + len(block.samples) // (2 * N_CHANNELS) * block.period_ns
+        t_ns = block.t_acq_ns + block.instants * block.period_ns
         notices = []
         for name in KINDS:
             if name in found:

@@ -20,9 +20,9 @@ import msgspec
 
 from firmware_py.config import Config
 from firmware_py.guard.alarm import QUIET_NS, AlarmState, Notice
-from firmware_py.guard.motion import DISPLACEMENTS, WATCHED, BlockSums, Motion, MotionMeter
+from firmware_py.guard.motion import DISPLACEMENTS, BlockSums, Motion, MotionMeter, watched
 from firmware_py.guard.permit import UNREADABLE, UNREADABLE_TEXT
-from firmware_py.records import CHANNELS, N_CHANNELS, Alarm, Block, ChannelCause, Severity, cause_of
+from firmware_py.records import N_CHANNELS, Alarm, Block, ChannelCause, Severity, cause_of
 
 ZONES: Final = (("A", 4800.0), ("B", 9000.0), ("C", 13200.0))
 """Zone boundaries ``k / sqrt(rpm)`` um peak-to-peak, by analogy with ISO 20816 / ISO 7919."""
@@ -68,7 +68,7 @@ def zone(peak_to_peak_um: float, speed_rpm: float) -> str:
 
 
 class Protection:
-    """Alarms of the five vibration channels and the OK flags of all eight.
+    """Alarms of the displacements and accelerations, and the OK flags of all channels.
 
     Parameters
     ----------
@@ -83,10 +83,12 @@ class Protection:
         self._limits = lim
         self._delays_ns = (round(lim.alert_delay_s * 1e9), round(lim.danger_delay_s * 1e9))
         self._meter = MotionMeter(config)
+        self._names = [channel.name for channel in config.machine.channel]
+        self._watched = watched(config.machine.channel)
         alarms = {}
-        for i in WATCHED:
+        for i in self._watched:
             for severity in (Severity.ALERT, Severity.DANGER):
-                name = f"{CHANNELS[i]}_{severity.name.lower()}"
+                name = f"{self._names[i]}_{severity.name.lower()}"
                 alarms[name] = AlarmState(name, int(severity), severity is Severity.DANGER)
         for (
             name
@@ -95,14 +97,18 @@ class Protection:
                 name, AlarmState(name, int(Severity.DANGER), latching=True)
             ).standing = True
         not_ok = {
-            name: AlarmState(f"{name}_not_ok", int(Severity.FAULT), False) for name in CHANNELS
+            name: AlarmState(f"{name}_not_ok", int(Severity.FAULT), False) for name in self._names
         }
         self._rails = [
             abs(c.ok_high - c.ok_low) / 2 * (1e6 if i in DISPLACEMENTS else 1.0)
             for i, c in enumerate(config.machine.channel)
         ]
         self._state = ProtectionState(
-            alarms, not_ok, self._meter.window, saturated=self._no_saturated()
+            alarms,
+            not_ok,
+            self._meter.window,
+            saturated=self._no_saturated(),
+            causes=[0] * len(self._names),
         )
         self.tripped = self._latched()
 
@@ -120,19 +126,16 @@ class Protection:
         self._meter.window = state.window
         self.tripped = self._latched()
 
-    @staticmethod
-    def _no_saturated() -> dict[str, AlarmState]:
-        return {
-            CHANNELS[i]: AlarmState(f"{CHANNELS[i]}_saturated", int(Severity.FAULT), False)
-            for i in WATCHED
-        }
+    def _no_saturated(self) -> dict[str, AlarmState]:
+        names = [self._names[i] for i in self._watched]
+        return {name: AlarmState(f"{name}_saturated", int(Severity.FAULT), False) for name in names}
 
     def step(self, blocks: list[Block], clearance_um: float) -> list[Notice]:
         """Judge new blocks at the smaller of reported and commanded radial clearance."""
         notices: list[Notice] = []
         for block in blocks:
             self._state.motion = self._meter.step(block)
-            t_ns = block.t_acq_ns + len(block.samples) // (2 * N_CHANNELS) * block.period_ns
+            t_ns = block.t_acq_ns + block.instants * block.period_ns
             self._judge_channels(block, t_ns, notices)
             self._judge_vibration(block, clearance_um, t_ns, notices)
         if notices:
@@ -171,7 +174,7 @@ class Protection:
         """Whether both shaft displacements are OK: what they measure is where the shaft is."""
         s = self._state
         return not any(
-            s.not_ok[CHANNELS[i]].standing or s.saturated[CHANNELS[i]].standing
+            s.not_ok[self._names[i]].standing or s.saturated[self._names[i]].standing
             for i in DISPLACEMENTS
         )
 
@@ -181,7 +184,7 @@ class Protection:
         s = self._state
         return {
             name: ChannelCause(s.causes[i]).name.lower() if s.causes[i] else UNKNOWN
-            for i, name in enumerate(CHANNELS)
+            for i, name in enumerate(self._names)
             if self._stands(name)
         }
 
@@ -194,13 +197,13 @@ class Protection:
         """Every alarm that stands now."""
         s = self._state
         limits = [
-            msgspec.structs.replace(a.record(), text=_text(a))
+            msgspec.structs.replace(a.record(), text=_text(a, self._names))
             for a in s.alarms.values()
             if a.standing
         ]
         bad = [
             (a.record(), f"channel {name} {CAUSES.get(ChannelCause(s.causes[i]), 'is ' + UNKNOWN)}")
-            for i, name in enumerate(CHANNELS)
+            for i, name in enumerate(self._names)
             for a in (s.not_ok[name], s.saturated.get(name))
             if a and a.standing
         ]
@@ -228,8 +231,8 @@ class Protection:
     def _judge_channels(self, block: Block, t_ns: int, notices: list[Notice]) -> None:
         """Alarms of channels that are not OK, and one notice for each change of the cause."""
         s = self._state
-        for i, name in enumerate(CHANNELS):
-            cause = cause_of(block.channel_cause, i)
+        for i, name in enumerate(self._names):
+            cause = cause_of(block.causes, i)
             saturated = cause == ChannelCause.SATURATED and name in s.saturated
             bad = not saturated and (cause != ChannelCause.OK or not block.channel_ok >> i & 1)
             if bad and (not s.not_ok[name].standing or s.causes[i] != cause):
@@ -288,9 +291,9 @@ class Protection:
         measured = motion.peak_to_peak_um + motion.rms_m_s2
         displacement = self.set_points_um(clearance_um)
         acceleration = (lim.acceleration_alert_m_s2, lim.acceleration_danger_m_s2)
-        for i, value, whole in zip(WATCHED, measured, motion.whole, strict=True):
+        for i, value, whole in zip(self._watched, measured, motion.whole, strict=True):
             limits = displacement if i in DISPLACEMENTS else acceleration
-            cause = cause_of(block.channel_cause, i)
+            cause = cause_of(block.causes, i)
             saturated = cause == ChannelCause.SATURATED
             unknown = cause == ChannelCause.OK and not block.channel_ok >> i & 1
             silent = cause in OUT_OF_VOTE or unknown or (block.unusable >> i & 1 and not saturated)
@@ -298,7 +301,7 @@ class Protection:
             for kind, limit, delay_ns in zip(
                 ("alert", "danger"), limits, self._delays_ns, strict=True
             ):
-                alarm = self._state.alarms[f"{CHANNELS[i]}_{kind}"]
+                alarm = self._state.alarms[f"{self._names[i]}_{kind}"]
                 alarm.hold(block.t_acq_ns)
                 if silent:
                     alarm.hold(t_ns)
@@ -316,7 +319,7 @@ class Protection:
                             Severity(alarm.severity),
                             alarm.name,
                             (
-                                f"{CHANNELS[i]} above {limit:.4g} {_unit(i)} for "
+                                f"{self._names[i]} above {limit:.4g} {_unit(i)} for "
                                 f"{delay_ns * 1e-9:g} s without a return; "
                                 f"now {least}{value:.4g}"
                             ),
@@ -326,14 +329,14 @@ class Protection:
                     )
 
 
-def _text(alarm: AlarmState) -> str:
+def _text(alarm: AlarmState, names: list[str]) -> str:
     """What a person reads of a limit while its alarm stands, latched or not."""
     if alarm.name == UNREADABLE:
         return UNREADABLE_TEXT
     if not alarm.limit:
         return "latched before this guard started; find the cause, then `reset`"
     channel = alarm.name.rpartition("_")[0]
-    now = f"{alarm.value:.4g} {_unit(CHANNELS.index(channel))}, limit {alarm.limit:.4g}"
+    now = f"{alarm.value:.4g} {_unit(names.index(channel))}, limit {alarm.limit:.4g}"
     if alarm.latching:
         return (
             f"{channel} passed its danger limit and is now at {now}; find the cause, then `reset`"

@@ -28,12 +28,11 @@ import msgspec
 import numpy as np
 
 from firmware_py.config import Config
+from firmware_py.config.instances import places
 from firmware_py.guard.alarm import AlarmState, Notice
 from firmware_py.guard.tally import Tally
 from firmware_py.machine.lubricant import COLD_C, ViscosityTable
 from firmware_py.records import (
-    CHANNELS,
-    N_CHANNELS,
     Alarm,
     Block,
     ChannelCause,
@@ -82,7 +81,8 @@ ALONE_NS: Final = 60_000_000_000
 long, it neither ends a mismatch nor says that low pressure is over.  Twice the time after which a
 channel with a bad contact is believed again."""
 
-SUPPLY: Final = CHANNELS.index("supply_pressure")
+SUPPLY: Final = "supply_pressure"
+"""The channel that the reading of the pressure is held against, where the rig has it."""
 SUPPLY_PERIOD_NS: Final = 50_000_000
 """The channel is averaged over one block this often, as often as the status comes."""
 
@@ -175,7 +175,9 @@ class Readings:
         self._clearances_um = b.radial_clearance_min_um, b.radial_clearance_max_um
         self._safe_um = config.machine.actuator.safe_radial_clearance_um
         self._coldest_C = config.machine.lubricant.inlet_min_C - COLD_C
-        self._supply = config.machine.channel[SUPPLY].scale, config.machine.channel[SUPPLY].offset
+        self._supply = places(config.machine.channel).of(SUPPLY)
+        channel = config.machine.channel[self._supply]
+        self._supply_scale, self._supply_offset = channel.scale, channel.offset
         self._heat_W = FROZEN_HEAT_C * config.machine.lubricant.cooling_W_K or inf
         most_W = r.shaft_power_max_W or power_max_W(config)
         most_bar = r.pressure_max_bar or PRESSURE_MARGIN * f.pressure_max_bar
@@ -346,16 +348,16 @@ class Readings:
 
         A clean block of a channel with a bad contact is kept apart.
         """
-        s, (scale, offset) = self.state, self._supply
+        s, i = self.state, self._supply
         s.supply_ns, s.supply_bar, s.supply_doubted_bar = now_ns, None, None
-        counts = np.frombuffer(block.samples, "<i2")[SUPPLY::N_CHANNELS]
-        mean_bar = int(counts.sum(dtype=np.int64)) / len(counts) * scale + offset
-        if block.channel_ok >> SUPPLY & 1:
+        if i < 0:
+            return
+        counts = np.frombuffer(block.samples, "<i2")[i :: block.channels]
+        mean = int(counts.sum(dtype=np.int64)) / len(counts)
+        mean_bar = mean * self._supply_scale + self._supply_offset
+        if block.channel_ok >> i & 1:
             s.supply_bar = mean_bar
-        elif (
-            cause_of(block.channel_cause, SUPPLY) == ChannelCause.INTERMITTENT
-            and not block.unusable >> SUPPLY & 1
-        ):
+        elif cause_of(block.causes, i) == ChannelCause.INTERMITTENT and not block.unusable >> i & 1:
             s.supply_doubted_bar = mean_bar
 
     def _tell(

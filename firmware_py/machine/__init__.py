@@ -17,6 +17,7 @@ from firmware_py.machine.schema import (
     Machine,
     OperatingRange,
     RotorDrawing,
+    SlowChannel,
     SlowReadings,
 )
 
@@ -30,5 +31,6 @@ __all__ = [
     "Machine",
     "OperatingRange",
     "RotorDrawing",
+    "SlowChannel",
     "SlowReadings",
 ]

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from typing import Annotated
 
+import msgspec
 from msgspec import Meta
 
 from firmware_py.machine.values import (
     AngleDeg,
     AnySI,
     ClearanceUm,
+    Label,
     LoadN,
     Name,
+    OptionalWord,
     PressureBar,
+    ReadingValue,
     Section,
     Share,
     SpeedRpm,
@@ -163,6 +167,24 @@ class FastChannel(Section, frozen=True):
     """Its phase: the argument of the complex amplitude counted from the mark."""
     zeroed: bool = False
     """The zero and slow-roll procedure was done: the smaller errors after it hold."""
+    kind: OptionalWord = ""
+    """One of :data:`firmware_py.signals.FAST`; empty: that of the standard channel of this name."""
+    wire_scale: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.0
+    """SI per count as the node sends it, before calibration; 0: that of the kind."""
+    words: Label = ""
+    """For people; empty: those of the standard channel or of the kind."""
+
+
+class SlowChannel(Section, frozen=True):
+    """One slow reading of the rig; outside ``ok_low .. ok_high`` it is not OK."""
+
+    name: Word
+    kind: OptionalWord = ""
+    """One of :data:`firmware_py.signals.SLOW`; empty: that of the standard reading of this name."""
+    ok_low: ReadingValue = -1e9
+    ok_high: ReadingValue = 1e9
+    words: Label = ""
+    """For people; empty: those of the standard reading or of the kind."""
 
 
 class SlowReadings(Section, frozen=True):
@@ -196,5 +218,7 @@ class Machine(Section, frozen=True):
     operating: OperatingRange
     actuator: ClearanceActuator
     channel: list[FastChannel]
+    reading: list[SlowChannel] = msgspec.field(default_factory=list)
+    """Slow readings in wire order; empty: the standard ones."""
     readings: SlowReadings = SlowReadings()
     contact: ContactCircuit | None = None

@@ -14,14 +14,20 @@ from msgspec import Meta
 
 NAME_PATTERN: Final = r"^[a-z0-9][a-z0-9_-]{0,31}\Z"
 _WORD: Final = r"^[A-Za-z0-9_/]{1,32}\Z"
+_OPTIONAL_WORD: Final = r"^[a-z0-9_]{0,32}\Z"
+_LABEL: Final = r"^[\x20-\x21\x23-\x5b\x5d-\x7e]{0,80}\Z"
 WORDS: Final = {
     NAME_PATTERN: "a name of 1 to 32 small letters, digits, - and _, the first no sign",
     _WORD: "one word",
+    _OPTIONAL_WORD: "one word of small letters, or empty",
+    _LABEL: "at most 80 printable ASCII characters without quote and backslash",
 }
 """Each pattern for people."""
 
 Name = Annotated[str, Meta(pattern=NAME_PATTERN)]
 Word = Annotated[str, Meta(pattern=_WORD)]
+OptionalWord = Annotated[str, Meta(pattern=_OPTIONAL_WORD)]
+Label = Annotated[str, Meta(pattern=_LABEL)]
 
 ClearanceUm = Annotated[float, Meta(ge=5.0, le=600.0)]
 """Below 5 um roughness and runout are as large as the film; the wire carries up to 655.35 um."""
@@ -37,6 +43,8 @@ Share = Annotated[float, Meta(ge=0.0, le=0.9)]
 """An uncertainty; at 1 nothing would be known."""
 AnySI = Annotated[float, Meta(ge=-1e5, le=1e5)]
 """A value of any fast channel in SI."""
+ReadingValue = Annotated[float, Meta(ge=-1e9, le=1e9)]
+"""A value of any slow reading in the unit of its kind."""
 AngleDeg = Annotated[float, Meta(ge=-360.0, le=360.0)]
 
 

@@ -1,4 +1,4 @@
-"""What all records share: the eight channels, and the frozen, tagged base class."""
+"""What all records share: the eight standard channels, and the frozen, tagged base class."""
 
 from __future__ import annotations
 
@@ -6,21 +6,12 @@ from typing import Final
 
 import msgspec
 
-CHANNELS: Final = (
-    "disp_x",
-    "disp_y",
-    "acc_bearing_vertical",
-    "acc_bearing_horizontal",
-    "acc_motor",
-    "microphone",
-    "supply_pressure",
-    "contact_resistance",
-)
-"""The eight sensor channels in wire order."""
+from firmware_py import signals
+
+CHANNELS: Final = tuple(row.name for row in signals.CHANNELS)
+"""The eight standard channels, in the order of wire schema 1."""
 
 N_CHANNELS: Final = len(CHANNELS)
-INSTANTS_PER_FRAME: Final = 3
-"""Sampling instants in one sample frame."""
 
 
 class Record(msgspec.Struct, frozen=True, gc=False, tag_field="type"):

@@ -16,7 +16,10 @@ class RawFrame(Record, frozen=True, tag=True):
 
 
 class SampleFrame(Record, frozen=True, tag=True):
-    """Three sampling instants of eight channels (``int16``, little endian, instant-major)."""
+    """Sampling instants of all channels (``int16``, little endian, instant-major).
+
+    Wire schema 1: three of the eight standard channels; schema 2: as many as the rig's layout has.
+    """
 
     counter: int
     tick_us: int
@@ -35,6 +38,30 @@ class RigStatus(Record, frozen=True, tag=True):
     oil_outlet_C: float
     clearance_actual_um: float
     pressure_actual_bar: float
+
+
+class ReadingQuality(enum.IntEnum):
+    """What the node says of one slow reading."""
+
+    OK = 0
+    CLIPPED = 1
+    FAULT = 2
+    ABSENT = 3
+
+
+class ReadingsFrame(Record, frozen=True, tag=True):
+    """One page of the rig's slow readings (wire schema 2), in the order of its declaration.
+
+    ``values`` are in the unit of each reading's kind, ``ages_ms`` before ``tick_us`` (2550: that or
+    older), ``qualities`` are :class:`ReadingQuality`.
+    """
+
+    counter: int
+    tick_us: int
+    page: int
+    values: tuple[float, ...]
+    ages_ms: tuple[int, ...]
+    qualities: tuple[int, ...]
 
 
 class NodeMode(enum.IntEnum):
@@ -73,6 +100,33 @@ class NodeInfo(Record, frozen=True, tag=True):
     boot_pressure_bar: float
     time_to_live_ms: int
     rate_um_s: float
+    layout_hash: int = 0
+    """Of the frames that the node sends (wire schema 2); 0 under schema 1."""
+
+
+class NodeFigures(Record, frozen=True, tag=True):
+    """What the node was built with, beside :class:`NodeInfo` (wire schema 2, every second).
+
+    The lags are time constants of the actuators behind their targets.  The drive's figures are 0
+    where the device cannot command it.
+    """
+
+    counter: int
+    tick_us: int
+    heartbeat_limit_ms: int
+    coasts_on_silence: bool
+    drive_commandable: bool
+    clearance_min_um: float
+    clearance_max_um: float
+    pressure_min_bar: float
+    pressure_max_bar: float
+    clearance_lag_ms: int
+    pressure_lag_ms: int
+    drive_time_to_live_ms: int
+    speed_min_rpm: float
+    speed_max_rpm: float
+    load_min_N: float
+    load_max_N: float
 
 
 class Command(Record, frozen=True, tag=True):
@@ -87,6 +141,44 @@ class Command(Record, frozen=True, tag=True):
     echo_tick_us: int
     clearance_um: float
     pressure_bar: float
+
+
+class DriveCommand(Record, frozen=True, tag=True):
+    """Setpoints for the rig's drive (wire schema 2); refused and expired like :class:`Command`."""
+
+    counter: int
+    session: int
+    echo_tick_us: int
+    speed_rpm: float
+    load_N: float
+    speed_ramp_rpm_s: int
+    load_ramp_N_s: int
+
+
+class DriveMode(enum.IntEnum):
+    """Whose setpoints the drive follows."""
+
+    LOCAL = 0
+    FOLLOWING = 1
+    COASTING = 2
+
+
+class DriveState(Record, frozen=True, tag=True):
+    """The drive's own account: whom it follows, setpoints, readings, refusals (wire schema 2)."""
+
+    counter: int
+    tick_us: int
+    session: int
+    command_counter: int
+    mode: int
+    speed_setpoint_rpm: float
+    load_setpoint_N: float
+    speed_rpm: float
+    load_N: float
+    refused_stale: int
+    refused_check: int
+    refused_session: int
+    refused_range: int
 
 
 class Mode(enum.IntEnum):
@@ -119,7 +211,18 @@ class DeviceHeartbeat(Record, frozen=True, tag=True):
     trip_request: bool
 
 
-WireMessage = SampleFrame | RigStatus | NodeState | NodeInfo | Command | DeviceHeartbeat
+WireMessage = (
+    SampleFrame
+    | RigStatus
+    | NodeState
+    | NodeInfo
+    | Command
+    | DeviceHeartbeat
+    | ReadingsFrame
+    | NodeFigures
+    | DriveCommand
+    | DriveState
+)
 
 
 class Rejected(Record, frozen=True, tag=True):

@@ -13,7 +13,7 @@ from typing import Any
 import msgspec
 
 from firmware_py.config import Config
-from firmware_py.guard.core import GuardCore
+from firmware_py.guard.core import CoreState, GuardCore
 from firmware_py.recording import TOPICS, Recording, RecordingError, decode_exact
 from firmware_py.records import Cycle, CycleRecord, Decision, DeviceHeartbeat, Snapshot
 from firmware_py.wire.link import codec_for
@@ -124,8 +124,8 @@ class DecisionReplay:
     def _compare_state(self, core: GuardCore, snapshot: Snapshot) -> None:
         report = self.report
         report.snapshots_compared += 1
-        recorded = msgspec.msgpack.decode(snapshot.state)
-        replayed = msgspec.msgpack.decode(core.snapshot(snapshot.seq, snapshot.now_ns).state)
+        recorded = _as_read(snapshot.state)
+        replayed = _as_read(core.snapshot(snapshot.seq, snapshot.now_ns).state)
         if recorded != replayed:
             report.snapshots_different += 1
             self._note(f"snapshot before cycle {snapshot.seq}: {_where(recorded, replayed)}")
@@ -154,6 +154,11 @@ class _Sessions:
 
     def of(self, snapshot: Snapshot) -> int:
         return self._from.get((snapshot.seq, snapshot.now_ns), 0)
+
+
+def _as_read(state: bytes) -> Any:
+    """A state as this version reads it: fields that are new since have their defaults."""
+    return msgspec.to_builtins(msgspec.msgpack.decode(state, type=CoreState))
 
 
 def _where(a: Any, b: Any, path: str = "") -> str:

@@ -24,7 +24,6 @@ from firmware_py.brain.store import Models
 from firmware_py.config import Config
 from firmware_py.recording import TOPICS, Recording, RecordingError, Stored, decode_exact
 from firmware_py.records import (
-    N_CHANNELS,
     Block,
     Decision,
     Diagnosis,
@@ -128,7 +127,7 @@ class DiagnosisReplay:
             self._remember(block)
             windows = self._windower.step(block) if self._windower else []
             for record, told in self._due.get(block.seq, ()):
-                if 0 < record.last_t_acq_ns - block.t_acq_ns <= _rows(block) * block.period_ns:
+                if 0 < record.last_t_acq_ns - block.t_acq_ns <= block.instants * block.period_ns:
                     self._judge(record, told, block, windows)
         for reading in decision.readings:
             self._remember(reading)
@@ -198,7 +197,7 @@ class DiagnosisReplay:
         for item in self._history:
             if (
                 isinstance(item, Block)
-                and item.tick_us + _rows(item) * item.sample_period_us > start_us
+                and item.tick_us + item.instants * item.sample_period_us > start_us
             ):
                 windows = windower.step(item if begun else _from_tick(item, start_us))
                 begun = True
@@ -238,16 +237,12 @@ def _decoded(message: Stored) -> dict[str, Any]:
         ) from error
 
 
-def _rows(block: Block) -> int:
-    return len(block.samples) // (2 * N_CHANNELS)
-
-
 def _from_tick(block: Block, start_us: int) -> Block:
     """``block`` without the rows before the node tick ``start_us``."""
     skip = max(0, (start_us - block.tick_us) // block.sample_period_us)
     return msgspec.structs.replace(
         block,
-        samples=block.samples[2 * N_CHANNELS * skip :],
+        samples=block.samples[2 * block.channels * skip :],
         t_acq_ns=block.t_acq_ns + skip * block.period_ns,
         tick_us=block.tick_us + skip * block.sample_period_us,
     )

@@ -8,11 +8,16 @@ from firmware_py.config import Config
 from firmware_py.records import RawFrame, Rejected, WireMessage
 from firmware_py.wire.can_link import CanLink, bus_opener
 from firmware_py.wire.codec import CanCodec
+from firmware_py.wire.layout import WireLayout
 
 
 class Codec(Protocol):
     """Wire bytes <-> records; stateless and total (any bytes give a record or
     :class:`Rejected`)."""
+
+    @property
+    def layout(self) -> WireLayout:
+        """Of the rig's frames."""
 
     def decode(self, frame: RawFrame) -> WireMessage | Rejected:
         """The record in ``frame``."""
@@ -53,8 +58,8 @@ def codec_for(config: Config) -> Codec:
     if config.bus.link == "serial":
         from firmware_py.wire.mav_codec import MavCodec  # only serial devices pay for it
 
-        return MavCodec()
-    return CanCodec()
+        return MavCodec(WireLayout.of(config))
+    return CanCodec(WireLayout.of(config))
 
 
 def open_link(config: Config, role: Literal["device", "rig"]) -> Link:

@@ -37,6 +37,15 @@ CRC_EXTRA: Final = {
     52004: 197,
     52005: 186,
     52006: 148,
+    54001: 229,
+    54002: 60,
+    54003: 77,
+    54004: 138,
+    54005: 113,
+    54006: 63,
+    54007: 145,
+    54008: 159,
+    54009: 160,
 }
 """Seed of each message of ``orbitd.xml``: a packet of a differently defined message fails its
 CRC."""

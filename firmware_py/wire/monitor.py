@@ -16,12 +16,19 @@ from rich.table import Table
 
 from firmware_py.config import Bus, Config
 from firmware_py.errors import OrbitdError
-from firmware_py.records import CHANNELS, N_CHANNELS, RawFrame, Rejected, SampleFrame, WireMessage
+from firmware_py.records import (
+    RawFrame,
+    ReadingQuality,
+    ReadingsFrame,
+    Rejected,
+    SampleFrame,
+    WireMessage,
+)
+from firmware_py.wire.layout import WireLayout
 from firmware_py.wire.link import Codec, Link, codec_for, open_link
 
 POLL_S: Final = 0.005
 REFRESH_S: Final = 0.25
-FIRST_INSTANT: Final = Struct(f"<{N_CHANNELS}h")
 
 
 class NoBusError(OrbitdError):
@@ -98,9 +105,19 @@ def values(message: WireMessage, config: Config) -> dict[str, Any]:
     unit."""
     fields = msgspec.structs.asdict(message)
     if isinstance(message, SampleFrame):
-        counts = FIRST_INSTANT.unpack_from(fields.pop("samples"))
-        for channel, name, count in zip(config.machine.channel, CHANNELS, counts, strict=True):
-            fields[name] = float(f"{count * channel.scale + channel.offset:.6g}")
+        counts = Struct(f"<{len(config.machine.channel)}h").unpack_from(fields.pop("samples"))
+        for channel, count in zip(config.machine.channel, counts, strict=True):
+            fields[channel.name] = float(f"{count * channel.scale + channel.offset:.6g}")
+    if isinstance(message, ReadingsFrame):
+        rows = WireLayout.of(config).page(message.page)
+        names = ("values", "ages_ms", "qualities")
+        told = zip(*(fields.pop(name) for name in names), strict=True)
+        for row, (value, _age_ms, quality) in zip(rows, told, strict=False):
+            fields[f"{row.name} ({row.kind.unit})"] = (
+                float(f"{value:.6g}")
+                if quality == ReadingQuality.OK
+                else ReadingQuality(quality).name
+            )
     return fields
 
 

@@ -38,7 +38,7 @@ from firmware_py.records import (
     SampleFrame,
     WireMessage,
 )
-from firmware_py.wire.fields import SCHEMA, SampleFlag
+from firmware_py.wire.fields import SampleFlag
 from firmware_py.wire.link import codec_for, open_link
 from firmware_py.wire.rooms import RoomClient
 from sim_hil.node import Node
@@ -172,7 +172,7 @@ class Generator:
                 NodeInfo(
                     self._slow // 20 & 0xFFFF,
                     tick,
-                    SCHEMA,
+                    self.config.bus.schema,
                     self._period_us,
                     a.safe_radial_clearance_um,
                     a.safe_pressure_bar,

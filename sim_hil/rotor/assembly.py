@@ -33,7 +33,7 @@ _MODE_DAMPING = 0.02
 _MODE_GAIN = 0.2
 _SOUND_PA_S_M = 200.0
 _TOOTH_SOUND_PA = 0.05
-_PRESSURE_TIME_CONSTANT_S = 0.1
+PRESSURE_TIME_CONSTANT_S = 0.1
 
 
 _POSITIVE = frozenset(
@@ -109,7 +109,7 @@ def assemble(
             rig.actuator.rate_m_per_s,
             rig.actuator.time_constant_s,
             rig.actuator.backlash_m,
-            _PRESSURE_TIME_CONSTANT_S,
+            PRESSURE_TIME_CONSTANT_S,
             1.0,
         ),
     )

@@ -13,13 +13,24 @@ from firmware_py.acquire.counting import (
     doubled,
     take,
 )
-from firmware_py.records import NodeInfo, NodeState, RigStatus, SampleFrame
+from firmware_py.records import (
+    DriveState,
+    NodeFigures,
+    NodeInfo,
+    NodeState,
+    ReadingsFrame,
+    RigStatus,
+    SampleFrame,
+)
 
 PERIODS_NS = {
     SampleFrame: 600_000,
     RigStatus: 50_000_000,
     NodeState: 50_000_000,
     NodeInfo: 1_000_000_000,
+    ReadingsFrame: 50_000_000,
+    NodeFigures: 1_000_000_000,
+    DriveState: 50_000_000,
 }
 
 
@@ -32,6 +43,14 @@ def message(kind: type, counter: int, who: int = 0):
         return RigStatus(counter, who, 1.0, 1.0, 1.0, 1.0)
     if kind is NodeState:
         return NodeState(counter, who, 0, 0, 0, 1.0, 1.0, True, 0, 0, 0, 0)
+    if kind is ReadingsFrame:
+        return ReadingsFrame(counter, who, 0, (1.0,), (0,), (0,))
+    if kind is NodeFigures:
+        return NodeFigures(
+            counter, who, 3000, True, False, 1.0, 2.0, 1.0, 2.0, 50, 100, 0, 0.0, 0.0, 0.0, 0.0
+        )
+    if kind is DriveState:
+        return DriveState(counter, who, 0, 0, 0, 1.0, 1.0, 1.0, 1.0, 0, 0, 0, 0)
     return NodeInfo(counter, who, 1, 200, 1.0, 1.0, 100, 1.0)
 
 

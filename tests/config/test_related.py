@@ -7,9 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from firmware_py import config
-from firmware_py.acquire import windows
-from firmware_py.config import checks_channel
+from firmware_py import config, signals
 from firmware_py.machine.folder import shipped_names
 from firmware_py.machine.lubricant import viscosity_Pa_s
 from tests.first_schema import BENCH
@@ -281,9 +279,16 @@ def test_fewer_channels_are_one_fault_and_no_traceback() -> None:
         assert [fault.key for fault in refusal.value.faults] == ["channel"]
 
 
-def test_what_the_channels_carry_is_what_the_wire_says() -> None:
-    assert checks_channel.WIRE_SCALES == windows.WIRE_SCALES
-    assert [c.unit for c in config.parse(BENCH)[0].machine.channel] == list(checks_channel.UNITS)
+def test_the_shipped_channels_are_those_of_the_kinds() -> None:
+    for name in ("bench", "seed"):
+        loaded = config.load(config.SHIPPED / name)[0]
+        for channel, row in zip(loaded.machine.channel, signals.CHANNELS, strict=True):
+            kind = signals.FAST[row.kind]
+            assert (channel.name, channel.unit, channel.scale) == (
+                row.name,
+                kind.unit,
+                kind.wire_scale,
+            )
 
 
 def test_serial_rate_is_refused_with_the_arithmetic() -> None:

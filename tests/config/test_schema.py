@@ -15,6 +15,7 @@ from msgspec import inspect
 from firmware_py import config
 from firmware_py.config.convert import FaultedError, convert, ends_of, view
 from firmware_py.config.schema import WORDS
+from firmware_py.machine import SlowChannel
 from tests.first_schema import BENCH
 
 
@@ -64,7 +65,10 @@ def test_every_text_has_a_pattern_and_words_for_it() -> None:
 
 
 def table() -> dict[str, Any]:
-    return msgspec.to_builtins(config.parse(BENCH)[0])  # type: ignore[no-any-return]
+    """The shipped configuration with every list that may be empty filled."""
+    tables: dict[str, Any] = msgspec.to_builtins(config.parse(BENCH)[0])
+    tables["machine"]["reading"] = [msgspec.to_builtins(SlowChannel("shaft_power"))]
+    return tables
 
 
 def put(tables: dict[str, Any], key: str, value: object) -> None:

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import contextlib
+import importlib.util
 import io
+import shutil
 import subprocess
 import sys
+import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import Any
 
 import pytest
+from pymavlink.dialects import v20
 from pymavlink.dialects.v20 import common
 from pymavlink.generator import mavgen, mavparse
 
@@ -17,15 +21,34 @@ from firmware_py.wire import mav_dialect
 from firmware_py.wire.mav_packet import CRC_EXTRA
 
 WIRE = Path(mav_dialect.__file__).parent
+STOCK = Path(v20.__file__).parent
+MAKE = Path(__file__).resolve().parents[2] / "deploy" / "make_dialect.py"
 STANDARD = [message_id for message_id in CRC_EXTRA if message_id < 52001]
 
 
 def test_generated_module_is_up_to_date(tmp_path: Path) -> None:
     fresh = tmp_path / "mav_dialect.py"
-    options = mavgen.Opts(str(fresh), wire_protocol=mavparse.PROTOCOL_2_0, language="Python3")
-    with contextlib.redirect_stdout(io.StringIO()):
-        assert mavgen.mavgen(options, [str(WIRE / "orbitd.xml")])
+    subprocess.run([sys.executable, str(MAKE), str(fresh)], check=True)
     assert fresh.read_text() == (WIRE / "mav_dialect.py").read_text(), "run `make dialect`"
+
+
+def test_the_dialect_with_the_whole_of_common_has_the_same_messages(tmp_path: Path) -> None:
+    """As a ground station generates it."""
+    for path in STOCK.glob("*.xml"):
+        shutil.copy(path, tmp_path)
+    shutil.copy(WIRE / "orbitd.xml", tmp_path)
+    module = tmp_path / "orbitd_whole.py"
+    options = mavgen.Opts(str(module), wire_protocol=mavparse.PROTOCOL_2_0, language="Python3")
+    with contextlib.redirect_stdout(io.StringIO()):
+        assert mavgen.mavgen(options, [str(tmp_path / "orbitd.xml")])
+    spec = importlib.util.spec_from_file_location("orbitd_whole", module)
+    assert spec
+    assert spec.loader
+    whole = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(whole)
+    assert set(common.mavlink_map) <= set(whole.mavlink_map)
+    for message_id, extra in CRC_EXTRA.items():
+        assert whole.mavlink_map[message_id].crc_extra == extra
 
 
 @pytest.mark.parametrize("message_id", STANDARD)
@@ -55,8 +78,18 @@ def test_standard_enumerations_are_the_standard_ones() -> None:
 
 def test_ours_collide_with_no_standard_message() -> None:
     ours = [message_id for message_id in CRC_EXTRA if message_id >= 52001]
-    assert ours == list(range(52001, 52007))
+    assert ours == [*range(52001, 52007), *range(54001, 54010)]
     assert not set(ours) & set(common.mavlink_map)
+
+
+def test_the_range_of_schema_2_is_free_in_every_published_dialect() -> None:
+    ids = {
+        int(message.get("id", "0"))
+        for path in STOCK.glob("*.xml")
+        for message in ET.parse(path).getroot().iterfind("messages/message")
+    }
+    assert len(ids) > 300
+    assert not ids & set(range(54000, 54100))
 
 
 def test_codec_knows_the_crc_extra_of_every_message() -> None:
