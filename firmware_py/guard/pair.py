@@ -525,7 +525,7 @@ def _says_nothing(block: Block) -> bool:
         block.quality & (Quality.GAP_BEFORE | Quality.NO_MARK)
         or block.channel_ok & 3 != 3
         or block.unusable & 3
-        or any(cause_of(block.channel_cause, i) not in JUDGED for i in DISPLACEMENTS)
+        or any(cause_of(block.causes, i) not in JUDGED for i in DISPLACEMENTS)
     )
 
 
