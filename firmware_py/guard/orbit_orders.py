@@ -126,8 +126,9 @@ class OrbitOrders:
         """Begin a new window."""
         self.state = OrbitState()
 
-    def step(self, block: Block) -> Evidence:
-        """Take in ``block``; evidence when it completes a window."""
+    def step(self, block: Block, speed_rad_s: float) -> Evidence:
+        """Take in ``block`` beside the speed that the marks say; evidence when it completes a
+        window."""
         s = self.state
         gap_us = block.tick_us - s.next_us if s.next_us >= 0 else 0
         if block.quality & Quality.GAP_BEFORE and not 0 < gap_us <= GAP_MAX_US:
@@ -138,7 +139,7 @@ class OrbitOrders:
             .reshape(-1, block.channels)[:, : len(DISPLACEMENTS)]
             .astype(np.int64)
         )
-        turn_step = block.speed_rad_s * (block.sample_period_us * 1e-6) / (2 * pi)
+        turn_step = speed_rad_s * (block.sample_period_us * 1e-6) / (2 * pi)
         if turn_step > 0.0:
             s.told_turns += turn_step * max(gap_us, 0) / block.sample_period_us
             self._project(counts, turn_step)

@@ -4,6 +4,9 @@ An implausible mark ends authority (the speed is unknown to the envelope) and st
 speed-high trip.  The doubt ends when the marks have been clean for :data:`CLEAN_NS` and something
 speaks for them: the speed came back to its former course, or the orbit turns at the told speed.  It
 also ends when the shaft stands, and when a person resets it.
+
+What is judged is the last reading of the marks, not the lower speed that is told while a mark stays
+away: a number that steps by two makes every mark late.
 """
 
 from __future__ import annotations
@@ -102,9 +105,9 @@ class SpeedCheck:
         if speed.lost:
             s.confirmed, s.agreed = False, 0
             self._orbit.restart()
-        elif blocks and (s.cause or not s.confirmed or speed.speed_rad_s == 0.0):
+        elif blocks and (s.cause or not s.confirmed or speed.reading_rad_s == 0.0):
             for block in blocks:
-                notices += self._look(self._orbit.step(block), speed, now_ns)
+                notices += self._look(self._orbit.step(block, speed.reading_rad_s), speed, now_ns)
         if s.cause and blocks and self._is_clean(speed, now_ns):
             notices.append(self._end("the marks are plausible again"))
         return notices
@@ -152,7 +155,7 @@ class SpeedCheck:
             s.agreed = 0
             s.contradicted = counted(s.contradicted, True, 1, WINDOWS)
             if s.contradicted >= BAD * WINDOWS:
-                told_rpm = speed.speed_rad_s * 30 / pi
+                told_rpm = speed.reading_rad_s * 30 / pi
                 cause = "orbit" if told_rpm else "standing"
                 return self._doubt(cause, told_rpm, told_rpm * self._orbit.seen_order, now_ns)
         return []
@@ -162,7 +165,7 @@ class SpeedCheck:
         s = self._state
         if speed.lost:
             return False
-        if speed.speed_rad_s == 0.0:
+        if speed.reading_rad_s == 0.0:
             return s.cause != "standing"
         return now_ns - s.doubt_ns >= CLEAN_NS and (s.returned or s.agreed >= WINDOWS)
 

@@ -62,7 +62,8 @@ def evidence(shaft: Shaft, windows: int = 3, stage: OrbitOrders | None = None) -
     stage = stage or OrbitOrders(bench())
     found = []
     while len(found) < windows:
-        said = stage.step(shaft.block())
+        block = shaft.block()
+        said = stage.step(block, block.speed_rad_s)
         if stage.state.samples == 0:
             found.append(said)
     return found
@@ -110,9 +111,9 @@ def test_a_second_order_twice_as_large_as_the_first_says_nothing() -> None:
 @pytest.mark.parametrize("why", ["gap", "channel"])
 def test_a_window_with_a_gap_or_a_bad_channel_says_nothing(why: str) -> None:
     shaft, stage = Shaft(6000.0), OrbitOrders(bench())
-    stage.step(shaft.block())
+    stage.step(shaft.block(), 200 * pi)
     shaft.ok, shaft.quality = (_ALL_OK, Quality.GAP_BEFORE) if why == "gap" else (_ALL_OK & ~2, 0)
-    stage.step(shaft.block())
+    stage.step(shaft.block(), 200 * pi)
     shaft.ok, shaft.quality = _ALL_OK, 0
     assert evidence(shaft, 2, stage) == [Evidence.NONE, Evidence.AGREES]
 
@@ -126,18 +127,18 @@ def test_lost_frames_in_every_window_do_not_silence_the_orbit(told: float, said:
             for _ in range(k % 7):
                 shaft.block()
             shaft.quality = int(Quality.GAP_BEFORE) * (k % 7 > 0)
-        evidence = stage.step(shaft.block())
+        evidence = stage.step(shaft.block(), told * 4321.0 * pi / 30)
         found += [evidence] * (stage.state.samples == 0)
     assert set(found) == {said}
 
 
 def test_a_gap_of_unknown_length_silences_its_window() -> None:
     shaft, stage = Shaft(6000.0), OrbitOrders(bench())
-    stage.step(shaft.block())
+    stage.step(shaft.block(), shaft.told * shaft.rpm * pi / 30)
     for _ in range(60):
         shaft.block()
     shaft.quality = int(Quality.GAP_BEFORE)
-    stage.step(shaft.block())
+    stage.step(shaft.block(), shaft.told * shaft.rpm * pi / 30)
     shaft.quality = 0
     assert evidence(shaft, 2, stage) == [Evidence.NONE, Evidence.AGREES]
 
@@ -171,7 +172,8 @@ def checked(
 ) -> list[str]:
     """Names of the notices; the end is at ``start_ns`` and ``seconds``."""
     names = []
-    speed = SpeedState(speed_rad_s=shaft.told * shaft.rpm * pi / 30, lost=lost)
+    told_rad_s = shaft.told * shaft.rpm * pi / 30
+    speed = SpeedState(speed_rad_s=told_rad_s, reading_rad_s=told_rad_s, lost=lost)
     for k in range(round(seconds / (ROWS * PERIOD_US * 1e-6))):
         now_ns = start_ns + k * ROWS * PERIOD_US * 1000
         names += [notice.name for notice in check.step([], [shaft.block()], speed, now_ns)]
