@@ -18,9 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_py.acquire import film_check, ringing
-from firmware_py.acquire.film_check import CIRCUIT, LEAST_SHARE, read_volt
+from firmware_py.acquire.film_check import LEAST_SHARE, circuit_of, read_volt
 from firmware_py.acquire.orders import CONTACT, ORDERS, Orders, analyse
 from firmware_py.acquire.windows import Window
+from firmware_py.machine import Machine
 from firmware_py.machine.contact import film_of, film_per_volt
 
 RATE_HZ: Final = 5000.0
@@ -155,7 +156,7 @@ GROUP_OF_FEATURE: Final = np.array([GROUPS.index(_group(name)) for name in FEATU
 """Index into :data:`GROUPS` of every feature."""
 
 
-def features(window: Window) -> NDArray[np.float32]:
+def features(window: Window, machine: Machine) -> NDArray[np.float32]:
     """Feature vector of ``window``, shape ``(len(FEATURE_NAMES),)``.
 
     A reading that never came (NaN clearance, power, temperature) leaves NaN in its features: the
@@ -165,9 +166,16 @@ def features(window: Window) -> NDArray[np.float32]:
     ----------
     window
         With whole turns (quality without ``NO_MARK``).
+    machine
+        Whose film, oil and contact circuit the readings are held against.
+
+    Raises
+    ------
+    NoContactError
+        The machine has no contact channel.
     """
     window = at_one_rate(window)
-    return from_orders(window, analyse(window))
+    return from_orders(window, analyse(window), machine)
 
 
 def at_one_rate(window: Window) -> Window:
@@ -186,7 +194,7 @@ def at_one_rate(window: Window) -> Window:
     )
 
 
-def from_orders(window: Window, orders: Orders) -> NDArray[np.float32]:
+def from_orders(window: Window, orders: Orders, machine: Machine) -> NDArray[np.float32]:
     """As :func:`features`, with window and order analysis of :data:`RATE_HZ` already at hand."""
     log_bands, log_rms = _bands(window)
     vector = np.concatenate(
@@ -199,8 +207,8 @@ def from_orders(window: Window, orders: Orders) -> NDArray[np.float32]:
             _microphone(orders),
             (log_bands - log_rms[:, None]).ravel(),
             _slow_channels(window),
-            _contact_film(window, orders),
-            film_check.film_check(window, orders),
+            _contact_film(window, orders, machine),
+            film_check.film_check(window, orders, machine),
             ringing.ringing(window),
         ]
     )
@@ -343,16 +351,17 @@ def _slow_channels(window: Window) -> NDArray[np.float64]:
     )
 
 
-def _contact_film(window: Window, orders: Orders) -> NDArray[np.float64]:
+def _contact_film(window: Window, orders: Orders, machine: Machine) -> NDArray[np.float64]:
     """Film by the contact channel, free of the probes' runout: its orders over its mean, its mean,
     eccentricity.
 
     The film follows from the voltage by the law of the contact channel at middling roughness.
     """
-    volt = read_volt(np.asarray(orders.mean[CONTACT]))
-    film_m = float(film_of(CIRCUIT, volt))
+    contact = circuit_of(machine)
+    volt = read_volt(contact, np.asarray(orders.mean[CONTACT]))
+    film_m = float(film_of(contact, volt))
     swing = np.array([*np.abs(orders.harmonics[CONTACT, :2]), orders.half[CONTACT]])
-    swing *= film_per_volt(CIRCUIT, float(volt)) / film_m
+    swing *= film_per_volt(contact, float(volt)) / film_m
     position_m = window.clearance_m - float(np.hypot(orders.mean[0], orders.mean[1]))
     eccentricity = min(max(1.0 - film_m / window.clearance_m, LEAST_SHARE), 1.0 - LEAST_SHARE)
     log_film = math.log10(film_m / FILM_UNIT_M)

@@ -58,7 +58,7 @@ class BrainCore:
         self._windower = Windower(channels, config.sampling.rate_hz)
         self._observer = Observer(channels)
         slow_roll_m = slow_roll_forward(config)
-        self._diagnoser = Diagnoser(models.classifier, slow_roll_m)
+        self._diagnoser = Diagnoser(models.classifier, config.machine, slow_roll_m)
         self._commissioner = Commissioner(models.classifier, config, self._diagnoser, slow_roll_m)
         self._policy = Policy(models, config)
         self._pressure_bar = config.machine.actuator.safe_pressure_bar

@@ -33,6 +33,7 @@ from firmware_py.brain.normal import (
     prior_of,
 )
 from firmware_py.brain.store import HEADS, Model
+from firmware_py.machine import Machine
 from firmware_py.records import CHANNELS, Diagnosis, Normal, Quality
 
 WINDOWS: Final = 10
@@ -89,12 +90,15 @@ class Diagnoser:
     ----------
     model
         ``classifier.onnx``; without it the verdict is ``none`` (or whirl, or a sensor fault).
+    machine
+        Whose readings they are.
     slow_roll_m
         Forward first order of the probes' runout, complex, phase from the mark.
     """
 
-    def __init__(self, model: Model | None, slow_roll_m: complex = 0j) -> None:
+    def __init__(self, model: Model | None, machine: Machine, slow_roll_m: complex = 0j) -> None:
         self._model = model
+        self._machine = machine
         self._threshold = _setting(model, "novelty_threshold", math.inf)
         self._named_above = _odds_by_fault(model)
         self._slow_roll_m = slow_roll_m
@@ -147,7 +151,7 @@ class Diagnoser:
 
     def _hear(self, window: Window, orders: Orders) -> None:
         """Keep the features of one window; those that rest on a missing reading are left out."""
-        vector = from_orders(window, orders).astype(np.float64)
+        vector = from_orders(window, orders, self._machine).astype(np.float64)
         if np.isfinite(vector).all():
             self._heard.append((window.end_ns, vector))
 

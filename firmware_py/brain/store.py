@@ -319,6 +319,10 @@ def _check_fit(kind: str, name: str, card: Card, session: Session, config: Confi
             f"channels {_difference(card.channels, CHANNELS)}",
         ),
         (
+            not sampled or config.machine.contact is not None,
+            "its features rest on a contact channel, whose circuit the machine does not describe",
+        ),
+        (
             not sampled or rate % round(RATE_HZ) == 0,
             f"features are defined at multiples of {RATE_HZ:g} Hz, the configuration samples at "
             f"{rate}",

@@ -21,7 +21,7 @@ from firmware_py.config.schema import (
     Zenoh,
 )
 from firmware_py.config.source import ConfigError, ConfigFile, Fault, Source
-from firmware_py.config.verify import Check, decode, load, parse, read_device
+from firmware_py.config.verify import Check, decode, load, parse, read_device, read_machine
 from firmware_py.machine.folder import SHIPPED
 
 __all__ = [
@@ -46,4 +46,5 @@ __all__ = [
     "load",
     "parse",
     "read_device",
+    "read_machine",
 ]

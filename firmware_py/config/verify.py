@@ -22,7 +22,8 @@ from firmware_py.config.source import (
     read_file,
     two_files,
 )
-from firmware_py.machine.folder import DEVICE, MACHINE
+from firmware_py.machine import Machine
+from firmware_py.machine.folder import DEVICE, MACHINE, find
 from firmware_py.machine.migrate import is_first, upgrade
 
 Check = Callable[[Config], Iterator[Found]]
@@ -57,6 +58,17 @@ def parse(
 ) -> tuple[Config, Source]:
     """As :func:`load`, from the ``text`` of a file of the first schema."""
     return _one(ConfigFile(path, text), laws)
+
+
+def read_machine(named: str) -> Machine:
+    """The machine of the rig ``named``: a shipped name, or a folder.
+
+    Raises
+    ------
+    ConfigError
+        No such rig, or any fault in it.
+    """
+    return load(find(named))[0].machine
 
 
 def read_device(path: Path) -> Device:

@@ -7,7 +7,7 @@ machine (libm's ``exp`` is not that).
 from __future__ import annotations
 
 from functools import cache
-from math import floor
+from math import floor, isnan, nan
 from typing import Final
 
 from firmware_py.machine.schema import Lubricant
@@ -68,5 +68,7 @@ def viscosity_table(lubricant: Lubricant) -> ViscosityTable:
 
 
 def viscosity_Pa_s(lubricant: Lubricant, temperature_C: float) -> float:
-    """Dynamic viscosity (Pa s) of the law at ``temperature_C``."""
+    """Dynamic viscosity (Pa s) of the law at ``temperature_C``; of a reading that never came, nan."""
+    if isnan(temperature_C):
+        return nan
     return viscosity_table(lubricant).law(temperature_C)

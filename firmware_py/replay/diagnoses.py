@@ -185,7 +185,9 @@ class DiagnosisReplay:
         start_us = end_us - round(MIN_SECONDS * self._rate_hz) * period_us
         oldest_us = next(item.tick_us for item in self._history if isinstance(item, Block))
         if first or self._diagnoser is None:
-            self._diagnoser = Diagnoser(self._models.classifier, slow_roll_forward(self._config))
+            self._diagnoser = Diagnoser(
+                self._models.classifier, self._config.machine, slow_roll_forward(self._config)
+            )
             self._whole = first and start_us >= oldest_us
             self._exact_from_ns = 0 if self._whole else block.t_acq_ns + SETTLED_AFTER_NS
         self._windower = Windower(ChannelMap.from_config(self._config), self._rate_hz)

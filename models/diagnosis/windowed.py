@@ -8,10 +8,11 @@ import inspect
 import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass, fields
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Final
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,6 +24,8 @@ from firmware_py.acquire import windows as window_code
 from firmware_py.acquire.features import FEATURE_NAMES, at_one_rate, features
 from firmware_py.acquire.orders import BINS, ROTATING, by_angle
 from firmware_py.acquire.windows import TURNS, Window, iter_windows
+from firmware_py.config import read_machine
+from firmware_py.machine import Machine
 from firmware_py.machine import contact as contact_code
 from firmware_py.records import Quality
 from models.diagnosis.data_cache import folder_of, load, make_recordings
@@ -61,14 +64,15 @@ def views_of(
     """Views of the recordings of ``plan`` under ``out``, recorded and analysed when they are not
     there yet."""
     path = (
-        folder_of(out, plan) / f"views-{builds}-{look.windows}-{look.raw_builds}-{_code_hash()}.npz"
+        folder_of(out, plan)
+        / f"views-{builds}-{look.windows}-{look.raw_builds}-{_code_hash(plan.rig)}.npz"
     )
     if path.exists():
         return _read(path)
     with progress_bar(f"recordings of {builds} builds", builds) as bar:
         files = make_recordings(out, plan, builds, workers, bar)
     with progress_bar(f"features of {builds} builds", builds) as bar:
-        views = _analysed(files, look, workers, bar)
+        views = _analysed(files, plan.rig, look, workers, bar)
     columns = {
         f"{view.name}_{column.name}": getattr(getattr(views, view.name), column.name)
         for view in fields(Views)
@@ -85,6 +89,12 @@ def per_decision(views: Views) -> Views:
     return Views(pooled(views.orders, WINDOWS_PER_DECISION), views.raw, views.waves)
 
 
+@cache
+def _machine(rig: str) -> Machine:
+    """The machine of a recorded rig, read once in each process."""
+    return read_machine(rig)
+
+
 def usable_windows(raw: Raw) -> list[Window]:
     """Windows of a recording with whole turns, as the device cuts them."""
     windows = iter_windows(
@@ -94,18 +104,21 @@ def usable_windows(raw: Raw) -> list[Window]:
 
 
 def _analysed(
-    files: list[Path], look: WindowSampling, workers: int, progress: Callable[[int], None]
+    files: list[Path], rig: str, look: WindowSampling, workers: int, progress: Callable[[int], None]
 ) -> Views:
     parts = []
-    for done, part in enumerate(map_in_order(partial(_views_of_build, look), files, workers), 1):
+    of_build = partial(_views_of_build, look, rig)
+    for done, part in enumerate(map_in_order(of_build, files, workers), 1):
         parts.append(part)
         progress(done)
     return joined_views(parts)
 
 
-def _views_of_build(look: WindowSampling, file: Path) -> Views:
+def _views_of_build(look: WindowSampling, rig: str, file: Path) -> Views:
     build = int(file.stem.partition("-")[2])
-    views = joined_views([_views(raw, build, 100 * build + i) for i, raw in enumerate(load(file))])
+    views = joined_views(
+        [_views(raw, _machine(rig), build, 100 * build + i) for i, raw in enumerate(load(file))]
+    )
     orders = pooled(views.orders, look.windows) if look.windows > 1 else views.orders
     raw_rows = slice(None) if build < look.raw_builds else slice(0)
     return Views(orders, views.raw.subset(raw_rows), views.waves.subset(raw_rows))
@@ -116,9 +129,11 @@ def joined_views(parts: list[Views]) -> Views:
     return Views(*(join([getattr(part, f.name) for part in parts]) for f in fields(Views)))
 
 
-def _views(raw: Raw, build: int, number: int) -> Views:
+def _views(raw: Raw, machine: Machine, build: int, number: int) -> Views:
     windows = usable_windows(raw)
-    rows = np.array([features(w) for w in windows], np.float32).reshape(-1, len(FEATURE_NAMES))
+    rows = np.array([features(w, machine) for w in windows], np.float32).reshape(
+        -1, len(FEATURE_NAMES)
+    )
     points = raw.counts[-RAW_POINTS:].reshape(1, -1).astype(np.float32)
     waves = np.array([waveform(w) for w in windows[-1:]], np.float32).reshape(
         -1, len(ROTATING) * TURNS * BINS
@@ -139,9 +154,9 @@ def _labelled(rows: NDArray[np.float32], raw: Raw, build: int, number: int) -> D
     return Dataset(rows, *(np.full(len(rows), label) for label in labels))
 
 
-def _code_hash() -> str:
-    """Changes with the code that cuts and analyses windows."""
-    digest = hashlib.sha256()
+def _code_hash(rig: str) -> str:
+    """Changes with the code that cuts and analyses windows, and with the machine."""
+    digest = hashlib.sha256(msgspec.json.encode(_machine(rig)))
     for module in (window_code, order_code, ringing_code, contact_code, film_code, feature_code):
         digest.update(inspect.getsource(module).encode())
     return digest.hexdigest()[:12]

@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 from firmware_py.acquire.features import FEATURE_NAMES, features
 from firmware_py.acquire.windows import iter_windows
+from firmware_py.config import read_machine
+from firmware_py.machine import Machine
 from firmware_py.records import CHANNELS, Quality
 from models.diagnosis.dataset import CLASSES, Dataset
 from models.diagnosis.ladder import PaperNetwork
@@ -119,7 +121,7 @@ def _told(scores: dict[str, float], key: str) -> str:
 def _windows(seconds: float, runs: int, rng: np.random.Generator) -> RawWindows:
     """Every class and run of one machine; runs differ in noise, starting angle and water
     temperature."""
-    rig = load_rig("seed")
+    rig, machine = load_rig("seed"), read_machine("seed")
     build = Build.draw(rig, rng)
     raw: list[tuple[Floats, int, int]] = []
     orders: list[tuple[Floats, int, int]] = []
@@ -142,13 +144,13 @@ def _windows(seconds: float, runs: int, rng: np.random.Generator) -> RawWindows:
                 counts = recording.counts[: len(recording.counts) // WINDOW_POINTS * WINDOW_POINTS]
                 cut = counts.reshape(-1, WINDOW_POINTS, len(CHANNELS))
                 raw += [(window.ravel().astype(np.float64), kind, number) for window in cut]
-                orders += [(row, kind, number) for row in _order_features(recording)]
+                orders += [(row, kind, number) for row in _order_features(recording, machine)]
                 samples.append(cut[0].astype(np.float64))
                 bar(kind * runs + number + 1)
     return RawWindows(_dataset(raw), _dataset(orders), np.array(samples))
 
 
-def _order_features(recording: SimulatedRecording) -> list[Floats]:
+def _order_features(recording: SimulatedRecording, machine: Machine) -> list[Floats]:
     """Features of every window with whole turns, by the device's own code."""
     status = recording.status
     readings = np.column_stack([status[:, 0] * 1e6, status[:, 3], status[:, 1], status[:, 2]])
@@ -158,7 +160,7 @@ def _order_features(recording: SimulatedRecording) -> list[Floats]:
         recording.counts, start_us, marks_us, recording.rate_hz, readings=readings
     )
     return [
-        features(window).astype(np.float64)
+        features(window, machine).astype(np.float64)
         for window in windows
         if not window.quality & Quality.NO_MARK
     ]

@@ -9,8 +9,11 @@ import pytest
 from firmware_py.acquire.features import FEATURE_NAMES, features
 from firmware_py.acquire.orders import Orders, analyse
 from firmware_py.acquire.windows import Window, iter_windows
+from firmware_py.config import read_machine
 
 from .synthetic_recording import readings, recording
+
+BENCH = read_machine("bench")
 
 
 def last_window(rate: int = 5000, **what: object) -> Window:
@@ -23,7 +26,7 @@ def orders(rate: int = 5000, **what: object) -> Orders:
 
 
 def named(window: Window) -> dict[str, float]:
-    return dict(zip(FEATURE_NAMES, features(window).tolist(), strict=True))
+    return dict(zip(FEATURE_NAMES, features(window, BENCH).tolist(), strict=True))
 
 
 @pytest.mark.parametrize("speed_hz", [12.5, 25.0, 61.7, 200.0])
@@ -66,16 +69,16 @@ def test_energy_split() -> None:
 
 def test_features_are_fixed_finite_and_deterministic() -> None:
     window = last_window()
-    vector = features(window)
+    vector = features(window, BENCH)
     assert vector.shape == (len(FEATURE_NAMES),) == (len(set(FEATURE_NAMES)),)
     assert vector.dtype == np.float32
     assert np.isfinite(vector).all()
-    assert np.array_equal(vector, features(window))
+    assert np.array_equal(vector, features(window, BENCH))
 
 
 def test_features_stay_finite_without_any_signal() -> None:
     window = last_window(forward_m=(), acceleration_m_s2=0.0, noise=0.0)
-    assert np.isfinite(features(window)).all()
+    assert np.isfinite(features(window, BENCH)).all()
 
 
 def test_gain_error_moves_absolute_features_only() -> None:
@@ -110,7 +113,7 @@ def test_each_cause_moves_its_own_features() -> None:
 
 def test_missing_readings_stay_visible_as_nan() -> None:
     counts, marks = recording()
-    vector = features(next(iter_windows(counts, 0, marks, 5000)))
+    vector = features(next(iter_windows(counts, 0, marks, 5000)), BENCH)
     bad = {name for name, value in zip(FEATURE_NAMES, vector, strict=True) if np.isnan(value)}
     assert {"clearance_100um", "log_shaft_power_W", "oil_outlet_50C"} <= bad
     assert "log_shaft_fwd_1x_m" not in bad

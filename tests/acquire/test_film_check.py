@@ -12,7 +12,9 @@ import pytest
 from firmware_py.acquire import film_check as fc
 from firmware_py.acquire.orders import CONTACT, Orders, analyse
 from firmware_py.acquire.windows import Window, iter_windows
+from firmware_py.config import read_machine
 from firmware_py.machine.contact import ROUGHNESS_M, contact_volt, film_of, film_per_volt
+from firmware_py.machine.lubricant import viscosity_Pa_s
 from firmware_py.records import Quality
 from sim_hil.build import Build
 from sim_hil.duty import Duty
@@ -22,11 +24,17 @@ from sim_hil.sensors.kernel import contact_voltage
 
 from .test_features import last_window
 
+BENCH = read_machine("bench")
+BEARING, ROTOR, CIRCUIT = BENCH.bearing, BENCH.rotor, fc.circuit_of(BENCH)
 SPEED_HZ, CLEARANCE_M, RATIO, OIL_C = 100.0, 60e-6, 0.5, 45.0
 
 
+def inertia(omega: float) -> float:
+    return ROTOR.effective_mass_at_bearing_kg * omega**2
+
+
 def volt(gap_m: float) -> float:
-    return float(contact_volt(fc.CIRCUIT, np.array(gap_m)))
+    return float(contact_volt(CIRCUIT, np.array(gap_m)))
 
 
 def ideal(
@@ -42,18 +50,31 @@ def ideal(
     ) - samples[:, :2].mean(0)
     samples[:, 7] = volt(CLEARANCE_M * (1.0 - ratio) if gap_m is None else gap_m)
     omega = 2 * math.pi * SPEED_HZ
-    viscosity = fc.VISCOSITY_PA_S * math.exp(-fc.VISCOSITY_PER_K * (OIL_C - fc.REFERENCE_C))
-    petroff = 2 * math.pi * viscosity * omega**2 * fc.RADIUS_M**3 * fc.LENGTH_M / CLEARANCE_M
-    carried = fc._carried_N(viscosity * omega, CLEARANCE_M, ratio)
+    viscosity = viscosity_Pa_s(BENCH.lubricant, OIL_C)
+    petroff = (
+        2
+        * math.pi
+        * viscosity
+        * omega**2
+        * BEARING.journal_radius_m**3
+        * BEARING.length_m
+        / CLEARANCE_M
+    )
+    carried = fc._carried_N(BEARING, viscosity * omega, CLEARANCE_M, ratio)
     load = carried * ratio / rest**2 * math.sqrt(16.0 * ratio**2 + math.pi**2 * rest)
     drag = petroff / math.sqrt(rest) + 0.5 * load * ratio * CLEARANCE_M * math.sin(attitude) * omega
-    window = replace(window, samples=samples, clearance_m=CLEARANCE_M, oil_outlet_C=OIL_C,
-                     shaft_power_W=power * (drag + fc.WINDAGE_W_S3 * omega**3))  # fmt: skip
+    window = replace(
+        window,
+        samples=samples,
+        clearance_m=CLEARANCE_M,
+        oil_outlet_C=OIL_C,
+        shaft_power_W=power * (drag + ROTOR.windage_W_s3 * omega**3),
+    )
     return window, analyse(window)
 
 
 def named(*what: object, **more: object) -> dict[str, float]:
-    return dict(zip(fc.names(), fc.film_check(*ideal(*what, **more)).tolist(), strict=True))  # type: ignore[arg-type]
+    return dict(zip(fc.names(), fc.film_check(*ideal(*what, **more), BENCH).tolist(), strict=True))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("ratio", [0.2, 0.5, 0.8])
@@ -77,11 +98,13 @@ def test_load_is_near_that_of_the_guard_s_table(ratio: float) -> None:
     from firmware_py.machine.film import static_film
 
     omega = 2 * math.pi * SPEED_HZ
-    viscosity = fc.VISCOSITY_PA_S * math.exp(-fc.VISCOSITY_PER_K * (OIL_C - fc.REFERENCE_C))
+    viscosity = viscosity_Pa_s(BENCH.lubricant, OIL_C)
     expected = (
         viscosity
         * omega
-        * static_film(fc.RADIUS_M, fc.LENGTH_M).load_per_viscous_speed(ratio, CLEARANCE_M)
+        * static_film(BEARING.journal_radius_m, BEARING.length_m).load_per_viscous_speed(
+            ratio, CLEARANCE_M
+        )
     )
     assert 10 ** named(ratio)["film_log_load_N"] == pytest.approx(expected, rel=0.15)
 
@@ -107,13 +130,25 @@ def test_response_to_a_rotating_force_is_that_of_the_film_differentiated(ratio: 
 
     step, unit = 1e-6, 1.0 / CLEARANCE_M
     rest = force(ratio, 0.0, 0.0, 0.0)
-    stiffness = -np.column_stack([force(ratio + step, 0.0, 0.0, 0.0) - rest,
-                                  force(ratio, step / ratio, 0.0, 0.0) - rest]) / step * unit  # fmt: skip
-    damping = -np.column_stack([force(ratio, 0.0, step, 0.0) - rest,
-                                force(ratio, 0.0, 0.0, step / ratio) - rest]) / step * unit  # fmt: skip
-    whole = stiffness + 1j * omega * damping - fc.MASS_KG * omega**2 * np.eye(2)
+    stiffness = (
+        -np.column_stack(
+            [force(ratio + step, 0.0, 0.0, 0.0) - rest, force(ratio, step / ratio, 0.0, 0.0) - rest]
+        )
+        / step
+        * unit
+    )
+    damping = (
+        -np.column_stack(
+            [force(ratio, 0.0, step, 0.0) - rest, force(ratio, 0.0, 0.0, step / ratio) - rest]
+        )
+        / step
+        * unit
+    )
+    whole = (
+        stiffness + 1j * omega * damping - ROTOR.effective_mass_at_bearing_kg * omega**2 * np.eye(2)
+    )
     expected = np.linalg.solve(whole, np.array([1.0, -1.0j]))
-    assert np.array(fc._moves_per_N(carried, CLEARANCE_M, ratio, omega)) == pytest.approx(
+    assert np.array(fc._moves_per_N(carried, CLEARANCE_M, ratio, inertia(omega))) == pytest.approx(
         expected, rel=1e-4
     )
 
@@ -121,23 +156,25 @@ def test_response_to_a_rotating_force_is_that_of_the_film_differentiated(ratio: 
 def test_unbalance_is_found_again_from_the_swing_of_the_film() -> None:
     window, orders = ideal()
     omega, unbalance = orders.speed_rad_s, 3e-5
-    load = 10 ** fc.film_check(window, orders)[3]
+    load = 10 ** fc.film_check(window, orders, BENCH)[3]
     rest = 1.0 - RATIO**2
     carried = load * rest**2 / RATIO / math.sqrt(16.0 * RATIO**2 + math.pi**2 * rest)
-    swing_m = unbalance * omega**2 * abs(fc._moves_per_N(carried, CLEARANCE_M, RATIO, omega)[0])
+    swing_m = (
+        unbalance * omega**2 * abs(fc._moves_per_N(carried, CLEARANCE_M, RATIO, inertia(omega))[0])
+    )
     per_metre = (
         volt(CLEARANCE_M * (1 - RATIO) + 1e-8) - volt(CLEARANCE_M * (1 - RATIO) - 1e-8)
     ) / 2e-8
     harmonics = orders.harmonics.copy()
     harmonics[CONTACT, 0] = swing_m * per_metre
-    found = fc.film_check(window, replace(orders, harmonics=harmonics))[4]
+    found = fc.film_check(window, replace(orders, harmonics=harmonics), BENCH)[4]
     assert 10**found == pytest.approx(unbalance, rel=0.02)
 
 
 def test_readings_that_are_missing_stay_visible() -> None:
     window, orders = ideal()
-    assert np.isnan(fc.film_check(replace(window, shaft_power_W=math.nan), orders)[2])
-    assert np.isnan(fc.film_check(replace(window, clearance_m=math.nan), orders)).any()
+    assert np.isnan(fc.film_check(replace(window, shaft_power_W=math.nan), orders, BENCH)[2])
+    assert np.isnan(fc.film_check(replace(window, clearance_m=math.nan), orders, BENCH)).any()
 
 
 @pytest.mark.parametrize("roughness_m", [0.5e-6, 0.75e-6, 1e-6])
@@ -145,23 +182,30 @@ def test_the_law_of_the_contact_channel_is_the_rig_s(roughness_m: float) -> None
     """Read back against the rig's own voltage, down to films that asperities bridge."""
     films = np.geomspace(1e-6, 200e-6, 50)
     volts = np.array([contact_voltage(film, roughness_m) for film in films])
-    assert film_of(fc.CIRCUIT, volts, roughness_m) == pytest.approx(films, rel=1e-4)
+    assert film_of(CIRCUIT, volts, roughness_m) == pytest.approx(films, rel=1e-4)
     for film, shown in zip(films, volts, strict=True):
         thin, thick = (contact_voltage(film * (1 + s), roughness_m) for s in (-1e-3, 1e-3))
         slope = 2e-3 * film / (thick - thin)
-        assert film_per_volt(fc.CIRCUIT, shown, roughness_m) == pytest.approx(slope, rel=2e-3)
+        assert film_per_volt(CIRCUIT, shown, roughness_m) == pytest.approx(slope, rel=2e-3)
 
 
 def test_an_unknown_roughness_misleads_by_a_quarter_at_most_above_eight_micrometres() -> None:
     """Without the asperities' share 8 um would be told as 1.1 um on a rough machine."""
     for roughness_m in ROUGHNESS_M:
         for film_m in (8e-6, 10e-6, 12e-6, 20e-6):
-            read = float(film_of(fc.CIRCUIT, np.array(contact_voltage(film_m, roughness_m))))
+            read = float(film_of(CIRCUIT, np.array(contact_voltage(film_m, roughness_m))))
             assert read == pytest.approx(film_m, rel=0.27)
 
 
-@pytest.mark.parametrize(("rpm", "load_N", "clearance_m"), [
-    (3000.0, 60.0, 50e-6), (6000.0, 100.0, 90e-6), (9000.0, 250.0, 120e-6), (12000.0, 150.0, 60e-6)])  # fmt: skip
+@pytest.mark.parametrize(
+    ("rpm", "load_N", "clearance_m"),
+    [
+        (3000.0, 60.0, 50e-6),
+        (6000.0, 100.0, 90e-6),
+        (9000.0, 250.0, 120e-6),
+        (12000.0, 150.0, 60e-6),
+    ],
+)
 def test_power_of_a_healthy_rig_is_explained_within_two_percent(
     rpm: float, load_N: float, clearance_m: float
 ) -> None:
@@ -180,6 +224,6 @@ def test_power_of_a_healthy_rig_is_explained_within_two_percent(
         taken.counts, round(taken.time_s[0] * 1e6), marks_us, taken.rate_hz, readings=readings
     )
     window = [w for w in windows if not w.quality & Quality.NO_MARK][-1]
-    excess = fc.film_check(window, analyse(window))[2]
+    excess = fc.film_check(window, analyse(window), BENCH)[2]
     drag = window.shaft_power_W
-    assert abs(excess) * math.hypot(fc.POWER_ERROR_W, fc.OIL_SHARE * drag) < 0.02 * drag + 0.2
+    assert abs(excess) * math.hypot(3.0, fc._oil_spread(BENCH.lubricant) * drag) < 0.02 * drag + 0.2

@@ -28,6 +28,7 @@ from sim_hil.rigs import load_rig
 from sim_hil.runs import recording_of, run
 
 BENCH = config.load(config.SHIPPED / "bench")[0]
+MACHINE = BENCH.machine
 RIG = load_rig("bench")
 CLEARANCE_M = 60e-6
 SECOND = 1_000_000_000
@@ -67,7 +68,7 @@ def windows(steps: list[Step], seed: int = 3) -> list[Window]:
 
 
 def diagnoses(steps: list[Step], seed: int = 3) -> list[Diagnosis]:
-    diagnoser = Diagnoser(load_models(BENCH).classifier)
+    diagnoser = Diagnoser(load_models(BENCH).classifier, MACHINE)
     return [diagnoser.step(window)[0] for window in windows(steps, seed)]
 
 

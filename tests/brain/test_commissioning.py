@@ -28,6 +28,9 @@ from firmware_py.records import (
 from .machine import CONFIG, Machine, models
 from .test_brain_core import feed, guard_state, of
 
+MACHINE = CONFIG.machine
+
+
 SPEEDS_RPM = (5000.0, 5800.0, 6800.0, 7900.0, 9200.0)
 
 
@@ -196,7 +199,9 @@ def test_own_state_decides_what_is_unknown(
     from .onnx_models import classifier
     from .test_diagnosis import GOOD, at
 
-    diagnoser = Diagnoser(model(classifier((-4.0, -4.0, -4.0, bias), score=score, fleet=True)))
+    diagnoser = Diagnoser(
+        model(classifier((-4.0, -4.0, -4.0, bias), score=score, fleet=True)), MACHINE
+    )
     diagnoser.use(learned[0])
     samples = GOOD.samples.copy()
     samples[:, 4] *= motor / 2.0

@@ -23,8 +23,11 @@ from firmware_py.brain.diagnosis import (
 from firmware_py.brain.store import HEADS
 from firmware_py.records import Block, Quality
 
-from .machine import RATE, Machine, model
+from .machine import CONFIG, RATE, Machine, model
 from .onnx_models import classifier
+
+MACHINE = CONFIG.machine
+
 
 SECOND = 1_000_000_000
 
@@ -59,7 +62,7 @@ def test_clear_heads_name_their_class(name: str) -> None:
     assert classes[name] > 0.9
     assert sum(classes.values()) == pytest.approx(1.0)
     bias = tuple(float(np.log(p / (1 - p))) for p in heads)
-    diagnoser = Diagnoser(model(classifier(bias)))
+    diagnoser = Diagnoser(model(classifier(bias)), MACHINE)
     assert words(diagnoser, [at(0.25 * i) for i in range(12)])[-1] == name
 
 
@@ -75,12 +78,12 @@ def test_a_fault_is_named_only_from_its_own_odds_against_normal(
     named_above: dict[str, float], word: str
 ) -> None:
     likely = classifier((-9.0, -9.0, -9.0, 4.0), named_above=named_above)  # odds of unbalance: 54.6
-    assert words(Diagnoser(model(likely)), [at(0.25 * i) for i in range(12)])[-1] == word
+    assert words(Diagnoser(model(likely), MACHINE), [at(0.25 * i) for i in range(12)])[-1] == word
 
 
 def test_heads_are_named_as_in_the_class_definitions() -> None:
     assert HEADS == ("pedestal bolt A", "pedestal bolt B", "motor bolt", "unbalance")
-    diagnosis, _ = Diagnoser(model(classifier((3.0, -3.0, -3.0, -3.0)))).step(GOOD)
+    diagnosis, _ = Diagnoser(model(classifier((3.0, -3.0, -3.0, -3.0))), MACHINE).step(GOOD)
     assert diagnosis.heads["pedestal bolt A"] == pytest.approx(1 / (1 + np.exp(-3)), abs=1e-6)
     assert list(diagnosis.heads) == list(HEADS)
     assert json.loads(json.dumps(diagnosis.evidence)) == diagnosis.evidence
@@ -89,14 +92,16 @@ def test_heads_are_named_as_in_the_class_definitions() -> None:
 def test_one_wild_window_does_not_turn_the_verdict() -> None:
     """Features are averaged: nine quiet windows against a loud one."""
     loud = window(Machine(unbalance_kg_m=1e-4))
-    diagnoser = Diagnoser(model(classifier((-3.0, -3.0, -3.0, -3.0), unbalance_above=-5.4)))
+    diagnoser = Diagnoser(
+        model(classifier((-3.0, -3.0, -3.0, -3.0), unbalance_above=-5.4)), MACHINE
+    )
     assert set(words(diagnoser, [at(0.25 * i) for i in range(WINDOWS + 1)])[WINDOWS:]) == {"normal"}
     assert words(diagnoser, [at(3.0, loud)]) == ["normal"]
     assert words(diagnoser, [at(3.25 + 0.25 * i, loud) for i in range(WINDOWS)])[-1] == "unbalance"
 
 
 def test_old_windows_lose_their_vote() -> None:
-    diagnoser = Diagnoser(model(classifier()))
+    diagnoser = Diagnoser(model(classifier()), MACHINE)
     assert words(diagnoser, [at(0.25 * i) for i in range(WINDOWS)])[-1] == "normal"
     assert words(diagnoser, [at(60.0)]) == ["doubt"]
 
@@ -110,7 +115,7 @@ def test_old_windows_lose_their_vote() -> None:
     ],
 )
 def test_windows_without_marks_or_readings_have_no_vote(changed: dict[str, object]) -> None:
-    diagnoser = Diagnoser(model(classifier()))
+    diagnoser = Diagnoser(model(classifier()), MACHINE)
     words(diagnoser, [at(0.25 * i) for i in range(WINDOWS)])
     diagnosis, _ = diagnoser.step(at(3.0, **changed))
     assert diagnosis.verdict == "none"
@@ -118,18 +123,18 @@ def test_windows_without_marks_or_readings_have_no_vote(changed: dict[str, objec
 
 
 def test_answers_that_are_not_finite_are_counted_and_have_no_vote() -> None:
-    diagnoser = Diagnoser(model(classifier(score=float("nan"))))
+    diagnoser = Diagnoser(model(classifier(score=float("nan"))), MACHINE)
     assert words(diagnoser, [at(1.0)]) == ["none"]
     assert diagnoser.counters["model_answers_refused"] == 1
 
 
 def test_every_bad_channel_is_named() -> None:
-    diagnoser = Diagnoser(model(classifier()))
+    diagnoser = Diagnoser(model(classifier()), MACHINE)
     assert words(diagnoser, [at(1.0, channel_ok=0b1101_1110)]) == ["sensor_fault:disp_x+microphone"]
 
 
 def test_a_verdict_is_confirmed_when_it_has_stood() -> None:
-    diagnoser = Diagnoser(model(classifier()))
+    diagnoser = Diagnoser(model(classifier()), MACHINE)
     told = [diagnoser.step(at(0.25 * i))[0] for i in range(30)]
     normal = [d for d in told if d.verdict == "normal"]
     assert [d.evidence["held_s"] for d in normal] == pytest.approx(
@@ -145,7 +150,7 @@ def test_a_verdict_is_confirmed_when_it_has_stood() -> None:
     ("half_m", "whirls"), [(0.0, False), (2.5e-6, False), (4e-6, True), (20e-6, True)]
 )
 def test_whirl_needs_share_and_size(half_m: float, whirls: bool) -> None:
-    diagnosis, orders = Diagnoser(None).step(window(Machine(half_m=half_m)))
+    diagnosis, orders = Diagnoser(None, MACHINE).step(window(Machine(half_m=half_m)))
     assert orders is not None
     assert is_whirl(orders, 60e-6) is whirls
     assert (diagnosis.verdict == "whirl") is whirls
@@ -153,17 +158,17 @@ def test_whirl_needs_share_and_size(half_m: float, whirls: bool) -> None:
 
 def test_evidence_carries_the_amplitudes_that_were_there() -> None:
     machine = Machine(half_m=4e-6)
-    diagnosis, _ = Diagnoser(None).step(window(machine))
+    diagnosis, _ = Diagnoser(None, MACHINE).step(window(machine))
     assert diagnosis.evidence["shaft_half_um"] == pytest.approx(4.0, rel=0.03)
     assert diagnosis.evidence["speed_rpm"] == pytest.approx(6000, rel=1e-3)
     assert diagnosis.evidence["acc_motor_1x_m_s2"] == pytest.approx(2.0, rel=0.02)
 
 
 def test_first_order_is_told_without_the_runout_and_against_the_last_normal() -> None:
-    orders = Diagnoser(None).step(GOOD)[1]
+    orders = Diagnoser(None, MACHINE).step(GOOD)[1]
     assert orders is not None
     forward_m = complex(0.5 * (orders.harmonics[0, 0] + 1j * orders.harmonics[1, 0]))
-    diagnoser = Diagnoser(model(classifier((-5.0,) * 4)), slow_roll_m=0.25 * forward_m)
+    diagnoser = Diagnoser(model(classifier((-5.0,) * 4)), MACHINE, slow_roll_m=0.25 * forward_m)
     told = [diagnoser.step(at(0.25 * i))[0] for i in range(30)]
     assert told[-1].evidence["shaft_1x_compensated_um"] == pytest.approx(
         0.75e6 * abs(forward_m), rel=1e-6
@@ -187,7 +192,7 @@ def test_drivers_name_the_groups_that_speak_for_the_verdict() -> None:
 
 
 def test_a_faster_recording_gives_the_same_words() -> None:
-    diagnoser = Diagnoser(model(classifier()))
+    diagnoser = Diagnoser(model(classifier()), MACHINE)
     slow = [diagnoser.step(at(0.25 * i))[0] for i in range(WINDOWS)][-1]
     doubled = replace(
         GOOD,
@@ -195,7 +200,7 @@ def test_a_faster_recording_gives_the_same_words() -> None:
         marks=2 * GOOD.marks + 0.5,
         rate_hz=2 * GOOD.rate_hz,
     )
-    diagnoser = Diagnoser(model(classifier()))
+    diagnoser = Diagnoser(model(classifier()), MACHINE)
     fast = [diagnoser.step(at(0.25 * i, doubled))[0] for i in range(WINDOWS)][-1]
     assert fast.verdict == slow.verdict
     for name in ("shaft_forward_1x_um", "acc_motor_1x_m_s2", "speed_rpm"):

@@ -6,12 +6,16 @@ import numpy as np
 import pytest
 
 from firmware_py.acquire.features import FEATURE_NAMES, GROUP_OF_FEATURE, GROUPS, features
+from firmware_py.config import read_machine
 from models.diagnosis import recordings
 from models.diagnosis.alarms import Rule, detection, false_alarms, hear, held, onsets
 from models.diagnosis.data_cache import load, make_recordings
 from models.diagnosis.dataset import Dataset, DatasetError, join, pooled
 from models.diagnosis.recordings import RecordingPlan, record_build, training_cases
 from models.diagnosis.windowed import WindowSampling, usable_windows, views_of
+
+BENCH = read_machine("bench")
+
 
 PLAN = RecordingPlan("bench", 5, 5000, 1.1, training_cases)
 
@@ -116,7 +120,7 @@ def test_features_do_not_depend_on_the_rate():
             0,
             0,
         )
-        found.append(features(usable_windows(raw)[-1]))
+        found.append(features(usable_windows(raw)[-1], BENCH))
     change = dict(zip(FEATURE_NAMES, np.abs(found[1] - found[0]), strict=True))
     for name in (
         "log_speed_rad_s",
@@ -405,10 +409,10 @@ def test_the_judged_words_are_the_device_s(case):
     windows = [replace(w, end_ns=w.end_tick_us * 1000) for w in usable_windows(raw)]
     path = ARTIFACTS / "classifier.onnx"
     session = Session(path.name, path.read_bytes())
-    diagnoser = Diagnoser(Model(read_card(path.name, session.metadata), session, "0" * 64))
+    diagnoser = Diagnoser(Model(read_card(path.name, session.metadata), session, "0" * 64), BENCH)
     device = [diagnoser.step(window)[0].verdict for window in windows][9:]
     data = rows(len(windows))
-    data = replace(data, features=np.array([features(w) for w in windows]))
+    data = replace(data, features=np.array([features(w, BENCH) for w in windows]))
     words = hear(of_file(path), data).words(rule_of(path))
     assert [(*CLASSES, "unknown", "doubt", "whirl")[word] for word in words] == device
 
@@ -459,4 +463,4 @@ def test_whirl_of_features_is_that_of_the_orders():
         w for build in range(4) for raw in record_build(plan, build) for w in usable_windows(raw)
     ]
     told = [is_whirl(analyse(w), w.clearance_m) for w in windows]
-    assert list(whirls(np.array([features(w) for w in windows]))) == told
+    assert list(whirls(np.array([features(w, BENCH) for w in windows]))) == told
