@@ -145,7 +145,7 @@ class Machine:
         step_s = self.period_s / self._substeps
         self._kept_steps = max(1, round(SLOPES_KEPT_S / step_s))
         self._healthy = assemble(rig, build, step_s, inlet_C=inlet_C, thermal=thermal)
-        self._taps = antialias_taps(rate_hz, self._substeps)
+        self._taps = antialias_taps(self._substeps)
         self.delay_s = (self._taps.size - 1) / 2 * step_s
         self._unfed = rig_film(rig, fed=False)
         self._film = rig_film(rig, fed=True) if fed else self._unfed

@@ -143,7 +143,7 @@ def duty_and_sensors() -> Iterator[ComparisonRow]:
     )
     allowed = read_json("sensors.json")["sampling"]["anti_alias"]
     for rate_hz, steps in ((5000, 5), (10000, 3)):
-        taps = antialias_taps(rate_hz, steps)
+        taps = antialias_taps(steps)
         gain = np.abs(np.fft.rfft(taps, 1 << 16))
         beyond = np.fft.rfftfreq(1 << 16, 1 / (rate_hz * steps)) >= rate_hz / 2
         above_dB = max(0.0, 20 * math.log10(gain[beyond].max() / gain[0]) + 60)

@@ -154,6 +154,7 @@ def test_a_recording_appended_to_another_is_left_out_and_told(whole, tmp_path):
     assert "after the end" in recording.damage.notes[0]
 
 
+@pytest.mark.timing
 def test_bytes_made_to_mislead_cost_time_and_memory_in_proportion(whole, tmp_path):
     """Starts of chunks all over the file, each of which claims megabytes."""
     false = bytes([6]) + (8 << 20).to_bytes(8, "little") + bytes(28) + b"\x04\0\0\0zstd" + bytes(11)
