@@ -448,7 +448,7 @@ class GuardCore:
         )
         turning = not a.speed.surely_below(self._turning_rad_s)
         return notices + self._oil.step(
-            readings.pressure(now_ns), readings.value(OIL), turning, now_ns
+            readings.pressure(now_ns), readings.outlet(now_ns), turning, now_ns
         )
 
     def _look_around(self, now_ns: int) -> None:

@@ -16,7 +16,7 @@ import msgspec
 
 from firmware_py.config import Config
 from firmware_py.guard.alarm import QUIET_NS, AlarmState, Notice
-from firmware_py.guard.readings import Pressure
+from firmware_py.guard.readings import Seen
 from firmware_py.machine.lubricant import COLD_C
 from firmware_py.records import Alarm, Severity
 
@@ -75,20 +75,16 @@ class OilProtection:
             if name in self.state.alarms:
                 self.state.alarms[name].standing = True
 
-    def step(
-        self, pressure: Pressure, outlet_C: float | None, turning: bool, now_ns: int
-    ) -> list[Notice]:
+    def step(self, pressure_bar: Seen, outlet_C: Seen, turning: bool, now_ns: int) -> list[Notice]:
         """Judge the lower credible supply pressure and the outlet; None where nothing is credible.
 
-        A pressure that is not whole counts where it is low, and ends nothing.
+        What is not whole counts where it passes a limit, and ends nothing.
         """
         notices = []
         self.state.turning = turning
         for watch in self._watches:
-            alarm, value = (
-                self.state.alarms[watch.name],
-                pressure.bar if watch.unit == "bar" else outlet_C,
-            )
+            alarm = self.state.alarms[watch.name]
+            value, whole = pressure_bar if watch.unit == "bar" else outlet_C
             if value is None or now_ns - alarm.judged_ns > GAP_NS:
                 alarm.hold(now_ns)
             if value is None:
@@ -104,7 +100,7 @@ class OilProtection:
                 now_ns,
                 delay_ns=self._delays_ns[watch.severity],
                 hysteresis=self._hysteresis,
-                complete=pressure.whole or watch.unit != "bar",
+                complete=whole,
                 adds_up=True,
             )
             alarm.value, alarm.limit = value, watch.limit

@@ -112,14 +112,15 @@ class Known(NamedTuple):
     power_W: float | None
 
 
-class Pressure(NamedTuple):
-    """The supply pressure that counts for its limits.
+class Seen(NamedTuple):
+    """What counts for a limit of the oil.
 
-    ``bar`` is the lowest that may be believed, None where nothing may.  ``whole`` False: a source
-    is missing or doubted, so that the pressure may be low where the other shows none of it.
+    ``value`` is the lowest pressure, or the outlet, that may be believed, None where nothing may.
+    ``whole`` False: a source is missing or doubted, so that the limit may be passed where this one
+    shows none of it.
     """
 
-    bar: float | None
+    value: float | None
     whole: bool
 
 
@@ -129,6 +130,7 @@ class ReadingState(msgspec.Struct):
 
     value: float = 0.0
     believed: float | None = None
+    believed_ns: int = 0
     doubted_ns: int = NEVER_NS
     plausible: bool = True
     same_ns: int = NEVER_NS
@@ -273,7 +275,7 @@ class Readings:
                 text = f"{row.field} = {value:.6g} {row.unit} {cause}; check its sensor and cable"
                 self._tell(name, text, value, limit, now_ns, notices)
             elif now_ns - state.doubted_ns >= self._clean_ns:
-                state.believed = value
+                state.believed, state.believed_ns = value, now_ns
                 self._tell(name, "", value, limit, now_ns, notices)
         self._compare(now_ns, notices)
 
@@ -432,20 +434,36 @@ class Readings:
             return None
         return Known(oil_C, clearance_um, pressure_bar, self.value(POWER))
 
-    def pressure(self, now_ns: int) -> Pressure:
+    def pressure(self, now_ns: int) -> Seen:
         """The lower of reading and channel where they are OK.
 
         Where neither is, the lower of what each shows that is plausible by itself: it may still
         show low pressure, which counts, and says nothing where it shows none.
         """
-        s, reading = self.state, self.state.readings[PRESSURE]
+        s, doubted_bar = self.state, self._doubted(PRESSURE, now_ns)
         found = [bar for bar in (self.value(PRESSURE), self.supply_bar(now_ns)) if bar is not None]
         if found:
-            return Pressure(min(found), len(found) == 2 or now_ns - s.both_ns >= ALONE_NS)
-        doubted = [reading.value] if s.fresh and reading.plausible else []
+            return Seen(min(found), len(found) == 2 or now_ns - s.both_ns >= ALONE_NS)
+        doubted = [] if doubted_bar is None else [doubted_bar]
         if s.supply_doubted_bar is not None and now_ns - s.supply_ns <= self._age_max_ns:
             doubted.append(s.supply_doubted_bar)
-        return Pressure(min(doubted, default=None), whole=False)
+        return Seen(min(doubted, default=None), whole=False)
+
+    def outlet(self, now_ns: int) -> Seen:
+        """The oil outlet where it is OK, else what it shows that it may have come to since then."""
+        value = self.value(OIL)
+        return Seen(self._doubted(OIL, now_ns), False) if value is None else Seen(value, True)
+
+    def _doubted(self, name: str, now_ns: int) -> float | None:
+        """A reading that is not OK, but plausible by itself and within reach of the last one that
+        was."""
+        reading, row = self.state.readings[name], self.rows[name]
+        if not self.state.fresh or not reading.plausible:
+            return None
+        passed_s = (now_ns - reading.believed_ns) * 1e-9
+        from_value = reading.value if reading.believed is None else reading.believed
+        within = abs(reading.value - from_value) <= row.noise + row.rate * passed_s
+        return reading.value if within else None
 
     def standing(self) -> list[Alarm]:
         """Every alarm that stands now."""

@@ -5,7 +5,7 @@ import msgspec
 import pytest
 
 from firmware_py.guard.oil_protection import OilProtection, OilProtectionState
-from firmware_py.guard.readings import Pressure
+from firmware_py.guard.readings import Seen
 from firmware_py.records import ArmState
 
 from .scripted_node import MS, Bench, bench, working
@@ -32,7 +32,9 @@ class Alone:
             self.now_ns += 10 * MS
             told += [
                 n.name
-                for n in self.stage.step(Pressure(bar, whole), outlet_C, turning, self.now_ns)
+                for n in self.stage.step(
+                    Seen(bar, whole), Seen(outlet_C, whole), turning, self.now_ns
+                )
             ]
         return told
 
@@ -92,7 +94,50 @@ def test_low_pressure_before_and_after_what_says_nothing_adds_up() -> None:
     alone.run(0.6 * DELAY_S, bar=0.1)
     assert alone.run(30.0, bar=None) == []
     assert alone.run(30.0, bar=1.0, whole=False) == []
+    assert "oil_pressure_low_danger" in alone.stage.beyond
     assert "oil_pressure_low_danger" in alone.run(0.5 * DELAY_S, bar=0.1, whole=False)
+
+
+def bad_now_and_then(b: Bench, seconds: float, **values: float) -> None:
+    """A reading that cannot be every 3 s, and for the rest of the time these."""
+    for _ in range(round(seconds / 3.0)):
+        for name in values:
+            setattr(b.node, name, 300.0 if name == "oil_C" else 60.0)
+        b.run(0.1)
+        for name, value in values.items():
+            setattr(b.node, name, value)
+        b.run(2.9)
+
+
+def test_hot_oil_behind_readings_that_cannot_be_now_and_then_trips() -> None:
+    b = working()
+    b.node.oil_C = 300.0
+    b.run(0.1)
+    for outlet_C in range(41, 69, 2):
+        b.node.oil_C = float(outlet_C)
+        b.run(0.2)
+    assert not b.core.tripped
+    bad_now_and_then(b, 6.0, oil_C=75.5)
+    assert b.core.tripped == ["oil_outlet_high_danger"]
+
+
+def test_a_jump_of_the_outlet_does_not_count_before_oil_can_be_so_hot() -> None:
+    b = working()
+    b.node.oil_C = 120.0
+    b.run(4.5)  # 79 K at 20 K/s, and the delay
+    assert not b.core.tripped
+
+
+def test_low_pressure_behind_readings_and_a_channel_that_are_bad_now_and_then_trips() -> None:
+    b = working()
+    b.node.pressure_bar = 60.0
+    b.node.frozen_channel = 6
+    b.run(1.5)
+    assert "pressure_unknown" in b.names()
+    assert not b.core.tripped
+    bad_now_and_then(b, 3.0, pressure_bar=0.1)
+    assert b.core.tripped == ["oil_pressure_low_danger"]
+    assert not b.ask("arm")[0]
 
 
 @pytest.mark.parametrize(("low_s", "well_s", "trips"), [

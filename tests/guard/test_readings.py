@@ -12,9 +12,9 @@ from firmware_py.guard.readings import (
     POWER,
     PRESSURE,
     SUPPLY,
-    Pressure,
     Readings,
     ReadingsState,
+    Seen,
     power_max_W,
 )
 from firmware_py.records import Block, ChannelCause, NodeMode, NodeState, RigStatus
@@ -265,7 +265,7 @@ class TwoSources(Alone):
         return told
 
     @property
-    def pressure(self) -> Pressure:
+    def pressure(self) -> Seen:
         return self.stage.pressure(self.now_ns)
 
 
