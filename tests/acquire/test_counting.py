@@ -166,6 +166,13 @@ def test_far_frames_that_do_not_continue_each_other_are_never_believed() -> None
     assert line.taken == [500]
 
 
+def test_a_stray_frame_does_not_drop_the_one_that_waits() -> None:
+    line = Line(last=500)
+    line.send(510, 20_000, 511)
+    assert line.taken == [500, 510, 511]
+    assert (line.lost, line.counters["reject_reordered"], line.doubled) == (9, 1, False)
+
+
 # ------------------------------------------------------------------ two senders
 
 

@@ -74,3 +74,13 @@ def test_a_shaft_at_the_mains_frequency_is_not_called_hum() -> None:
     values = counts(50.0)
     values[:, 0] += np.rint(500 * np.sin(2 * np.pi * 50.0 * np.arange(N) / RATE)).astype(np.int16)
     assert ok(values, 50.0) == ALL
+
+
+def test_without_two_marks_no_line_is_blamed_on_the_mains() -> None:
+    hum = 2000 * np.sin(2 * np.pi * 50.0 * np.arange(N) / RATE)
+    values = counts()
+    values[:, 0] += np.rint(hum).astype(np.int16)
+    scale, offset = np.array(WIRE_SCALES), np.zeros(8)
+    assert ok(values) == ALL & ~1
+    for marks in ([], [100.0]):
+        assert plausible(values, scale, offset, RATE, np.array(marks)) == ALL
