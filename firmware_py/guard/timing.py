@@ -3,6 +3,8 @@ histogram."""
 
 from __future__ import annotations
 
+from bisect import bisect_left
+from itertools import accumulate
 from typing import Final
 
 BIN_NS: Final = 20_000
@@ -61,12 +63,8 @@ class Lateness:
 
     def percentile_us(self, share: float) -> int:
         """Upper edge (us) of the bin in which ``share`` of the cycles is reached."""
-        wanted, seen = share * self.cycles, 0
-        for i, count in enumerate(self._bins):
-            seen += count
-            if seen >= wanted:
-                return (i + 1) * BIN_NS // 1000
-        return BINS * BIN_NS // 1000
+        reached = bisect_left(list(accumulate(self._bins)), share * self.cycles)
+        return (reached + 1) * BIN_NS // 1000
 
     def counters(self) -> dict[str, int]:
         """For the guard's state."""

@@ -75,6 +75,14 @@ def test_lateness_percentiles() -> None:
     }
 
 
+def test_what_is_later_than_the_histogram_counts_in_its_last_bin() -> None:
+    lateness = Lateness(1_000_000)
+    assert lateness.percentile_us(0.99) == 20
+    lateness.add(50_000_000)
+    assert lateness.percentile_us(0.5) == lateness.percentile_us(0.99) == 10_000
+    assert lateness.counters()["lateness_max_us"] == 50_000
+
+
 def event(seq: int) -> Event:
     return Event(seq, 0, 0, "x", "x")
 
@@ -88,6 +96,25 @@ def test_events_wait_for_their_acknowledgement_and_overflow_is_counted() -> None
     assert [e.seq for e in outbox.waiting()] == [5, 6, 7]
     outbox.acknowledge(100)
     assert outbox.waiting() == []
+
+
+def test_an_event_that_is_not_taken_is_told_again_in_its_order() -> None:
+    outbox, told, full = Outbox(), list[int](), [False]
+
+    def send(event: Event) -> bool:
+        if not full[0]:
+            told.append(event.seq)
+        return not full[0]
+
+    for seq in range(1, 5):
+        outbox.put(event(seq))
+    outbox.tell(send, 2)
+    full[0] = True
+    outbox.tell(send, 2)
+    full[0] = False
+    outbox.tell(send, 9)
+    outbox.tell(send, 9)
+    assert told == [1, 2, 3, 4]
 
 
 # ------------------------------------------------------------------ the shell on real rooms, simulated time

@@ -11,7 +11,16 @@ from pathlib import Path
 
 import pytest
 
-from firmware_py.guard.memory import STARTS, TIMERS, TRIPS, Memory, StartRecord, begin, boot_id
+from firmware_py.guard.memory import (
+    STARTS,
+    TIMERS,
+    TRIPS,
+    Memory,
+    StartRecord,
+    begin,
+    boot_id,
+    complain,
+)
 from firmware_py.guard.permit import UNREADABLE, Start
 from firmware_py.guard.small_file import BYTES_MAX, Keeper, write_durable
 
@@ -115,6 +124,17 @@ def test_a_damaged_file_ends_nothing_is_told_and_heals_with_the_next_write(
     again = memory(tmp_path, 2001.0)
     assert not again.complaints
     assert (again.latched, again.timers) == (["acc_motor_danger"], {"disp_x_danger": 5})
+
+
+def test_each_file_that_cannot_be_read_is_one_line_of_the_log(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in (TRIPS, TIMERS):
+        (tmp_path / name).write_text("junk")
+    complain(memory(tmp_path))
+    lines = capsys.readouterr().err.splitlines()
+    assert [name in line for name, line in zip((TRIPS, TIMERS), lines, strict=True)] == [True, True]
+    assert all(line.startswith("orbitd guard: ") for line in lines)
 
 
 def test_what_nobody_may_read_stands_as_unreadable(
