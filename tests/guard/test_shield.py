@@ -351,6 +351,15 @@ def test_an_impossible_range_is_refused() -> None:
     assert "no fixed clearance is admissible" in refusal(config)
 
 
+def test_a_film_as_thick_as_the_clearance_carries_nothing() -> None:
+    config = bench()
+    limits = msgspec.structs.replace(config.limits, min_film_um=60.0)
+    config = msgspec.structs.replace(config, limits=limits)
+    assert not Shield(config).admits_fixed(SAFE_M)
+    assert Shield(config).interval(6000.0 * RPM, 100.0, 100.0, 40.0) is None
+    assert refusal(config)
+
+
 def test_a_long_bearing_is_outside_the_verified_domain() -> None:
     config = changed("bearing", length_m=0.05)
     assert "L/D = 1.25" in refusal(config)
