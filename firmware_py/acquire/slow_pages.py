@@ -7,6 +7,7 @@ from typing import Final
 
 from firmware_py import signals
 from firmware_py.config import Config
+from firmware_py.config.instances import SlowSignal
 from firmware_py.records import ReadingQuality, ReadingsFrame, RigStatus, SlowValue
 from firmware_py.wire.fields import INT32_MIN
 from firmware_py.wire.layout import WireLayout
@@ -15,6 +16,19 @@ AGE_MAX_MS: Final = 250
 """An older value of a standard reading is none: what the node cannot measure any more."""
 
 ABSENT: Final = SlowValue(0.0, 2550, int(ReadingQuality.ABSENT))
+
+
+def doubt_of(row: SlowSignal, value: SlowValue | None) -> str:
+    """Why a reading is not OK, in words; empty when it is."""
+    if value is None:
+        return "has not come yet"
+    if value.quality != ReadingQuality.OK:
+        return f"is {ReadingQuality(value.quality).name.lower()}, says the node"
+    if value.age_ms > AGE_MAX_MS:
+        return f"was {value.age_ms} ms old when it was sent (limit {AGE_MAX_MS})"
+    if not row.ok_low <= value.value <= row.ok_high:
+        return f"= {value.value:.6g} {row.kind.unit} is outside {row.ok_low:g} .. {row.ok_high:g}"
+    return ""
 
 
 class SlowPages:

@@ -192,7 +192,7 @@ class Commissioner:
         if guard.alarms:
             return f"alarm {guard.alarms[0].name}"
         word = diagnosis.verdict.partition(":")[0]
-        if word in ("sensor_fault", "none", "whirl"):
+        if word in ("sensor_fault", "no_channel", "none", "whirl"):
             return word
         if answer is None or diagnosis.evidence["windows"] < WINDOWS:
             return f"fewer than {WINDOWS} windows"

@@ -2,7 +2,8 @@
 13374 HA).
 
 In this order: ``sensor_fault:CHANNEL`` (a bad channel is never called a machine fault), ``none``
-(nothing to judge from), ``whirl`` (from clearance or light load, told to the policy), ``unknown``
+(nothing to judge from), ``whirl`` (from clearance or light load, told to the policy),
+``no_channel:CHANNEL`` (the rig has not what the model was taught with), ``unknown``
 (unlike everything that was taught), ``doubt`` (more windows, please), then one of the six classes.
 Beside it stands *why*: what was measured, how the first order has moved, and which channels drove
 the verdict.
@@ -33,6 +34,7 @@ from firmware_py.brain.normal import (
     prior_of,
 )
 from firmware_py.brain.store import HEADS, Model
+from firmware_py.config.instances import places
 from firmware_py.machine import Machine
 from firmware_py.records import CHANNELS, Diagnosis, Normal, Quality
 
@@ -91,12 +93,13 @@ class Diagnoser:
     model
         ``classifier.onnx``; without it the verdict is ``none`` (or whirl, or a sensor fault).
     machine
-        Whose readings they are.
+        Whose readings they are; without one of the standard channels only whirl is told.
     slow_roll_m
         Forward first order of the probes' runout, complex, phase from the mark.
     """
 
     def __init__(self, model: Model | None, machine: Machine, slow_roll_m: complex = 0j) -> None:
+        self._absent = places(machine.channel).absent
         self._model = model
         self._machine = machine
         self._threshold = _setting(model, "novelty_threshold", math.inf)
@@ -124,8 +127,12 @@ class Diagnoser:
         turns)."""
         window = at_one_rate(window)
         orders = None if window.quality & Quality.NO_MARK else analyse(window)
-        bad = [name for index, name in enumerate(CHANNELS) if not window.channel_ok >> index & 1]
-        if self._model is not None and orders is not None and not bad:
+        bad = [
+            name
+            for index, name in enumerate(CHANNELS)
+            if not window.channel_ok >> index & 1 and name not in self._absent
+        ]
+        if self._model is not None and orders is not None and not bad and not self._absent:
             self._hear(window, orders)  # a model comes only at a rate that has its features
         while self._heard and window.end_ns - self._heard[0][0] > _HISTORY_NS:
             self._heard.popleft()
@@ -205,6 +212,8 @@ class Diagnoser:
             return "none"
         if is_whirl(orders, window.clearance_m):
             return "whirl"
+        if self._absent:
+            return f"no_channel:{'+'.join(self._absent)}"
         if answer is None or window.end_ns != self._heard[-1][0]:
             return "none"
         best = max(classes, key=lambda name: classes[name])

@@ -60,9 +60,9 @@ class Places(NamedTuple):
         return len(self.names)
 
     @property
-    def is_standard(self) -> bool:
-        """Whether the frame holds exactly the standard channels in their order."""
-        return self.names == CHANNELS
+    def absent(self) -> tuple[str, ...]:
+        """Standard channels that the rig has not."""
+        return tuple(name for name, i in zip(CHANNELS, self.standard, strict=True) if i < 0)
 
 
 def fast_signals(channels: Sequence[FastChannel]) -> tuple[FastSignal, ...]:

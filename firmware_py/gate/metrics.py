@@ -11,6 +11,7 @@ from prometheus_client.metrics_core import Metric
 from prometheus_client.registry import Collector
 
 from firmware_py.gate.features import Features
+from firmware_py.gate.instances import ShownSignal
 from firmware_py.gate.view import DeviceState
 
 _GUARD: Final = (
@@ -27,10 +28,14 @@ _GUARD: Final = (
 )
 
 
-def render(state: DeviceState, features: Features | None) -> bytes:
-    """Prometheus exposition text of ``state`` and ``features``."""
+def render(
+    state: DeviceState, features: Features | None, readings: Iterable[ShownSignal] = ()
+) -> bytes:
+    """Prometheus exposition text of ``state``, ``features`` and slow ``readings``."""
     registry = CollectorRegistry(auto_describe=False)
-    registry.register(_Once([*_gauges(state), *_channels(features), *_counts(state)]))
+    registry.register(
+        _Once([*_gauges(state), *_channels(features), *_readings(readings), *_counts(state)])
+    )
     return generate_latest(registry)
 
 
@@ -87,6 +92,21 @@ def _channels(features: Features | None) -> list[Metric]:
         rms.add_metric([name], channel.rms)
         ok.add_metric([name], channel.ok)
     return [rms, ok]
+
+
+def _readings(readings: Iterable[ShownSignal]) -> list[Metric]:
+    """A metric per kind of slow reading, labelled with its name."""
+    ok = GaugeMetricFamily("orbitd_reading_ok", "1 while the reading is OK", labels=["reading"])
+    by_kind: dict[str, GaugeMetricFamily] = {}
+    for row in readings:
+        ok.add_metric([row.name], row.ok)
+        name = f"orbitd_reading_{row.kind}_{row.suffix}"
+        if name not in by_kind:
+            text = f"Slow readings of kind {row.kind}, {row.unit}"
+            by_kind[name] = GaugeMetricFamily(name, text, labels=["reading"])
+        if row.value is not None:
+            by_kind[name].add_metric([row.name], row.value)
+    return [ok, *by_kind.values()]
 
 
 def _counts(state: DeviceState) -> list[Metric]:

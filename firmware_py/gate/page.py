@@ -14,6 +14,7 @@ from firmware_py.errors import OrbitdError
 from firmware_py.gate.core import Gate
 from firmware_py.gate.features import Features, Orbit
 from firmware_py.gate.http import HttpServer
+from firmware_py.gate.instances import ShownSignal
 from firmware_py.gate.metrics import render
 from firmware_py.gate.view import DeviceState
 from firmware_py.records import Event
@@ -34,6 +35,8 @@ class Live(msgspec.Struct, frozen=True):
     features: Features | None
     orbit: Orbit
     events: list[Event]
+    channels: list[ShownSignal]
+    readings: list[ShownSignal]
 
 
 class Page:
@@ -71,11 +74,19 @@ class Page:
             return
         self._next_ns = now_ns + PERIOD_NS
         state, view = gate.state(now_ns), gate.view
-        live = Live(state, view.features, view.decimator.orbit(), view.events()[-EVENTS_SHOWN:])
+        readings = view.instances.readings(view.reading)
+        live = Live(
+            state,
+            view.features,
+            view.decimator.orbit(),
+            view.events()[-EVENTS_SHOWN:],
+            view.instances.channels(view.features),
+            readings,
+        )
         self._content["/live.json"] = ("application/json", msgspec.json.encode(live))
         self._content["/metrics"] = (
             "text/plain; version=0.0.4; charset=utf-8",
-            render(state, view.features),
+            render(state, view.features, readings),
         )
 
     def close(self) -> None:

@@ -13,6 +13,7 @@ import msgspec
 
 from firmware_py.config import Config
 from firmware_py.gate.features import Decimator, Features
+from firmware_py.gate.instances import Instances
 from firmware_py.gate.losses import Losses
 from firmware_py.records import (
     Advice,
@@ -86,6 +87,7 @@ class View:
         self.commission: CommissionState | None = None
         self.features: Features | None = None
         self.decimator = Decimator(config)
+        self.instances = Instances(config)
         self.counters: Counter[str] = Counter()
         self._events: deque[Event] = deque(maxlen=EVENTS_KEPT)
         self._heard_ns: dict[str, int] = {}

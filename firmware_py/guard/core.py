@@ -17,6 +17,7 @@ from firmware_py.guard.condition import Condition, ConditionState
 from firmware_py.guard.failsafe import Situation, node_reasons
 from firmware_py.guard.frame_loss import FrameLoss, FrameLossState
 from firmware_py.guard.load_estimate import LoadEstimator, LoadInterval, LoadState, Look
+from firmware_py.guard.more_readings import MoreReadings
 from firmware_py.guard.oil_protection import OilProtection, OilProtectionState
 from firmware_py.guard.pair import NO_FACTS, PairCheck, PairState
 from firmware_py.guard.permit import Permit, PermitFacts, PermitState, Start
@@ -116,6 +117,7 @@ class CoreState(msgspec.Struct):
     vibration: VibrationHoldState = msgspec.field(default_factory=VibrationHoldState)
     frame_loss: FrameLossState = msgspec.field(default_factory=FrameLossState)
     rest: RestState = msgspec.field(default_factory=RestState)
+    more: dict[str, ConditionState] = {}
 
 
 class GuardCore:
@@ -180,6 +182,7 @@ class GuardCore:
         self._load = LoadEstimator(config)
         self._pair, self._vibration = PairCheck(config), VibrationHold()
         self._frame_loss = FrameLoss(config)
+        self._more = MoreReadings(config)
         self._announcements = Announcements(config, self._shield.lead_s)
         self._telling = Telling()
         self._memory = MemoryState(self._arming.safe, self._load.declared())
@@ -204,6 +207,7 @@ class GuardCore:
             a = self._acquire
             m.node_reasons = node_reasons(self._config, a.node_info, a.figures)
         notices += self._slow(acquired, now_ns)
+        notices += self._more.step(acquired.readings, now_ns)
         notices += self._supervise(acquired, now_ns)
         if acquired.blocks:
             cap_um = self._readings.smaller_clearance_um(self._acquire.node)
@@ -269,6 +273,7 @@ class GuardCore:
             self._vibration.state,
             self._frame_loss.state,
             self._rest.state,
+            self._more.state,
         )
         return Snapshot(seq, now_ns, msgspec.msgpack.encode(state))
 
@@ -291,6 +296,7 @@ class GuardCore:
             self._supervision.state = state.supervision
         self._pair.state, self._vibration.state = state.pair, state.vibration
         self._frame_loss.state, self._rest.state = state.frame_loss, state.rest
+        self._more.state = state.more
 
     @property
     def tripped(self) -> list[str]:
@@ -672,6 +678,7 @@ class GuardCore:
             *self._speed_check.standing(),
             *self._supervision.standing(),
             *self._frame_loss.standing(),
+            *self._more.standing(),
             *self._permit.standing(),
             *self._unwritable.standing(),
             *(link if m.link_fault else []),
