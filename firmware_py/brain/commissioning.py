@@ -24,6 +24,8 @@ from firmware_py.brain.diagnosis import CLASSES, WINDOWS, Answer, Diagnoser, for
 from firmware_py.brain.normal import NormalError
 from firmware_py.brain.store import HEADS, Model
 from firmware_py.config import Config
+from firmware_py.machine import ContactCircuit, FastChannel, JournalBearing, Lubricant
+from firmware_py.machine.values import MachineTable
 from firmware_py.records import (
     COMMISSION_ACTIONS,
     Belonging,
@@ -42,6 +44,26 @@ MOST_DECISIONS: Final = 2000
 """Some 80 minutes; further ones are left out, counted."""
 MODES: Final = (Mode.MONITOR, Mode.MANUAL)
 """A model that moves the clearance would teach its own habits."""
+
+
+SHAPING: Final[dict[type, tuple[str, ...]]] = {
+    FastChannel: (
+        "name", "unit", "scale", "ok_low", "ok_high", "offset", "angle_deg",
+        "slow_roll_um", "slow_roll_deg", "zeroed",
+    ),
+    JournalBearing: (
+        "journal_radius_m", "length_m", "radial_clearance_min_um", "radial_clearance_max_um",
+        "radial_clearance_nominal_um", "radial_clearance_offset_um", "radial_clearance_error_um",
+        "load_error_share", "attitude_error_deg", "friction_error_share",
+    ),
+    ContactCircuit: ("circuit_V", "circuit_ohm", "film_ohm_per_m", "film_error_share"),
+    Lubricant: (
+        "viscosity_at_40C_Pa_s", "viscosity_slope_per_K", "inlet_min_C", "inlet_max_C", "film_max_C",
+        "viscosity_error_share", "film_at_outlet", "thermal_capacity_J_K", "cooling_W_K",
+    ),
+}  # fmt: skip
+"""Figures of the machine on which features depend: with others a learned state is another
+machine's."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -258,12 +280,11 @@ class Commissioner:
 def belonging(model: Model, config: Config) -> Belonging:
     """What a state is learned with: classifier, features, rig, and the configuration that features
     depend on."""
+    m = config.machine
     shaped = (
-        config.machine.channel,
+        [_figures(channel) for channel in m.channel],
         config.sampling,
-        config.machine.bearing,
-        config.machine.contact,
-        config.machine.lubricant,
+        *(_figures(table) for table in (m.bearing, m.contact, m.lubricant)),
     )
     return Belonging(
         model.sha256,
@@ -271,6 +292,12 @@ def belonging(model: Model, config: Config) -> Belonging:
         config.device.rig,
         _digest(msgspec.json.encode(shaped)),
     )
+
+
+def _figures(table: MachineTable | None) -> dict[str, object] | None:
+    """What features depend on of ``table``, in a fixed order; other figures may come and go."""
+    keys = SHAPING.get(type(table), ())
+    return None if table is None else {key: getattr(table, key) for key in keys}
 
 
 def _digest(data: bytes) -> str:

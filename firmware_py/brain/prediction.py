@@ -121,7 +121,7 @@ class Predictor:
             model.session,
             config.machine.bearing.journal_radius_m,
             config.machine.bearing.length_m,
-            config.machine.rotor.effective_mass_at_bearing_kg,
+            config.machine.rotor.mass_at_bearing_kg,
         )
         self._synchroniser = Synchroniser(self._film, config)
         self._factors, self._state = factors or IntervalFactors(), state_of(config)

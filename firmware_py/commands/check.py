@@ -18,6 +18,7 @@ from firmware_py.commands.building import build, surroundings
 from firmware_py.config import Config, ConfigError, Source
 from firmware_py.config.source import shown
 from firmware_py.machine.folder import METAVAR, find
+from firmware_py.machine.values import MachineTable
 
 
 def main(argv: list[str]) -> int:
@@ -73,6 +74,8 @@ def _check(path: Path, as_json: bool) -> int:
             print(f"  REFUSED {kind}: {reason}")
         if path.is_file():
             print("  first schema: `orbitd migrate OLD.toml FOLDER` makes a rig folder of it")
+        for line in _provenance(config):
+            print(f"  {line}")
         for line in _defaults(config, source):
             print(f"  default {line}")
     return 1 if built.models.refusals else 0
@@ -82,18 +85,31 @@ def _labels(models: Models) -> list[str]:
     return [model.label for model in (models.classifier, models.actor, models.surrogate) if model]
 
 
+def _provenance(config: Config) -> list[str]:
+    """Figures of the machine that were measured or assumed, by table; the others are drawn."""
+    named = [
+        (word, name, keys)
+        for name, table in config.machine.tables()
+        for word, keys in (("measured", table.measured), ("assumed", table.assumed))
+        if keys
+    ]
+    return [f"{word} in {name}: {', '.join(keys)}" for word, name, keys in named]
+
+
 def _defaults(config: Config, source: Source) -> list[str]:
-    """Every setting that the file leaves to its default, with the value in force."""
-    tables = {
-        **msgspec.structs.asdict(config),
-        **{
-            f"machine.{name}": each for name, each in msgspec.structs.asdict(config.machine).items()
-        },
+    """Every setting that the files leave to its default, with the value in force."""
+    device = {
+        name: table
+        for name, table in msgspec.structs.asdict(config).items()
+        if isinstance(table, msgspec.Struct) and name != "machine"
+    }
+    machine = {
+        f"machine.{name}": table for name, table in config.machine.tables() if "[" not in name
     }
     keys = [
         (f"{name}.{key}", value)
-        for name, table in tables.items()
-        if isinstance(table, msgspec.Struct) and table is not config.machine
+        for name, table in (machine | device).items()
         for key, value in msgspec.structs.asdict(table).items()
+        if key not in MachineTable.__struct_fields__ and value is not None
     ]
     return [f"{source.place(key)[1]} = {value!r}" for key, value in keys if not source.written(key)]

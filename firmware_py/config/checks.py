@@ -15,6 +15,7 @@ from typing import Any, Final
 
 from firmware_py.config.checks_bus import BUS_CHECKS
 from firmware_py.config.checks_channel import CHANNEL_CHECKS
+from firmware_py.config.checks_machine import MACHINE_CHECKS
 from firmware_py.config.checks_network import NETWORK_CHECKS
 from firmware_py.config.checks_oil import OIL_CHECKS
 from firmware_py.config.convert import Found
@@ -291,6 +292,6 @@ def _windage(config: Config) -> Iterator[Found]:
 
 RELATED: Final[tuple[Callable[[Any], Iterator[Found]], ...]] = (
     *(_ordered(*row) for row in ORDERED), _shape, _built, _groove, _oil_node, _displacement, _speed_high, _retreat,
-    _following, _unbalance, _windage, *OIL_CHECKS, *CHANNEL_CHECKS, *BUS_CHECKS, *NETWORK_CHECKS,
+    _following, _unbalance, _windage, *MACHINE_CHECKS, *OIL_CHECKS, *CHANNEL_CHECKS, *BUS_CHECKS, *NETWORK_CHECKS,
 )  # fmt: skip
 """Every check of values together."""

@@ -29,9 +29,10 @@ class FaultedError(Exception):
     """A check asked for a value that has a fault of its own; the check is left out."""
 
 
-def convert(table: dict[str, Any]) -> tuple[dict[str, Any], list[Found]]:
-    """Every key of ``table`` as :class:`~firmware_py.config.schema.Config` wants it, and every
-    fault of one alone.
+def convert(
+    table: dict[str, Any], cls: type[Section] = Config
+) -> tuple[dict[str, Any], list[Found]]:
+    """Every key of ``table`` as ``cls`` wants it, and every fault of one alone.
 
     Returns
     -------
@@ -39,7 +40,7 @@ def convert(table: dict[str, Any]) -> tuple[dict[str, Any], list[Found]]:
     these.
     """
     faults: list[Found] = []
-    return _section(Config, table, "", faults), faults
+    return _section(cls, table, "", faults), faults
 
 
 # ---------------------------------------------------------------------- one value after the other
@@ -112,18 +113,15 @@ def _value(kind: inspect.Type, value: Any, key: str, faults: list[Found]) -> Any
         if isinstance(value, dict):
             return _section(cast(type[Section], kind.cls), value, f"{key}.", faults)
         cause = f"{_said(value)}, not a table; write [{key}] and its keys below"
-    elif isinstance(kind, inspect.ListType):
-        if isinstance(value, list) and len(value) <= (most := kind.max_length or ROWS_MAX):
+    elif isinstance(kind, inspect.ListType | inspect.VarTupleType):
+        if isinstance(value, list | tuple) and not (cause := _wrong_length(kind, len(value))):
             rows = [
                 _value(kind.item_type, each, f"{key}[{i}]", faults) for i, each in enumerate(value)
             ]
-            return _HOLE if _HOLE in rows else rows
-        cause = (
-            f"{len(value)} entries, at most {most}"
-            if isinstance(value, list)
-            else f"{_said(value)}, not a list"
-        )
-        cause += "; shorten it" if isinstance(value, list) else "; write it in brackets"
+            made = tuple(rows) if isinstance(kind, inspect.VarTupleType) else rows
+            return _HOLE if _HOLE in rows else made
+        if not isinstance(value, list | tuple):
+            cause = f"{_said(value)}, not a list; write it in brackets"
     elif isinstance(kind, inspect.IntType | inspect.FloatType):
         cause = _wrong_number(kind, value)
     else:
@@ -132,6 +130,13 @@ def _value(kind: inspect.Type, value: Any, key: str, faults: list[Found]) -> Any
         faults.append((key, value, cause))
         return _HOLE
     return float(value) if isinstance(kind, inspect.FloatType) else value
+
+
+def _wrong_length(kind: inspect.ListType | inspect.VarTupleType, entries: int) -> str:
+    least, most = kind.min_length or 0, kind.max_length or ROWS_MAX
+    if entries > most:
+        return f"{entries} entries, at most {most}; shorten it"
+    return f"{entries} entries, at least {least}; add the others" if entries < least else ""
 
 
 def _wrong_number(kind: inspect.IntType | inspect.FloatType, value: object) -> str:

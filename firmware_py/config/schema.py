@@ -197,11 +197,10 @@ class Config(Section, frozen=True):
 
     def replaced(self, **sections: Any) -> Config:
         """The same with other ``sections``, by name: tables of the machine, or of the device."""
-        of_machine = {name for name in sections if name in Machine.__struct_fields__}
-        machine = msgspec.structs.replace(
-            self.machine, **{name: sections.pop(name) for name in of_machine}
-        )
-        return msgspec.structs.replace(self, **{"machine": machine} | sections)
+        tables = {k: v for k, v in sections.items() if k in Machine.__struct_fields__}
+        machine = msgspec.structs.replace(sections.get("machine", self.machine), **tables)
+        others = {k: v for k, v in sections.items() if k not in tables}
+        return msgspec.structs.replace(self, **others | {"machine": machine})
 
     @property
     def oil_pressure_limits_bar(self) -> tuple[float, float]:

@@ -81,7 +81,7 @@ def read_device(path: Path) -> Device:
     """
     file = _part(path, DEVICE) if path.is_dir() else read_file(path)
     source = one_file(file, first=True)
-    values, found = convert(upgrade(_toml(file)))
+    values, found = convert(upgrade(toml_table(file)))
     faults = [_placed(source, *each) for each in found if each[0].partition(".")[0] == "device"]
     if faults:
         raise ConfigError(faults)
@@ -140,7 +140,7 @@ def _placed(source: Source, key: str, value: object, cause: str) -> Fault:
 
 
 def _one(file: ConfigFile, laws: Sequence[Check]) -> tuple[Config, Source]:
-    return _verified(*_upgraded(_toml(file), file), laws)
+    return _verified(*_upgraded(toml_table(file), file), laws)
 
 
 def _verified(
@@ -160,7 +160,7 @@ def _folder(path: Path) -> tuple[dict[str, Any], Source]:
     for name in (MACHINE, DEVICE):
         try:
             file = _part(path, name)
-            read.append((file, _toml(file)))
+            read.append((file, toml_table(file)))
         except ConfigError as error:
             faults += error.faults
     if faults:
@@ -183,7 +183,14 @@ def _upgraded(table: dict[str, Any], file: ConfigFile) -> tuple[dict[str, Any], 
     return upgrade(table) if first else table, one_file(file, first=first)
 
 
-def _toml(source: ConfigFile) -> dict[str, Any]:
+def toml_table(source: ConfigFile) -> dict[str, Any]:
+    """The tables of the TOML text ``source``.
+
+    Raises
+    ------
+    ConfigError
+        It is no TOML; the text says where.
+    """
     try:
         return tomllib.loads(source.text)
     except RecursionError as error:

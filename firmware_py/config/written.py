@@ -21,7 +21,7 @@ from firmware_py.errors import OrbitdError
 from firmware_py.machine import Machine
 from firmware_py.machine.folder import DEVICE, MACHINE
 from firmware_py.machine.migrate import first_key
-from firmware_py.machine.values import Section
+from firmware_py.machine.values import MachineTable, Section
 
 _HEADS: Final = {
     MACHINE: (
@@ -157,11 +157,11 @@ class _Writer:
         for name, value in table.items():
             own = first_key(f"{key}.{name}")
             if self.written is None or own in self.written or self._inline(own):
-                if value is not None:
+                if value is not None and (value or name not in MachineTable.__struct_fields__):
                     yield from self.remarks.above.get(own, ())
                     yield self._beside(f"{name} = {_value(value)}", own)
                     yield from self.remarks.below.get(own, ())
-            elif not number and name not in said:
+            elif not number and name not in said and name not in MachineTable.__struct_fields__:
                 yield f"# {name} = {'?' if value is None else _value(value)}"
 
     def _inline(self, key: str) -> bool:
@@ -185,6 +185,6 @@ class _Writer:
 
 
 def _value(value: Any) -> str:
-    if isinstance(value, bool | str | list):
+    if isinstance(value, bool | str | list | tuple):
         return json.dumps(value, ensure_ascii=False)
     return repr(value)

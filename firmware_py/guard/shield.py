@@ -120,7 +120,7 @@ class Shield:
         self._film = static_film(b.journal_radius_m, b.length_m)
         self._min_film_m = config.limits.min_film_um * 1e-6
         self._share = config.limits.clearance_share
-        self._mass_kg = config.machine.rotor.effective_mass_at_bearing_kg * (
+        self._mass_kg = config.machine.rotor.mass_at_bearing_kg * (
             1.0 + config.machine.rotor.mass_error_share
         )
         self._whirl_speed = 1.0 - config.machine.rotor.whirl_error_share

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Annotated
 
 import msgspec
@@ -10,9 +11,11 @@ from msgspec import Meta
 from firmware_py.machine.values import (
     AngleDeg,
     AnySI,
+    BearingMassKg,
     ClearanceUm,
     Label,
     LoadN,
+    MachineTable,
     Name,
     OptionalWord,
     PressureBar,
@@ -25,7 +28,7 @@ from firmware_py.machine.values import (
 )
 
 
-class JournalBearing(Section, frozen=True):
+class JournalBearing(MachineTable, frozen=True):
     """The journal bearing; every clearance says radial or diametral."""
 
     journal_radius_m: Annotated[float, Meta(ge=0.001, le=0.5)]
@@ -45,9 +48,11 @@ class JournalBearing(Section, frozen=True):
     """And stands this much off in direction."""
     friction_error_share: Annotated[float, Meta(ge=0, le=1)] = 1.0
     """And has this much less or more friction; 1: the shaft power says nothing about the oil."""
+    cone_half_angle_deg: Annotated[float, Meta(ge=0.1, le=60.0)] | None = None
+    """Of a conical bearing, whose axial shift sets the clearance."""
 
 
-class Lubricant(Section, frozen=True):
+class Lubricant(MachineTable, frozen=True):
     """Viscosity, ``mu = mu_40 exp(-k (T - 40))`` (:mod:`~firmware_py.machine.lubricant`), and the
     inlet range that the safe value must cover."""
 
@@ -66,9 +71,12 @@ class Lubricant(Section, frozen=True):
     """Of the oil node behind the outlet thermometer; 0: forecasts hold the oil's temperature."""
     cooling_W_K: Annotated[float, Meta(ge=0.0, le=1e5)] = 0.0
     """Heat that the oil carries away per kelvin above its inlet."""
+    density_kg_m3: Annotated[float, Meta(ge=100.0, le=3000.0)] = 870.0
+    heat_capacity_J_kgK: Annotated[float, Meta(ge=500.0, le=10_000.0)] = 2000.0
+    """Of a mineral oil; water has 998 and 4180."""
 
 
-class Feed(Section, frozen=True):
+class Feed(MachineTable, frozen=True):
     """Oil supply pressure above ambient: what the actuator may set."""
 
     pressure_min_bar: PressureBar
@@ -77,14 +85,24 @@ class Feed(Section, frozen=True):
     groove_area_max_mm2: Annotated[float, Meta(ge=0.0, le=1e6)] = 0.0
     """A groove opposite the load presses the shaft down like a piston of an area between these two;
     0: no groove."""
+    pressure_nominal_bar: PressureBar | None = None
+    groove_angle_deg: AngleDeg | None = None
+    """Middle of one axial groove, counted as the channels' angles are; 90 is opposite the load."""
+    groove_width_deg: Annotated[float, Meta(ge=0.5, le=180.0)] | None = None
+    groove_length_share: Annotated[float, Meta(ge=0.01, le=1.0)] | None = None
+    """Of the bearing's length."""
+    pump_efficiency: Annotated[float, Meta(ge=0.05, le=1.0)] = 0.6
+    jacket_flow_m3_s: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.0
+    """Forced flow around the film, which takes its heat away."""
 
 
-class RotorDrawing(Section, frozen=True):
-    """The rotor as the film sees it."""
+class RotorDrawing(MachineTable, frozen=True):
+    """A rigid rotor between a coupling and the bearing; distances are from its centre of gravity.
 
-    effective_mass_at_bearing_kg: Annotated[float, Meta(ge=0.001, le=1e5)]
-    """Force over acceleration at the bearing; once weighed, that in forward whirl (inertia ``J_d -
-    J_p / 0.515``)."""
+    Either its drawing (mass, diametral inertia, both distances) or its effective mass at the
+    bearing is given.
+    """
+
     unbalance_normal_kg_m: Annotated[float, Meta(ge=0.0, le=100.0)]
     mass_error_share: Share = 0.05
     """The built rotor is heavier than that by at most this share."""
@@ -98,9 +116,44 @@ class RotorDrawing(Section, frozen=True):
     """Of the shaft power that the rig reports; less where its zero was taken at rest."""
     windage_W_s3: Annotated[float, Meta(ge=0.0, le=1e-3)] = 0.0
     """Shaft power beside the film's, per cubed speed (rad/s): from a coast-down."""
+    effective_mass_at_bearing_kg: BearingMassKg | None = None
+    """Force over acceleration at the bearing, of a rotor that was weighed: that in forward whirl
+    (inertia ``J_d - J_p / 0.515``); it counts before that of the drawing."""
+    mass_kg: Annotated[float, Meta(ge=0.001, le=1e6)] | None = None
+    diametral_inertia_kg_m2: Annotated[float, Meta(ge=1e-9, le=1e9)] | None = None
+    polar_inertia_kg_m2: Annotated[float, Meta(ge=1e-9, le=1e9)] | None = None
+    coupling_to_cg_m: Annotated[float, Meta(ge=0.001, le=100.0)] | None = None
+    bearing_to_cg_m: Annotated[float, Meta(ge=0.0, le=100.0)] | None = None
+    coupling_stiffness_N_m: Annotated[float, Meta(ge=1.0, le=1e13)] | None = None
+    coupling_damping_N_s_m: Annotated[float, Meta(ge=0.0, le=1e9)] | None = None
+
+    @property
+    def drawn_mass_at_bearing_kg(self) -> float | None:
+        """Mass felt at the bearing when the rotor swings about its coupling end; None where the
+        drawing is not given."""
+        mass, inertia = self.mass_kg, self.diametral_inertia_kg_m2
+        to_coupling, to_bearing = self.coupling_to_cg_m, self.bearing_to_cg_m
+        if mass is None or inertia is None or to_coupling is None or to_bearing is None:
+            return None
+        length = to_coupling + to_bearing
+        return (inertia + mass * (to_coupling * to_coupling)) / (length * length)
+
+    @property
+    def mass_at_bearing_kg(self) -> float:
+        """The effective mass that counts: weighed, else that of the drawing.
+
+        Raises
+        ------
+        ValueError
+            Neither is given, which a verified configuration never is.
+        """
+        found = self.effective_mass_at_bearing_kg or self.drawn_mass_at_bearing_kg
+        if found is None:
+            raise ValueError("rotor: neither weighed nor drawn; load the rig folder verified")
+        return found
 
 
-class ContactCircuit(Section, frozen=True):
+class ContactCircuit(MachineTable, frozen=True):
     """The contact-resistance channel: a film resistance proportional to the smallest film, behind a
     series resistor."""
 
@@ -112,7 +165,7 @@ class ContactCircuit(Section, frozen=True):
     """Standard deviation of ``film_ohm_per_m`` as a share of it."""
 
 
-class OperatingRange(Section, frozen=True):
+class OperatingRange(MachineTable, frozen=True):
     """The declared range: protection, shield and the safe value answer for all of it."""
 
     speed_min_rpm: SpeedRpm
@@ -125,7 +178,7 @@ class OperatingRange(Section, frozen=True):
     load_ramp_unannounced_N_s: Annotated[float, Meta(ge=0.01, le=1e6)]
 
 
-class ClearanceActuator(Section, frozen=True):
+class ClearanceActuator(MachineTable, frozen=True):
     """The node's promises; ``safe`` must equal what the node boots with."""
 
     safe_radial_clearance_um: ClearanceUm
@@ -148,9 +201,12 @@ class ClearanceActuator(Section, frozen=True):
     reversals_per_minute_max: Annotated[int, Meta(ge=2, le=6000)] = 300
     """The target may turn back this often within a minute; then authority goes, and a set point
     holds."""
+    backlash_um: Annotated[float, Meta(ge=0.0, le=100.0)] = 1.0
+    position_noise_um: Annotated[float, Meta(ge=0.0, le=100.0)] = 0.2
+    """Deviation (rms) of the measured clearance."""
 
 
-class FastChannel(Section, frozen=True):
+class FastChannel(MachineTable, frozen=True):
     """One sensor channel: SI = ``counts * scale + offset``; outside ``ok_low .. ok_high`` it is not
     OK."""
 
@@ -173,9 +229,17 @@ class FastChannel(Section, frozen=True):
     """SI per count as the node sends it, before calibration; 0: that of the kind."""
     words: Label = ""
     """For people; empty: those of the standard channel or of the kind."""
+    range_low: AnySI | None = None
+    range_high: AnySI | None = None
+    """What the sensor can show, SI."""
+    noise_rms: Annotated[float, Meta(ge=0.0, le=1e5)] | None = None
+    bandwidth_hz: Annotated[float, Meta(ge=0.1, le=1e6)] | None = None
+    gain_error_share: Share | None = None
+    zero_error: Annotated[float, Meta(ge=0.0, le=1e5)] | None = None
+    """Noise, bandwidth, and errors of gain and zero as it is built; None: not known."""
 
 
-class SlowChannel(Section, frozen=True):
+class SlowChannel(MachineTable, frozen=True):
     """One slow reading of the rig; outside ``ok_low .. ok_high`` it is not OK."""
 
     name: Word
@@ -187,7 +251,7 @@ class SlowChannel(Section, frozen=True):
     """For people; empty: those of the standard reading or of the kind."""
 
 
-class SlowReadings(Section, frozen=True):
+class SlowReadings(MachineTable, frozen=True):
     """What the slow readings of RIG_STATUS can be; one that is not so is not OK, and nothing rests
     on it."""
 
@@ -222,3 +286,12 @@ class Machine(Section, frozen=True):
     """Slow readings in wire order; empty: the standard ones."""
     readings: SlowReadings = SlowReadings()
     contact: ContactCircuit | None = None
+
+    def tables(self) -> Iterator[tuple[str, MachineTable]]:
+        """Every table with the key under which it stands in ``machine.toml``."""
+        for name in self.__struct_fields__:
+            value = getattr(self, name)
+            if isinstance(value, list):
+                yield from ((f"{name}[{i}]", each) for i, each in enumerate(value))
+            elif isinstance(value, MachineTable):
+                yield name, value

@@ -38,6 +38,7 @@ TemperatureC = Annotated[float, Meta(ge=-40.0, le=200.0)]
 SpeedRpm = Annotated[float, Meta(ge=60.0, le=60_000.0)]
 """Below 60 rpm one turn takes over a second: no protection by turns.  Film bearings end below 60
 000 rpm."""
+BearingMassKg = Annotated[float, Meta(ge=0.001, le=1e5)]
 LoadN = Annotated[float, Meta(ge=0.1, le=1e6)]
 Share = Annotated[float, Meta(ge=0.0, le=0.9)]
 """An uncertainty; at 1 nothing would be known."""
@@ -50,3 +51,12 @@ AngleDeg = Annotated[float, Meta(ge=-360.0, le=360.0)]
 
 class Section(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Base of every table of a rig folder."""
+
+
+class MachineTable(Section, frozen=True, kw_only=True):
+    """A table of figures, each of the drawing unless it is named here."""
+
+    assumed: tuple[Word, ...] = ()
+    """Keys of this table that nobody drew or measured."""
+    measured: tuple[Word, ...] = ()
+    """Keys that hold what was measured on this very machine."""

@@ -212,7 +212,7 @@ def fisher(rig_name: str) -> dict[str, Any]:
         model.session,
         config.machine.bearing.journal_radius_m,
         config.machine.bearing.length_m,
-        config.machine.rotor.effective_mass_at_bearing_kg,
+        config.machine.rotor.mass_at_bearing_kg,
     )
     instruments, found = Instruments(film, config), {}
     for rpm, load_N in ((1500.0, 100.0), (6000.0, 100.0), (12000.0, 30.0)):

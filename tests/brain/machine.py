@@ -55,7 +55,7 @@ def film(nodes: int = 60) -> Film:
         Session("film", short_film(nodes)),
         b.journal_radius_m,
         b.length_m,
-        CONFIG.machine.rotor.effective_mass_at_bearing_kg,
+        CONFIG.machine.rotor.mass_at_bearing_kg,
     )
 
 

@@ -175,6 +175,10 @@ def test_another_configuration_of_the_sensors_is_another_machine() -> None:
     turned = msgspec.structs.replace(CONFIG.machine.channel[0], angle_deg=44.0)
     changed = CONFIG.replaced(channel=[turned, *CONFIG.machine.channel[1:]])
     assert belonging(classifier, CONFIG) == belonging(classifier, CONFIG)
+    # that of a state learned under the first schema
+    assert belonging(classifier, CONFIG).configuration == "5118c5a62935"
+    drawn = msgspec.structs.replace(CONFIG.machine.bearing, assumed=("length_m",))
+    assert belonging(classifier, CONFIG.replaced(bearing=drawn)) == belonging(classifier, CONFIG)
     assert (
         belonging(classifier, changed).configuration != belonging(classifier, CONFIG).configuration
     )

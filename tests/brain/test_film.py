@@ -88,9 +88,7 @@ def test_whirl_threshold(row: tuple) -> None:
     """At the threshold speed, with mu omega held (same eccentricity), the damping ratio crosses
     zero."""
     load, threshold = load_of(row[1]), row[5]
-    speed = threshold * np.sqrt(
-        load / (CLEARANCE * CONFIG.machine.rotor.effective_mass_at_bearing_kg)
-    )
+    speed = threshold * np.sqrt(load / (CLEARANCE * CONFIG.machine.rotor.mass_at_bearing_kg))
     below, above = (
         FINE.steady(points(load, speed * k, VISCOSITY * SPEED / (speed * k))).damping_ratio[0]
         for k in (0.99, 1.01)
@@ -104,7 +102,7 @@ def test_response_solves_the_equation_of_motion() -> None:
     steady = f.steady(p)
     q = steady.response_m_per_kg_m[0]
     k, c = f.slopes(p, steady.position_m)
-    mass = CONFIG.machine.rotor.effective_mass_at_bearing_kg
+    mass = CONFIG.machine.rotor.mass_at_bearing_kg
     rest = (k[0] - mass * SPEED**2 * np.eye(2) + 1j * SPEED * c[0]) @ q
     assert rest == pytest.approx(SPEED**2 * np.array([1.0, -1.0j]), rel=1e-6)
 

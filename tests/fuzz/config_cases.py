@@ -202,6 +202,8 @@ def _scale(rng: random.Random, table: dict[str, Any]) -> None:
         },
         "rotor": {
             "effective_mass_at_bearing_kg": (4, -1),
+            "mass_kg": (4, -1),
+            "diametral_inertia_kg_m2": (4, -1),
             "unbalance_normal_kg_m": (4, -1),
             "windage_W_s3": (4, -1),
         },
@@ -251,7 +253,7 @@ def _spoil(rng: random.Random, table: dict[str, Any]) -> None:
                 isinstance(kind, inspect.IntType) and math.isfinite(value) and rng.random() < 0.8
             )
             place[name] = int(value) if integer else value
-        elif isinstance(kind, inspect.ListType):
+        elif isinstance(kind, inspect.ListType | inspect.VarTupleType):
             place[name] = [rng.choice((*TEXTS, *OTHERS)) for _ in range(rng.choice((0, 1, 2, 40)))]
         elif isinstance(kind, inspect.BoolType):
             place[name] = rng.random() < 0.5
@@ -361,6 +363,6 @@ def _toml(value: Any) -> str:
         return (
             "{" + ", ".join(f"{_key(name)} = {_toml(each)}" for name, each in value.items()) + "}"
         )
-    if isinstance(value, list):
+    if isinstance(value, list | tuple):
         return "[" + ", ".join(map(_toml, value)) + "]"
     return value.isoformat() if isinstance(value, datetime.date | datetime.time) else repr(value)

@@ -96,7 +96,7 @@ def test_every_admissible_clearance_keeps_film_and_stability_in_the_fed_solver(
     assert found is not None
     viscosity, number = viscosity_Pa_s(config.machine.lubricant, 60.0), rpm * RPM
     stable = film(load_N, rpm, found[1], 0.5, viscosity)
-    speed = number * (found[1] * config.machine.rotor.effective_mass_at_bearing_kg / load_N) ** 0.5
+    speed = number * (found[1] * config.machine.rotor.mass_at_bearing_kg / load_N) ** 0.5
     assert not isfinite(stable.threshold) or speed < stable.threshold
     for clearance_m in found:
         thick = film(load_N, rpm, clearance_m, 3.0, viscosity_Pa_s(config.machine.lubricant, 42.0))

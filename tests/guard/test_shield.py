@@ -63,7 +63,7 @@ def test_every_admissible_clearance_keeps_film_and_stability_in_the_film_solver(
             speed_rad_s=rpm * RPM,
         )
         assert (1 - state.eccentricity_ratio) * clearance_m >= config.limits.min_film_um * 1e-6
-        mass = config.machine.rotor.effective_mass_at_bearing_kg
+        mass = config.machine.rotor.mass_at_bearing_kg
         number = rpm * RPM * (clearance_m * mass / load_N) ** 0.5
         assert not isfinite(state.threshold) or number < state.threshold
 

@@ -39,8 +39,8 @@ def test_the_configuration_holds_the_machine_within_the_errors_that_it_declares(
     )
     assert bearing.radial_clearance_error_um == pytest.approx(1e6 * CLEARANCE_ERROR_M)
     mass_kg = apparent_mass_kg(RIG.rotor, build, CONFIG.machine.operating.speed_max_rpm * pi / 60)
-    assert rotor.effective_mass_at_bearing_kg * (1 - MASS_ERROR) <= mass_kg * (1 + 1e-4)
-    assert mass_kg <= rotor.effective_mass_at_bearing_kg * (1 + rotor.mass_error_share) * (1 + 1e-4)
+    assert rotor.mass_at_bearing_kg * (1 - MASS_ERROR) <= mass_kg * (1 + 1e-4)
+    assert mass_kg <= rotor.mass_at_bearing_kg * (1 + rotor.mass_error_share) * (1 + 1e-4)
     assert build.unbalance_kg_m <= rotor.unbalance_normal_kg_m <= 1.23 * build.unbalance_kg_m
     assert all(channel.zeroed for channel in known.config.machine.channel[:2])
     assert Commissioned.of(CONFIG, RIG, drawn).config == known.config

@@ -1,0 +1,114 @@
+"""Figures of the machine that belong together: its drawing, and where each figure comes from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Final
+
+from msgspec import inspect
+
+from firmware_py.config.convert import Found
+from firmware_py.config.schema import Config
+from firmware_py.machine import Machine
+from firmware_py.machine.values import MachineTable
+
+SAME_ROTOR: Final = (0.5, 2.0)
+"""Weighed over drawn effective mass: outside it is another rotor, or another unit."""
+
+DRAWING: Final = ("mass_kg", "diametral_inertia_kg_m2", "coupling_to_cg_m", "bearing_to_cg_m")
+"""Keys of ``rotor`` from which its effective mass follows."""
+
+GROOVE: Final = ("groove_angle_deg", "groove_width_deg", "groove_length_share")
+
+
+def _tables() -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Tables of ``machine.toml``, and the keys of each for its figures."""
+    described = inspect.type_info(Machine)
+    assert isinstance(described, inspect.StructType)
+    for field in described.fields:
+        kinds = field.type.types if isinstance(field.type, inspect.UnionType) else (field.type,)
+        kind = kinds[0].item_type if isinstance(kinds[0], inspect.ListType) else kinds[0]
+        if isinstance(kind, inspect.StructType):
+            own = kind.cls.__struct_fields__
+            yield field.name, tuple(k for k in own if k not in MachineTable.__struct_fields__)
+
+
+def _provenance(name: str, keys: tuple[str, ...]) -> Callable[[Config], Iterator[Found]]:
+    """The check that ``assumed`` and ``measured`` of one table name keys of it, none in both."""
+
+    def check(config: Config) -> Iterator[Found]:
+        value = getattr(config.machine, name)
+        rows = enumerate(value) if isinstance(value, list) else ((None, value),)
+        for i, table in rows:
+            if table is not None:
+                yield from _named(f"machine.{name}" + ("" if i is None else f"[{i}]"), table, keys)
+
+    return check
+
+
+def _named(place: str, table: MachineTable, keys: tuple[str, ...]) -> Iterator[Found]:
+    for word, names in (("assumed", table.assumed), ("measured", table.measured)):
+        for key in names:
+            if key not in keys:
+                cause = f"no figure of this table; name some of {', '.join(keys)}, or remove it"
+                yield f"{place}.{word}", key, cause
+    for key in table.measured:
+        if key in table.assumed:
+            yield f"{place}.measured", key, "assumed as well; remove it from one of the two"
+
+
+def _drawing(config: Config) -> Iterator[Found]:
+    """The effective mass is weighed, or follows from the drawing."""
+    rotor = config.machine.rotor
+    weighed, drawn = rotor.effective_mass_at_bearing_kg, rotor.drawn_mass_at_bearing_kg
+    low, high = SAME_ROTOR
+    if weighed is None and drawn is None:
+        missing = ", ".join(key for key in DRAWING if getattr(rotor, key) is None)
+        cause = f"missing, and so is {missing}; set it where the rotor was weighed, else those"
+        yield "machine.rotor.effective_mass_at_bearing_kg", None, cause
+    elif weighed is not None and drawn is not None and not low <= weighed / drawn <= high:
+        yield (
+            "machine.rotor.effective_mass_at_bearing_kg",
+            weighed,
+            f"{weighed / drawn:.3g} times that of the drawing ({drawn:.4g}); correct one of them",
+        )
+
+
+def _groove_drawn(config: Config) -> Iterator[Found]:
+    feed = config.machine.feed
+    given = [getattr(feed, key) is not None for key in GROOVE]
+    if any(given) and not all(given):
+        key = GROOVE[given.index(False)]
+        yield f"machine.feed.{key}", None, f"missing beside {GROOVE[given.index(True)]}; set it"
+
+
+def _nominal_pressure(config: Config) -> Iterator[Found]:
+    feed = config.machine.feed
+    nominal = feed.pressure_nominal_bar
+    if nominal is not None and not feed.pressure_min_bar <= nominal <= feed.pressure_max_bar:
+        yield (
+            "machine.feed.pressure_nominal_bar",
+            nominal,
+            f"outside {feed.pressure_min_bar:g} .. {feed.pressure_max_bar:g}, "
+            "machine.feed.pressure_min_bar .. pressure_max_bar; correct it",
+        )
+
+
+def _ranges(config: Config) -> Iterator[Found]:
+    for i, c in enumerate(config.machine.channel):
+        low, high = c.range_low, c.range_high
+        if (low is None) != (high is None):
+            key = "range_low" if low is None else "range_high"
+            yield f"machine.channel[{i}].{key}", None, "missing beside the other end; set it"
+        elif low is not None and high is not None and low >= high:
+            cause = f"not below range_high ({high:g}); lower it"
+            yield f"machine.channel[{i}].range_low", low, cause
+
+
+MACHINE_CHECKS: Final[tuple[Callable[[Config], Iterator[Found]], ...]] = (
+    *(_provenance(name, keys) for name, keys in _tables()),
+    _drawing,
+    _groove_drawn,
+    _nominal_pressure,
+    _ranges,
+)
