@@ -141,14 +141,13 @@ def _base(name: str) -> Config:
 def _table(config: Config) -> dict[str, Any]:
     """As TOML would be read: without what is None."""
 
-    def written(table: dict[str, Any]) -> dict[str, Any]:
-        return {
-            name: written(value) if isinstance(value, dict) else value
-            for name, value in table.items()
-            if value is not None
-        }
+    def written(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {name: written(each) for name, each in value.items() if each is not None}
+        return [written(each) for each in value] if isinstance(value, list) else value
 
-    return written(msgspec.to_builtins(config))
+    table: dict[str, Any] = written(msgspec.to_builtins(config))
+    return table
 
 
 @cache
