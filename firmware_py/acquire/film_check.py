@@ -96,7 +96,7 @@ def film_check(window: Window, orders: Orders, machine: Machine) -> Floats:
     moment_Nm = load * ratio * clearance * math.sin(attitude)
     viscous = _shear_W(bearing, shear_Pa, speed, clearance, gap) + 0.5 * moment_Nm * speed
     excess = window.shaft_power_W - viscous - machine.rotor.windage_W_s3 * speed**3
-    inertia_N_m = machine.rotor.effective_mass_at_bearing_kg * speed**2
+    inertia_N_m = machine.rotor.mass_at_bearing_kg * speed**2
     across, around = _moves_per_N(carried, clearance, ratio, inertia_N_m)
     swing = abs(orders.harmonics[CONTACT, 0]) * film_per_volt(
         contact, float(read_volt(contact, np.asarray(orders.mean[CONTACT])))
