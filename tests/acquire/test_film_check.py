@@ -30,7 +30,7 @@ SPEED_HZ, CLEARANCE_M, RATIO, OIL_C = 100.0, 60e-6, 0.5, 45.0
 
 
 def inertia(omega: float) -> float:
-    return ROTOR.effective_mass_at_bearing_kg * omega**2
+    return ROTOR.mass_at_bearing_kg * omega**2
 
 
 def volt(gap_m: float) -> float:
@@ -144,9 +144,7 @@ def test_response_to_a_rotating_force_is_that_of_the_film_differentiated(ratio: 
         / step
         * unit
     )
-    whole = (
-        stiffness + 1j * omega * damping - ROTOR.effective_mass_at_bearing_kg * omega**2 * np.eye(2)
-    )
+    whole = stiffness + 1j * omega * damping - ROTOR.mass_at_bearing_kg * omega**2 * np.eye(2)
     expected = np.linalg.solve(whole, np.array([1.0, -1.0j]))
     assert np.array(fc._moves_per_N(carried, CLEARANCE_M, ratio, inertia(omega))) == pytest.approx(
         expected, rel=1e-4
