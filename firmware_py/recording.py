@@ -24,7 +24,9 @@ from firmware_py.mcap_scan import Content, End, Skipped, scan
 from firmware_py.records import (
     Advice,
     Block,
+    BrainSnapshot,
     BrainState,
+    BrainStep,
     CommandReply,
     CommandRequest,
     CommissionState,
@@ -68,6 +70,7 @@ class Topic(NamedTuple):
 _RECORDS: Final[tuple[type[Record], ...]] = (
     CycleRecord, Snapshot, Block, RigReading, GuardState, Event, CommandRequest, CommandReply, Diagnosis,
     WindowRecord, Forecast, Advice, BrainState, CommissionState, Normal, WallClock,
+    BrainStep, BrainSnapshot,
 )  # fmt: skip
 _ROWS: Final = {row.record: row for row in signals.STREAMS}
 

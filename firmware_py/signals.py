@@ -177,6 +177,8 @@ STREAMS: Final = (
     Stream("CommissionState", "ha/commission", "json", True, "1 Hz"),
     Stream("Normal", "ha/normal", "msgpack", False, "once"),
     Stream("WallClock", "clock", "json", False, "1 Hz"),
+    Stream("BrainStep", "brain/step", "msgpack", False, "each step of the brain"),
+    Stream("BrainSnapshot", "brain/snapshot", "msgpack", False, "each five seconds"),
 )
 """What is recorded, and what of it is published under the same name (blocks after ISO 13374)."""
 

@@ -8,11 +8,11 @@ a gap-free run, so the windows do not depend on how the samples were chopped int
 from __future__ import annotations
 
 import math
-from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -40,6 +40,13 @@ WINDOW_LAYOUT: Final = {
 MARK_RATIO_MAX: Final = 1.5
 """Neighbouring turns that differ by more hold a lost or a false mark (a 4000 rpm/s ramp gives
 1.1)."""
+
+MARKS_MOST: Final = 2048
+FLAGS_MOST: Final = 8192
+READINGS_MOST: Final = 128
+"""Marks, changes of quality and readings that are remembered at most."""
+REMEMBERED_US: Final = 2_500_000
+"""Marks and readings older than this lie in no later window: the longest one and a quarter."""
 
 WIRE_SCALES: Final = tuple(channel.wire_scale for channel in SCHEMA_1.channels)
 """SI value of one count of each channel in ``orbitd.dbc`` (m, m, m/s2 x 3, Pa, bar, V)."""
@@ -176,6 +183,40 @@ class _Chunk:
     channel_ok: int = 0xFF
 
 
+class Flags(msgspec.Struct, array_like=True):
+    """Quality and OK bits of the samples up to number ``end`` of the run."""
+
+    end: int
+    quality: int
+    channel_ok: int
+
+
+class Reported(msgspec.Struct, frozen=True, array_like=True):
+    """What the rig reported at one unwrapped node tick."""
+
+    tick_us: int
+    clearance_m: float
+    shaft_power_W: float
+    oil_outlet_C: float
+
+
+class WindowerState(msgspec.Struct):
+    """Where the windower stands in a run, and all that it remembers but the samples.
+
+    ``run``: samples of the run so far; ``next_end``: its sample at which the next window ends;
+    ``end_tick_us``: node tick after its last one.
+    """
+
+    next_end: int = 0
+    run: int = 0
+    end_tick_us: int = -1
+    marks_us: list[int] = []
+    flags: list[Flags] = []
+    readings: list[Reported] = []
+    windows: int = 0
+    windows_cut_by_gap: int = 0
+
+
 @dataclass(slots=True)
 class Windower:
     """Cuts a stream of blocks into overlapping windows; holds a fixed amount of memory.
@@ -190,56 +231,77 @@ class Windower:
 
     channels: ChannelMap
     rate_hz: int
-    counters: dict[str, int] = field(
-        default_factory=lambda: {"windows": 0, "windows_cut_by_gap": 0}
-    )
+    state: WindowerState = field(init=False, default_factory=WindowerState)
     _ring: NDArray[np.int16] = field(init=False)
     _fill: int = field(init=False, default=0)
-    _run: int = field(init=False, default=0)
-    _next_end: int = field(init=False, default=0)
-    _marks_us: deque[int] = field(init=False)
-    _flags: deque[tuple[int, int, int]] = field(init=False)
-    _readings: deque[tuple[int, float, float, float]] = field(init=False)
-    _end_tick_us: int = field(init=False, default=-1)
 
     def __post_init__(self) -> None:
-        self._ring = np.zeros((2 * self._most, N_CHANNELS), np.int16)
-        self._marks_us = deque(maxlen=2048)
-        self._flags = deque(maxlen=8192)
-        self._readings = deque(maxlen=128)
+        self._ring = np.zeros((2 * self.most, N_CHANNELS), np.int16)
         self._restart()
 
     @property
-    def _most(self) -> int:
+    def most(self) -> int:
+        """Samples of the longest window: no more are ever looked back at."""
         return round(MAX_SECONDS * self.rate_hz)
 
+    @property
+    def counters(self) -> dict[str, int]:
+        """Windows cut, and runs that a gap ended."""
+        state = self.state
+        return {"windows": state.windows, "windows_cut_by_gap": state.windows_cut_by_gap}
+
+    def restore(self, state: WindowerState, blocks: Sequence[Block]) -> None:
+        """Go on from ``state``; ``blocks`` are the newest of its run, at least :attr:`most` samples
+        or all.
+
+        Raises
+        ------
+        ValueError
+            They do not hold the samples that the state needs.
+        """
+        counts = [self._counts(block) for block in blocks]
+        need = min(state.run, self.most)
+        if sum(map(len, counts)) < need:
+            raise ValueError(f"the samples before this state are not all there: {need} are needed")
+        self.state, self._fill = state, need
+        if need:
+            self._ring[:need] = np.concatenate(counts)[-need:]
+
     def _restart(self) -> None:
-        self._fill = self._run = 0
-        self._next_end = round(MIN_SECONDS * self.rate_hz)
-        self._marks_us.clear()
-        self._flags.clear()
+        state = self.state
+        self._fill = state.run = 0
+        state.next_end = round(MIN_SECONDS * self.rate_hz)
+        state.marks_us.clear()
+        state.flags.clear()
 
     def note(self, reading: RigReading) -> None:
         """Remember what the rig said about clearance, shaft power and oil.
 
         Before the first block there is no time to put it on: such a reading is left out.
         """
-        if not self._run:
+        if not self.state.run:
             return
         status = reading.status
-        tick_us = nearest_tick(status.tick_us, self._end_tick_us)
         self._note(
-            tick_us, status.clearance_actual_um * 1e-6, status.shaft_power_W, status.oil_outlet_C
+            Reported(
+                nearest_tick(status.tick_us, self.state.end_tick_us),
+                status.clearance_actual_um * 1e-6,
+                status.shaft_power_W,
+                status.oil_outlet_C,
+            )
         )
 
-    def _note(self, tick_us: int, clearance_m: float, power_W: float, oil_C: float) -> None:
-        self._readings.append((tick_us, clearance_m, power_W, oil_C))
+    def _note(self, reported: Reported) -> None:
+        readings = self.state.readings
+        readings.append(reported)
+        del readings[:-READINGS_MOST]
+        oldest_us = self.state.end_tick_us - REMEMBERED_US
+        while readings[0].tick_us < oldest_us and len(readings) > 1:
+            del readings[0]
 
     def step(self, block: Block) -> list[Window]:
         """Take one block; return the windows that it completes, oldest first."""
-        counts = self.channels.columns(
-            np.frombuffer(block.samples, "<i2").reshape(-1, block.channels)
-        )
+        counts = self._counts(block)
         marks = np.array(block.mark_ticks_us, np.int64)
         return self._take(
             _Chunk(
@@ -255,48 +317,77 @@ class Windower:
             )
         )
 
+    def _counts(self, block: Block) -> NDArray[np.int16]:
+        """The samples of ``block``, shape (n, 8), in the order of the columns."""
+        return self.channels.columns(
+            np.frombuffer(block.samples, "<i2").reshape(-1, block.channels)
+        )
+
     def _take(self, chunk: _Chunk) -> list[Window]:
-        joined = chunk.tick_us == self._end_tick_us and not chunk.quality & Quality.GAP_BEFORE
-        if self._run and not joined:
-            self.counters["windows_cut_by_gap"] += 1
+        state = self.state
+        joined = chunk.tick_us == state.end_tick_us and not chunk.quality & Quality.GAP_BEFORE
+        if state.run and not joined:
+            state.windows_cut_by_gap += 1
             self._restart()
-        self._end_tick_us = chunk.tick_us
-        self._marks_us.extend(chunk.marks_us.tolist())
+        self._forget_marks()
+        state.end_tick_us = chunk.tick_us
+        state.marks_us += chunk.marks_us.tolist()
+        del state.marks_us[:-MARKS_MOST]
         windows: list[Window] = []
-        for start in range(0, len(chunk.counts), self._most):
-            windows += self._append(chunk, chunk.counts[start : start + self._most])
+        for start in range(0, len(chunk.counts), self.most):
+            windows += self._append(chunk, chunk.counts[start : start + self.most])
         return windows
+
+    def _forget_marks(self) -> None:
+        """Drop the marks that no later window holds; two stay, they tell how long a turn is."""
+        marks, oldest_us = self.state.marks_us, self.state.end_tick_us - REMEMBERED_US
+        gone = 0
+        while len(marks) - gone > 2 and marks[gone] < oldest_us:
+            gone += 1
+        del marks[:gone]
 
     def _append(self, chunk: _Chunk, counts: NDArray[np.int16]) -> list[Window]:
         """Add at most ``MAX_SECONDS`` of samples, then cut every window whose end has been
         reached."""
         n = len(counts)
         if self._fill + n > len(self._ring):
-            keep = min(self._fill, self._most)
+            keep = min(self._fill, self.most)
             self._ring[:keep] = self._ring[self._fill - keep : self._fill]
             self._fill = keep
         self._ring[self._fill : self._fill + n] = counts
         self._fill += n
-        self._run += n
-        self._end_tick_us += n * chunk.period_us
-        self._flags.append((self._run, chunk.quality & ~Quality.GAP_BEFORE, chunk.channel_ok))
+        state = self.state
+        state.run += n
+        state.end_tick_us += n * chunk.period_us
+        self._note_flags(int(chunk.quality & ~Quality.GAP_BEFORE), chunk.channel_ok)
         windows = []
-        while self._next_end <= self._run:
-            windows.append(self._cut(chunk, self._run - self._next_end))
-            self._next_end += round(HOP_SECONDS * self.rate_hz)
-        self.counters["windows"] += len(windows)
+        while state.next_end <= state.run:
+            windows.append(self._cut(chunk, state.run - state.next_end))
+            state.next_end += round(HOP_SECONDS * self.rate_hz)
+        state.windows += len(windows)
         return windows
+
+    def _note_flags(self, quality: int, channel_ok: int) -> None:
+        """Remember what is known of the newest samples; samples of which the same is known share an
+        entry."""
+        state = self.state
+        last = state.flags[-1] if state.flags else None
+        if last and (last.quality, last.channel_ok) == (quality, channel_ok):
+            last.end = state.run
+            return
+        state.flags.append(Flags(state.run, quality, channel_ok))
+        del state.flags[:-FLAGS_MOST]
 
     def _cut(self, chunk: _Chunk, back: int) -> Window:
         """The window that ends ``back`` samples before the newest one."""
         period_us = chunk.period_us
-        end_us = self._end_tick_us - back * period_us
-        marks_us = np.array(self._marks_us, np.int64)
+        end_us = self.state.end_tick_us - back * period_us
+        marks_us = np.array(self.state.marks_us, np.int64)
         marks_us = marks_us[marks_us < end_us]
-        n = min(self._length(marks_us), self._next_end, self._fill - back)
+        n = min(self._length(marks_us), self.state.next_end, self._fill - back)
         start_us = end_us - n * period_us
         marks = (marks_us[marks_us >= start_us] - start_us) / period_us
-        quality, channel_ok = self._flags_over(self._next_end - n)
+        quality, channel_ok = self._flags_over(self.state.next_end - n)
         counts = self._ring[self._fill - back - n : self._fill - back]
         channel_ok &= plausible(
             counts, self.channels.scale, self.channels.offset, 1e6 / period_us, marks
@@ -328,17 +419,22 @@ class Windower:
     def _flags_over(self, start: int) -> tuple[int, int]:
         """Union of the quality flags and intersection of the OK bits since sample ``start`` of the
         run."""
-        while len(self._flags) > 1 and self._flags[0][0] <= self._run - self._most - self.rate_hz:
-            self._flags.popleft()
+        known = self.state.flags
+        while len(known) > 1 and known[0].end <= self.state.run - self.most - self.rate_hz:
+            del known[0]
         quality, channel_ok = 0, 0xFF
-        for end, flags, ok in self._flags:
-            if end > start:
-                quality |= flags
-                channel_ok &= ok
+        for flags in known:
+            if flags.end > start:
+                quality |= flags.quality
+                channel_ok &= flags.channel_ok
         return quality, channel_ok
 
     def _reading_means(self, start_us: int, end_us: int) -> tuple[float, float, float]:
-        inside = [row[1:] for row in self._readings if start_us <= row[0] < end_us]
+        inside = [
+            (row.clearance_m, row.shaft_power_W, row.oil_outlet_C)
+            for row in self.state.readings
+            if start_us <= row.tick_us < end_us
+        ]
         if not inside:
             return math.nan, math.nan, math.nan
         clearance, power, oil = (
@@ -403,6 +499,6 @@ def iter_windows(
         first_us = tick_us + start * period_us
         last_us = first_us + len(counts) * period_us
         for row in table[(table[:, 0] >= first_us) & (table[:, 0] < last_us)]:
-            windower._note(int(row[0]), row[1], row[2], row[3])
+            windower._note(Reported(int(row[0]), *row[1:].tolist()))
         marks = mark_ticks_us[(mark_ticks_us >= first_us) & (mark_ticks_us < last_us)]
         yield from windower._take(_Chunk(counts, first_us, period_us, marks))

@@ -9,10 +9,9 @@ it and the changes of weeks do not.
 
 from __future__ import annotations
 
-from collections import deque
-from dataclasses import dataclass, field
 from typing import Final
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -32,16 +31,16 @@ REFERENCES_MAX: Final = 64
 Floats = NDArray[np.float64]
 
 
-@dataclass
-class _Reference:
+class Reference(msgspec.Struct):
     """The healthy first order (m) near one operating point."""
 
     point: Floats
     used_ns: int = 0
-    first: list[complex] = field(default_factory=list)
+    first: list[complex] = []
     value: complex = 0j
 
     def learn(self, first_order_m: complex) -> None:
+        """Take one healthy first order: of the first ones the median, later ones slowly."""
         if len(self.first) < FIRST_WINDOWS:
             self.first.append(first_order_m)
             self.value = complex(np.median(np.real(self.first)), np.median(np.imag(self.first)))
@@ -49,12 +48,26 @@ class _Reference:
             self.value += FOLLOWS * (first_order_m - self.value)
 
 
+class Waiting(msgspec.Struct, frozen=True, array_like=True):
+    """A window that is held back: its end, operating point and first order (m)."""
+
+    t_ns: int
+    point: Floats
+    first_order_m: complex
+
+
+class BaselineState(msgspec.Struct):
+    """What the baseline has learned, and the windows that wait for hindsight."""
+
+    references: list[Reference] = []
+    waiting: list[Waiting] = []
+
+
 class FirstOrderBaseline:
     """References of the first order by operating point, learned from what stayed normal."""
 
     def __init__(self) -> None:
-        self._references: list[_Reference] = []
-        self._waiting: deque[tuple[int, Floats, complex]] = deque()
+        self.state = BaselineState()
 
     def note(self, t_ns: int, point: Floats, first_order_m: complex, *, normal: bool) -> None:
         """Take the window that ended at ``t_ns``; ``point`` as
@@ -62,41 +75,39 @@ class FirstOrderBaseline:
 
         A verdict that is not normal drops everything that still waits.
         """
-        where = _coordinates(point)
+        where, waiting = _coordinates(point), self.state.waiting
         if not normal:
-            self._waiting.clear()
+            waiting.clear()
             return
         if np.isfinite(where).all():
-            self._waiting.append((t_ns, where, first_order_m))
-        while self._waiting and t_ns - self._waiting[0][0] >= HINDSIGHT_NS:
-            self._learn(*self._waiting.popleft())
+            waiting.append(Waiting(t_ns, where, first_order_m))
+        while waiting and t_ns - waiting[0].t_ns >= HINDSIGHT_NS:
+            self._learn(waiting.pop(0))
 
     def drop(self) -> None:
         """There was a window that nothing can be said of: what waits did not stay normal."""
-        self._waiting.clear()
+        self.state.waiting.clear()
 
     def at(self, point: Floats) -> complex | None:
         """The healthy first order near ``point``, m; None where the machine was not seen normal."""
         found = self._nearest(_coordinates(point))
         return found.value if found else None
 
-    def _nearest(self, where: Floats) -> _Reference | None:
-        away = [
-            float(np.abs((reference.point - where) / NEAR).max()) for reference in self._references
-        ]
+    def _nearest(self, where: Floats) -> Reference | None:
+        known = self.state.references
+        away = [float(np.abs((reference.point - where) / NEAR).max()) for reference in known]
         best = int(np.argmin(away)) if away else -1
-        return self._references[best] if away and away[best] <= 1.0 else None
+        return known[best] if away and away[best] <= 1.0 else None
 
-    def _learn(self, t_ns: int, where: Floats, first_order_m: complex) -> None:
-        reference = self._nearest(where)
+    def _learn(self, window: Waiting) -> None:
+        reference, known = self._nearest(window.point), self.state.references
         if reference is None:
-            reference = _Reference(where)
-            if len(self._references) == REFERENCES_MAX:
-                oldest = min(range(REFERENCES_MAX), key=lambda i: self._references[i].used_ns)
-                del self._references[oldest]
-            self._references.append(reference)
-        reference.used_ns = t_ns
-        reference.learn(first_order_m)
+            reference = Reference(window.point)
+            if len(known) == REFERENCES_MAX:
+                del known[min(range(REFERENCES_MAX), key=lambda i: known[i].used_ns)]
+            known.append(reference)
+        reference.used_ns = window.t_ns
+        reference.learn(window.first_order_m)
 
 
 def _coordinates(point: Floats) -> Floats:

@@ -9,8 +9,6 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections import Counter
-from dataclasses import dataclass
 from typing import Final
 
 import msgspec
@@ -66,12 +64,24 @@ SHAPING: Final[dict[type, tuple[str, ...]]] = {
 machine's."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Decision:
+class Learned(msgspec.Struct, frozen=True, array_like=True):
+    """One healthy decision that is learned from."""
+
     row: own.Floats
     log_odds: own.Floats
     point: own.Floats
     first_order_m: complex
+
+
+class CommissionerState(msgspec.Struct):
+    """How commissioning stands, and what was gathered; counts by reason and by verdict."""
+
+    phase: str = "none"
+    text: str = ""
+    kept: list[Learned] = []
+    left_out: dict[str, int] = {}
+    named: dict[str, int] = {}
+    last_ns: int = -EVERY_NS
 
 
 class Commissioner:
@@ -99,19 +109,15 @@ class Commissioner:
         operating = config.machine.operating
         reach = math.log(operating.speed_max_rpm / operating.speed_min_rpm)
         self._speed_steps_declared = math.ceil(reach / own.LOG_SPEED_STEP)
-        self._phase, self._text = "none", ""
-        self._begin()
+        self.state = CommissionerState()
 
     @property
     def gathering(self) -> bool:
         """Whether decisions are being learned from."""
-        return self._phase == "gathering"
+        return self.state.phase == "gathering"
 
-    def _begin(self) -> None:
-        self._kept: list[_Decision] = []
-        self._left_out: Counter[str] = Counter()
-        self._named: Counter[str] = Counter()
-        self._last_ns = -EVERY_NS
+    def _begin(self, phase: str, text: str = "") -> None:
+        self.state = CommissionerState(phase, text)
 
     def obey(self, request: CommandRequest) -> tuple[CommandReply, Normal | None]:
         """Answer to a person's wish, and the state that was learned with ``stop``."""
@@ -129,8 +135,7 @@ class Commissioner:
             return [], None
         if action == "start":
             self._check_possible()
-            self._begin()
-            self._phase, self._text = "gathering", ""
+            self._begin("gathering")
             return [], None
         if not self.gathering:
             raise NormalError(
@@ -172,8 +177,7 @@ class Commissioner:
 
     def _use(self, normal: Normal | None, phase: str, text: str) -> None:
         self._diagnoser.use(normal)
-        self._phase, self._text = phase, text
-        self._begin()
+        self._begin(phase, text)
 
     def _stand(self, normal: Normal | None) -> None:
         self._use(normal, "commissioned" if normal else "none", "")
@@ -187,17 +191,17 @@ class Commissioner:
         guard: GuardState | None,
     ) -> None:
         """Learn from the decision after ``window``, when it may be learned from."""
-        if not self.gathering or window.end_ns - self._last_ns < EVERY_NS:
+        if not self.gathering or window.end_ns - self.state.last_ns < EVERY_NS:
             return
         reason = self._reason_against(diagnosis, answer, guard)
         if reason or answer is None or answer.normal is None or orders is None:
-            self._left_out[reason or "no answer of the classifier"] += 1
+            _count(self.state.left_out, reason or "no answer of the classifier")
             return
-        self._last_ns = window.end_ns
+        self.state.last_ns = window.end_ns
         if diagnosis.verdict in CLASSES and diagnosis.verdict != "normal":
-            self._named[diagnosis.verdict] += 1
-        self._kept.append(
-            _Decision(
+            _count(self.state.named, diagnosis.verdict)
+        self.state.kept.append(
+            Learned(
                 answer.normal,
                 answer.log_odds,
                 own.operating_point(window, orders),
@@ -218,12 +222,13 @@ class Commissioner:
             return word
         if answer is None or diagnosis.evidence["windows"] < WINDOWS:
             return f"fewer than {WINDOWS} windows"
-        return f"more than {MOST_DECISIONS} decisions" if len(self._kept) >= MOST_DECISIONS else ""
+        full = len(self.state.kept) >= MOST_DECISIONS
+        return f"more than {MOST_DECISIONS} decisions" if full else ""
 
     def _fit(self) -> Normal:
         if self._prior is None or self._device is None:
             raise NormalError("commission stop: the classifier is gone")
-        kept = self._kept
+        kept = self.state.kept
         rows = np.array([d.row for d in kept]).reshape(-1, len(self._prior.between))
         log_odds = np.array([d.log_odds for d in kept]).reshape(-1, len(HEADS))
         first_order_m = np.array([d.first_order_m for d in kept], np.complex128)
@@ -233,27 +238,27 @@ class Commissioner:
 
     @property
     def _minutes(self) -> float:
-        return len(self._kept) * EVERY_NS / 60e9
+        return len(self.state.kept) * EVERY_NS / 60e9
 
     def _points(self) -> own.Floats:
-        return np.array([d.point for d in self._kept]).reshape(-1, len(own.POINT))
+        return np.array([d.point for d in self.state.kept]).reshape(-1, len(own.POINT))
 
     def _warnings(self) -> list[str]:
         return [
             f"{count} decisions were named {name}: if the machine is not healthy, repair it and "
             f"commission again"
-            for name, count in self._named.items()
+            for name, count in self.state.named.items()
         ]
 
-    def state(self, seq: int, t_ns: int) -> CommissionState:
+    def report(self, seq: int, t_ns: int) -> CommissionState:
         """How commissioning stands."""
-        normal, points = self._diagnoser.normal, self._points()
+        normal, points, state = self._diagnoser.normal, self._points(), self.state
         if normal is not None and not self.gathering:
             return CommissionState(
                 seq,
                 t_ns,
-                self._phase,
-                self._text,
+                state.phase,
+                state.text,
                 normal.decisions,
                 normal.minutes,
                 normal.points,
@@ -263,16 +268,16 @@ class Commissioner:
         return CommissionState(
             seq,
             t_ns,
-            self._phase,
-            self._text,
+            state.phase,
+            state.text,
             len(points),
             self._minutes,
             own.count_points(points),
             own.speed_steps(points[:, 0]),
             self._speed_steps_declared,
             own.ranges(points) if len(points) else {},
-            dict(self._left_out),
-            dict(self._named),
+            dict(state.left_out),
+            dict(state.named),
             self._diagnoser.normal_name,
         )
 
@@ -298,6 +303,10 @@ def _figures(table: MachineTable | None) -> dict[str, object] | None:
     """What features depend on of ``table``, in a fixed order; other figures may come and go."""
     keys = SHAPING.get(type(table), ())
     return None if table is None else {key: getattr(table, key) for key in keys}
+
+
+def _count(counts: dict[str, int], name: str) -> None:
+    counts[name] = counts.get(name, 0) + 1
 
 
 def _digest(data: bytes) -> str:

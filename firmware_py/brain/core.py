@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_py.acquire.windows import ChannelMap, Window, Windower
-from firmware_py.brain.commissioning import Commissioner
-from firmware_py.brain.diagnosis import Diagnoser
-from firmware_py.brain.observation import Observer
-from firmware_py.brain.policy import Policy, Proposal
+from firmware_py.acquire.windows import ChannelMap, Window, Windower, WindowerState
+from firmware_py.brain import tree
+from firmware_py.brain.commissioning import Commissioner, CommissionerState
+from firmware_py.brain.diagnosis import Diagnoser, DiagnoserState
+from firmware_py.brain.journal import RecentBlocks, Snapshots, split, taken
+from firmware_py.brain.observation import Observer, ObserverState
+from firmware_py.brain.policy import Policy, PolicyState, Proposal
 from firmware_py.brain.prediction import HORIZON_S, slow_roll_forward
 from firmware_py.brain.store import Models
 from firmware_py.config import Config
 from firmware_py.records import (
     Advice,
     Block,
+    BrainSnapshot,
     BrainState,
     CommandRequest,
     Diagnosis,
@@ -37,6 +42,30 @@ STATE_EVERY: Final = 10
 WINDOWS_PER_STEP: Final = 2
 """More windows than this in one step mean that the brain is behind: the oldest are dropped,
 counted."""
+
+
+class StepState(msgspec.Struct):
+    """What the brain itself remembers between steps; its guard's state without counters."""
+
+    step_seq: int = 0
+    advice_seq: int = 0
+    next_advice_ns: int | None = None
+    snapshot_due_ns: int = 0
+    newest_ns: int = 0
+    windows_dropped: int = 0
+    diagnosis: Diagnosis | None = None
+    guard: GuardState | None = None
+
+
+class BrainTree(msgspec.Struct):
+    """The whole brain, but for the samples that it still looks back at."""
+
+    step: StepState
+    windower: WindowerState
+    observer: ObserverState
+    diagnoser: DiagnoserState
+    commissioner: CommissionerState
+    policy: PolicyState
 
 
 class BrainCore:
@@ -64,12 +93,9 @@ class BrainCore:
         self._pressure_bar = config.machine.actuator.safe_pressure_bar
         self._cpu_features = cpu_features
         self._predictor_label = models.surrogate.label if models.surrogate else ""
-        self._diagnosis: Diagnosis | None = None
-        self._guard: GuardState | None = None
-        self._next_advice_ns: int | None = None
-        self._advice_seq = 0
-        self._newest_ns = 0
-        self._windows_dropped = 0
+        self._recent = RecentBlocks(self._windower.most)
+        self._snapshots = Snapshots(cpu_features)
+        self._state = StepState()
 
     @property
     def counters(self) -> dict[str, int]:
@@ -78,38 +104,104 @@ class BrainCore:
             **self._windower.counters,
             **self._diagnoser.counters,
             **self._policy.counters,
-            "windows_dropped": self._windows_dropped,
+            "windows_dropped": self._state.windows_dropped,
         }
+
+    @property
+    def recent(self) -> list[Block]:
+        """The blocks that :meth:`restore` needs beside a snapshot of now."""
+        return self._recent.all()
+
+    def snapshot(self, seq: int, now_ns: int) -> list[BrainSnapshot]:
+        """The whole state before step ``seq``, in parts; the samples are those of
+        :attr:`recent`."""
+        return split(seq, now_ns, self._cpu_features, self.recent, self._encoded())
+
+    def restore(self, snapshot: Sequence[BrainSnapshot], blocks: Sequence[Block]) -> None:
+        """Go on from all parts of a snapshot (of a brain with the same configuration and models).
+
+        Parameters
+        ----------
+        snapshot
+            In the order of their parts.
+        blocks
+            Those from its ``first_block`` to its ``last_block``.
+
+        Raises
+        ------
+        msgspec.DecodeError
+            Another version wrote it.
+        ValueError
+            A part or a block is missing.
+        """
+        if [part.part for part in snapshot] != list(range(snapshot[0].parts)):
+            raise ValueError("a part of the brain's snapshot is missing")
+        state = tree.decode(b"".join(part.state for part in snapshot), BrainTree)
+        self._state = state.step
+        self._recent = RecentBlocks(self._windower.most)
+        for block in blocks:
+            self._recent.take(block)
+        self._windower.restore(state.windower, self.recent)
+        self._observer.restore(state.observer, self.recent)
+        self._diagnoser.state, self._commissioner.state = state.diagnoser, state.commissioner
+        self._policy.state = state.policy
+
+    def record_from_here(self) -> None:
+        """Let the next step begin with a snapshot: somebody has just begun to record."""
+        self._state.snapshot_due_ns = 0
+
+    def _encoded(self) -> bytes:
+        return tree.encode(
+            BrainTree(
+                self._state,
+                self._windower.state,
+                self._observer.state,
+                self._diagnoser.state,
+                self._commissioner.state,
+                self._policy.state,
+            )
+        )
+
+    def _journal(self, records: list[RoomRecord], now_ns: int) -> list[RoomRecord]:
+        """What a replay needs of this step: a part of a snapshot now and then, and what it
+        takes."""
+        state = self._state
+        if now_ns >= state.snapshot_due_ns:
+            state.snapshot_due_ns = self._snapshots.put(
+                state.step_seq, now_ns, self.recent, self._encoded()
+            )
+        step = taken(records, state.step_seq, now_ns)
+        state.step_seq += 1
+        return [*self._snapshots.next_part(), step]
 
     def step(self, records: list[RoomRecord], now_ns: int) -> list[RoomRecord]:
         """Take what guard and gate sent; return what is due at ``now_ns``, oldest first."""
-        out: list[RoomRecord] = []
+        out, state = self._journal(records, now_ns), self._state
         for request in [record for record in records if isinstance(record, CommandRequest)]:
             out += self._obey(request, now_ns)
         windows = [window for record in records for window in self._take(record)]
-        self._windows_dropped += max(0, len(windows) - WINDOWS_PER_STEP)
+        state.windows_dropped += max(0, len(windows) - WINDOWS_PER_STEP)
         for window in windows[-WINDOWS_PER_STEP:]:
             out += self.diagnose(window)
-        if self._next_advice_ns is None or now_ns >= self._next_advice_ns:
-            behind = (
-                self._next_advice_ns is None or now_ns >= self._next_advice_ns + ADVICE_PERIOD_NS
-            )
-            start_ns = now_ns if behind or self._next_advice_ns is None else self._next_advice_ns
-            self._next_advice_ns = start_ns + ADVICE_PERIOD_NS
+        due_ns = now_ns if state.next_advice_ns is None else state.next_advice_ns
+        if now_ns >= due_ns:
+            behind = now_ns >= due_ns + ADVICE_PERIOD_NS
+            state.next_advice_ns = (now_ns if behind else due_ns) + ADVICE_PERIOD_NS
             out += self._advise(now_ns)
         return out
 
     def _take(self, record: RoomRecord) -> list[Window]:
         """Sort one record to whoever needs it; the windows that it completes."""
         if isinstance(record, Block):
+            self._recent.take(record)
             self._observer.take(record)
-            self._newest_ns = record.t_acq_ns
+            self._state.newest_ns = record.t_acq_ns
             return self._windower.step(record)
         if isinstance(record, RigReading):
             self._observer.take(record)
             self._windower.note(record)
         elif isinstance(record, GuardState):
-            self._guard = record
+            self._state.guard = msgspec.structs.replace(record, counters={})
         elif isinstance(record, Normal):
             self._commissioner.adopt(record)
         return []
@@ -117,14 +209,19 @@ class BrainCore:
     def _obey(self, request: CommandRequest, now_ns: int) -> list[RoomRecord]:
         """The answer to a wish about commissioning, how that stands now, and what was learned."""
         reply, learned = self._commissioner.obey(request)
-        said: list[RoomRecord] = [reply, self._commissioner.state(self._advice_seq, now_ns)]
+        said: list[RoomRecord] = [
+            reply,
+            self._commissioner.report(self._state.advice_seq, now_ns),
+        ]
         return [*said, learned] if learned else said
 
     def diagnose(self, window: Window) -> list[RoomRecord]:
         """Diagnosis of ``window`` and the record that lets a replay find the same window."""
         diagnosis, orders = self._diagnoser.step(window)
-        self._diagnosis = diagnosis
-        self._commissioner.gather(window, orders, diagnosis, self._diagnoser.answer, self._guard)
+        self._state.diagnosis = diagnosis
+        self._commissioner.gather(
+            window, orders, diagnosis, self._diagnoser.answer, self._state.guard
+        )
         if orders is not None:
             self._policy.learn(window, orders)
         return [
@@ -140,14 +237,15 @@ class BrainCore:
         ]
 
     def _advise(self, now_ns: int) -> list[RoomRecord]:
-        proposal = self._policy.step(self._observer.present(), self._diagnosis, self._guard, now_ns)
-        self._advice_seq += 1
+        state = self._state
+        proposal = self._policy.step(self._observer.present(), state.diagnosis, state.guard, now_ns)
+        state.advice_seq += 1
         forecast = self._forecast(proposal)
         proposes = proposal.clearance_m is not None
         advice = Advice(
-            seq=self._advice_seq,
+            seq=state.advice_seq,
             t_ns=now_ns,
-            t_acq_ns=self._newest_ns,
+            t_acq_ns=state.newest_ns,
             lifetime_ns=LIFETIME_NS,
             clearance_um=proposal.clearance_m * 1e6 if proposal.clearance_m is not None else None,
             pressure_bar=self._pressure_bar if proposes else None,
@@ -156,10 +254,10 @@ class BrainCore:
             forecast=forecast,
         )
         said: list[RoomRecord] = [forecast, advice] if forecast else [advice]
-        if self._advice_seq % STATE_EVERY == 0:
+        if state.advice_seq % STATE_EVERY == 0:
             said += [
-                BrainState(self._advice_seq, now_ns, self.counters),
-                self._commissioner.state(self._advice_seq, now_ns),
+                BrainState(state.advice_seq, now_ns, self.counters),
+                self._commissioner.report(state.advice_seq, now_ns),
             ]
         return said
 
@@ -169,8 +267,8 @@ class BrainCore:
         if outlook is None or estimate is None:
             return None
         return Forecast(
-            seq=self._advice_seq,
-            t_acq_ns=self._newest_ns,
+            seq=self._state.advice_seq,
+            t_acq_ns=self._state.newest_ns,
             quality=0,
             horizon_s=HORIZON_S,
             conditional_on=proposal.expectation,

@@ -13,17 +13,17 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections import deque
 from dataclasses import dataclass
 from typing import Final
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from firmware_py.acquire.features import GROUPS, at_one_rate, from_orders
 from firmware_py.acquire.orders import Orders, analyse
 from firmware_py.acquire.windows import Window
-from firmware_py.brain.baseline import FirstOrderBaseline
+from firmware_py.brain.baseline import BaselineState, FirstOrderBaseline
 from firmware_py.brain.errors import ModelAnswerError
 from firmware_py.brain.normal import (
     Detector,
@@ -85,6 +85,25 @@ class Answer:
     own: dict[str, float]
 
 
+class Features(msgspec.Struct, frozen=True, array_like=True):
+    """Features ``vector`` (n,) of the window that ended at ``end_ns``."""
+
+    end_ns: int
+    vector: Floats
+
+
+class DiagnoserState(msgspec.Struct):
+    """What the diagnoser remembers: ``held_since_ns`` is since when ``verdict`` has stood."""
+
+    baseline: BaselineState
+    normal: Normal | None = None
+    windows: list[Features] = []
+    verdict: str = "none"
+    held_since_ns: int = 0
+    seq: int = 0
+    model_answers_refused: int = 0
+
+
 class Diagnoser:
     """Turns windows into diagnoses.
 
@@ -106,19 +125,36 @@ class Diagnoser:
         self._named_above = _odds_by_fault(model)
         self._slow_roll_m = slow_roll_m
         self.prior = prior_of(model)
-        self.normal: Normal | None = None
         self.normal_name = ""
         self.answer: Answer | None = None
         self._detector = Detector(self.prior) if self.prior else None
         self._baseline = FirstOrderBaseline()
-        self._heard: deque[tuple[int, Floats]] = deque(maxlen=WINDOWS)
-        self._held = ("none", 0)
-        self._seq = 0
-        self.counters = {"diagnoses": 0, "model_answers_refused": 0}
+        self._state = DiagnoserState(self._baseline.state)
+
+    @property
+    def state(self) -> DiagnoserState:
+        """All that changes, the baseline's included."""
+        return self._state
+
+    @state.setter
+    def state(self, state: DiagnoserState) -> None:
+        self._state, self._baseline.state = state, state.baseline
+        self.use(state.normal)
+
+    @property
+    def normal(self) -> Normal | None:
+        """The machine's own normal state; None: the fleet's."""
+        return self._state.normal
+
+    @property
+    def counters(self) -> dict[str, int]:
+        """Diagnoses given and answers of the model refused."""
+        state = self._state
+        return {"diagnoses": state.seq, "model_answers_refused": state.model_answers_refused}
 
     def use(self, normal: Normal | None) -> None:
         """Judge against this machine's own state from now on; None: against the fleet."""
-        self.normal = normal if self.prior else None
+        self._state.normal = normal if self.prior else None
         self.normal_name = digest(self.normal) if self.normal else ""
         self._detector = Detector(self.prior, self.normal) if self.prior else None
 
@@ -134,15 +170,15 @@ class Diagnoser:
         ]
         if self._model is not None and orders is not None and not bad and not self._absent:
             self._hear(window, orders)  # a model comes only at a rate that has its features
-        while self._heard and window.end_ns - self._heard[0][0] > _HISTORY_NS:
-            self._heard.popleft()
+        windows = self._state.windows
+        while windows and window.end_ns - windows[0].end_ns > _HISTORY_NS:
+            windows.pop(0)
         answer = self.answer = self._ask(window, orders)
         classes = class_probabilities(answer.heads) if answer else {}
         verdict = self._verdict(window, orders, bad, classes, answer)
-        self._seq += 1
-        self.counters["diagnoses"] += 1
+        self._state.seq += 1
         record = Diagnosis(
-            seq=self._seq,
+            seq=self._state.seq,
             t_acq_ns=window.end_ns,
             quality=int(window.quality),
             verdict=verdict,
@@ -160,18 +196,20 @@ class Diagnoser:
         """Keep the features of one window; those that rest on a missing reading are left out."""
         vector = from_orders(window, orders, self._machine).astype(np.float64)
         if np.isfinite(vector).all():
-            self._heard.append((window.end_ns, vector))
+            windows = self._state.windows
+            windows.append(Features(window.end_ns, vector))
+            del windows[:-WINDOWS]
 
     def _ask(self, window: Window, orders: Orders | None) -> Answer | None:
         """The model's answer on the mean features; None without a model, windows or a finite
         answer."""
-        if self._model is None or not self._heard:
+        if self._model is None or not self._state.windows:
             return None
-        mean = np.mean([vector for _, vector in self._heard], axis=0)
+        mean = np.mean([features.vector for features in self._state.windows], axis=0)
         try:
             said = self._model.session.run(mean[None, :])
         except ModelAnswerError:
-            self.counters["model_answers_refused"] += 1
+            self._state.model_answers_refused += 1
             return None
         given = np.clip(said["heads"][0], 1e-6, 1 - 1e-6)
         log_odds = np.log(given / (1.0 - given))
@@ -214,7 +252,7 @@ class Diagnoser:
             return "whirl"
         if self._absent:
             return f"no_channel:{'+'.join(self._absent)}"
-        if answer is None or window.end_ns != self._heard[-1][0]:
+        if answer is None or window.end_ns != self._state.windows[-1].end_ns:
             return "none"
         best = max(classes, key=lambda name: classes[name])
         if self._is_unknown(answer, best, classes[best]):
@@ -222,7 +260,7 @@ class Diagnoser:
         sure = classes[best] >= max(
             DOUBT_BELOW, self._named_above.get(best, 0.0) * classes["normal"]
         )
-        return best if sure and len(self._heard) == WINDOWS else "doubt"
+        return best if sure and len(self._state.windows) == WINDOWS else "doubt"
 
     def _is_unknown(self, answer: Answer, best: str, probability: float) -> bool:
         """Unlike all that was taught; on a commissioned machine, unlike its own normal and no fault
@@ -237,11 +275,12 @@ class Diagnoser:
         self, window: Window, orders: Orders | None, answer: Answer | None, verdict: str
     ) -> dict[str, float]:
         """Why: the amplitudes behind the verdict, what drove it, and for how long it has stood."""
-        if verdict != self._held[0]:
-            self._held = (verdict, window.end_ns)
-        held_ns = window.end_ns - self._held[1]
+        state = self._state
+        if verdict != state.verdict:
+            state.verdict, state.held_since_ns = verdict, window.end_ns
+        held_ns = window.end_ns - state.held_since_ns
         evidence = {
-            "windows": float(len(self._heard)),
+            "windows": float(len(state.windows)),
             "held_s": held_ns * 1e-9,
             "confirmed": float(held_ns >= CONFIRM_NS),
         }

@@ -14,6 +14,7 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -143,6 +144,32 @@ def _transition(seconds: float) -> Floats:
     return f
 
 
+class SynchroniserState(msgspec.Struct):
+    """Estimate and what the next reading is held against.
+
+    Attributes
+    ----------
+    mean, covariance
+        Shapes (12,) and (12, 12): the whole state of the filter.
+    readings
+        How many were learned from.
+    last, then
+        The newest reading as it came, and taken back to the time of its means.
+    start_m
+        Equilibria from which the next solution starts, shape (4, 2).
+    unbalance_kg_m
+        What the orbit's part of a reading is reckoned with.
+    """
+
+    mean: Floats
+    covariance: Floats
+    readings: int = 0
+    last: Measured | None = None
+    then: Measured | None = None
+    start_m: Floats | None = None
+    unbalance_kg_m: float = 0.0
+
+
 class Synchroniser:
     """Finds the film model's parameters that explain the readings so far.
 
@@ -161,9 +188,9 @@ class Synchroniser:
         low, high = np.log(
             [config.machine.operating.load_min_N, config.machine.operating.load_max_N]
         )
-        self._mean = np.zeros(STATES)
-        self._mean[LOAD] = 0.5 * (low + high)
-        self._mean[CLEARANCE] = config.machine.bearing.radial_clearance_offset_um
+        mean = np.zeros(STATES)
+        mean[LOAD] = 0.5 * (low + high)
+        mean[CLEARANCE] = config.machine.bearing.radial_clearance_offset_um
         deviation = np.zeros(STATES)
         deviation[LOAD] = 0.5 * (high - low) / SIGMA_90 + 0.1
         deviation[VISCOSITY] = errors.log_viscosity(config.machine.lubricant.viscosity_slope_per_K)
@@ -175,8 +202,8 @@ class Synchroniser:
             config.machine.contact.film_error_share if config.machine.contact else 0.0
         )
         deviation[VISCOSITY_RATE:] = 1e-4, 1e-3
-        self._covariance = np.diag(deviation**2)
-        self._prior = self._mean, self._covariance
+        self._prior = SynchroniserState(mean, np.diag(deviation**2))
+        self.state = msgspec.structs.replace(self._prior)
         drift = np.zeros(STATES)
         drift[[LOAD, VISCOSITY]] = LOAD_DRIFT, VISCOSITY_DRIFT
         drift[VISCOSITY_RATE:] = RATE_DRIFT
@@ -184,37 +211,31 @@ class Synchroniser:
         worn = np.zeros(STATES)
         worn[[CLEARANCE, ZERO_Y]] = CLEARANCE_DRIFT_UM * np.array([1.0, -BORE_SINKS])
         self._drift += np.outer(worn, worn)
-        self._heard = 0
-        self._last: Measured | None = None
-        self._then: Measured | None = None
-        self._start_m: Floats | None = None
-        self.unbalance_kg_m = 0.0
 
     @property
     def clearance_error_m(self) -> float:
         """By how much the true radial clearance is larger than the reported one."""
-        return float(self._mean[CLEARANCE]) * UM
+        return float(self.state.mean[CLEARANCE]) * UM
 
     def step(self, measured: Measured) -> Estimate:
         """Take what was measured; the same time again changes nothing."""
-        first = self._heard < _HEARD_TO_START
-        elapsed_s = (
-            MODEL_MEMORY_S if self._last is None else (measured.t_ns - self._last.t_ns) * 1e-9
-        )
+        state = self.state
+        first, last = state.readings < _HEARD_TO_START, state.last
+        elapsed_s = MODEL_MEMORY_S if last is None else (measured.t_ns - last.t_ns) * 1e-9
         if elapsed_s > 0.0:
             if first:
-                self._mean, self._covariance = self._prior
+                state.mean, state.covariance = self._prior.mean, self._prior.covariance
             else:
                 f = _transition(elapsed_s)
-                self._mean = f @ self._mean
-                self._covariance = f @ self._covariance @ f.T + elapsed_s * self._drift
+                state.mean = f @ state.mean
+                state.covariance = f @ state.covariance @ f.T + elapsed_s * self._drift
             weight = 1.0 if first else max(1.0, MODEL_MEMORY_S / elapsed_s)
-            self._then = measured if self._last is None else measured.at_means(self._last)
+            state.then = measured if last is None else measured.at_means(last)
             late = self._late(measured)
-            self._heard += self._update(
-                self._then, late, weight, _FIRST_ITERATIONS if first else _ITERATIONS
+            state.readings += self._update(
+                state.then, late, weight, _FIRST_ITERATIONS if first else _ITERATIONS
             )
-            self._last = measured
+            state.last = measured
         return self._estimate(measured)
 
     def static_film(self) -> tuple[float, float]:
@@ -226,12 +247,11 @@ class Synchroniser:
         posterior one (Tichavsky et al. 1998) at the estimate: of the filter's own noise model.
         Only after a :meth:`step`.
         """
-        assert self._then is not None
-        film_m, slopes = self._instruments.static_film(self._mean[:PARAMETERS], self._then)
-        variance = (
-            slopes @ self._covariance[:PARAMETERS, :PARAMETERS] @ slopes
-            + (CLEARANCE_NOISE_UM * UM) ** 2
-        )
+        state = self.state
+        assert state.then is not None
+        film_m, slopes = self._instruments.static_film(state.mean[:PARAMETERS], state.then)
+        spread = slopes @ state.covariance[:PARAMETERS, :PARAMETERS] @ slopes
+        variance = spread + (CLEARANCE_NOISE_UM * UM) ** 2
         return film_m, float(np.sqrt(variance))
 
     def _update(self, measured: Measured, late: Floats, weight: float, iterations: int) -> bool:
@@ -239,12 +259,13 @@ class Synchroniser:
         teaches nothing."""
         observed = measured.observed
         used = np.isfinite(observed) & np.array([True, True, True, self._instruments.has_contact])
-        prior, mean = self._mean, self._mean
+        state = self.state
+        prior, mean, covariance = state.mean, state.mean, state.covariance
         for _ in range(iterations):
             shown = self._instruments.predict(
-                mean[:PARAMETERS], measured, self.unbalance_kg_m, self._start_m
+                mean[:PARAMETERS], measured, state.unbalance_kg_m, state.start_m
             )
-            values, slopes, self._start_m = shown.values, shown.slopes, shown.position_m
+            values, slopes, state.start_m = shown.values, shown.slopes, shown.position_m
             if shown.whirls(measured):
                 return False
             noise = self._instruments.noise(values, slopes, measured) + np.diag(late**2)
@@ -252,33 +273,35 @@ class Synchroniser:
             h = np.zeros((int(used.sum()), STATES))
             h[:, :PARAMETERS] = slopes[used]
             rest = (observed - values)[used] - h @ (prior - mean)
-            spread = h @ self._covariance @ h.T
+            spread = h @ covariance @ h.T
             off = np.abs(rest) / np.sqrt(np.diag(spread + noise))
             noise *= max(1.0, float(off.max()) / REFUSED_SIGMAS) ** 2
-            gain = np.linalg.solve(spread + noise, h @ self._covariance).T
+            gain = np.linalg.solve(spread + noise, h @ covariance).T
             move = prior + gain @ rest - mean
             move[: VISCOSITY + 1] = np.clip(move[: VISCOSITY + 1], -_STEP_MAX, _STEP_MAX)
             mean = mean + move
-        self._mean = mean
+        state.mean = mean
         keep = np.eye(STATES) - gain @ h
-        self._covariance = keep @ self._covariance @ keep.T + gain @ noise @ gain.T
+        state.covariance = keep @ covariance @ keep.T + gain @ noise @ gain.T
         return True
 
     def _late(self, measured: Measured) -> Floats:
         """Deviation (4,) of readings that are not quite of one moment: as far as they change
         meanwhile."""
-        if self._last is None:
+        last = self.state.last
+        if last is None:
             return np.zeros(len(ROWS))
-        elapsed_s = (measured.t_ns - self._last.t_ns) * 1e-9
-        return np.nan_to_num(LAG_ERROR_S / elapsed_s * (measured.observed - self._last.observed))
+        elapsed_s = (measured.t_ns - last.t_ns) * 1e-9
+        return np.nan_to_num(LAG_ERROR_S / elapsed_s * (measured.observed - last.observed))
 
     def _estimate(self, measured: Measured) -> Estimate:
         law = viscosity_Pa_s(self._oil, measured.oil_outlet_C)
+        mean, covariance = self.state.mean, self.state.covariance
         return Estimate(
-            float(np.exp(self._mean[LOAD])),
-            law * float(np.exp(self._mean[VISCOSITY])),
-            measured.clearance_m + float(self._mean[CLEARANCE]) * UM,
-            self._covariance[:2, :2].copy(),
-            self._mean.copy(),
-            self._covariance.copy(),
+            float(np.exp(mean[LOAD])),
+            law * float(np.exp(mean[VISCOSITY])),
+            measured.clearance_m + float(mean[CLEARANCE]) * UM,
+            covariance[:2, :2].copy(),
+            mean.copy(),
+            covariance.copy(),
         )

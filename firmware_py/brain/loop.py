@@ -62,8 +62,11 @@ def run(
     notifier.ready()
     next_ns = clock.now_ns()
     while not stopped():
-        now_ns = clock.now_ns()
-        for record in core.step([*gate.poll(now_ns), *guard.poll(now_ns)], now_ns):
+        now_ns, connections = clock.now_ns(), gate.counters["connected"]
+        records = [*gate.poll(now_ns), *guard.poll(now_ns)]
+        if gate.counters["connected"] != connections:
+            core.record_from_here()
+        for record in core.step(records, now_ns):
             if isinstance(record, Advice):
                 guard.send(record)
                 notifier.watchdog()

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
+import msgspec
 import numpy as np
 
 from firmware_py.acquire.orders import Orders
@@ -52,6 +54,16 @@ class Present:
         )
 
 
+class ObserverState(msgspec.Struct):
+    """How many blocks are kept, the time that they span, where they go on, and the newest
+    reading."""
+
+    blocks: int = 0
+    span_ns: int = 0
+    next_tick_us: int = -1
+    reading: RigReading | None = None
+
+
 class Observer:
     """Keeps the newest ``SPAN_S`` of blocks and the newest reading.
 
@@ -64,30 +76,43 @@ class Observer:
     def __init__(self, channels: ChannelMap) -> None:
         self._channels = channels
         self._blocks: deque[Block] = deque()
-        self._span_ns = 0
-        self._next_tick_us = -1
-        self._reading: RigReading | None = None
+        self.state = ObserverState()
+
+    def restore(self, state: ObserverState, blocks: Sequence[Block]) -> None:
+        """Go on from ``state``; the newest of ``blocks`` are those that were kept.
+
+        Raises
+        ------
+        ValueError
+            There are fewer.
+        """
+        if len(blocks) < state.blocks:
+            raise ValueError(f"the samples before this state are not all there: {len(blocks)}")
+        self.state, self._blocks = state, deque(blocks[len(blocks) - state.blocks :])
 
     def take(self, record: Block | RigReading) -> None:
         """Note one record."""
+        state = self.state
         if isinstance(record, RigReading):
-            self._reading = record
+            state.reading = record
             return
-        if record.quality & Quality.GAP_BEFORE or record.tick_us != self._next_tick_us:
+        if record.quality & Quality.GAP_BEFORE or record.tick_us != state.next_tick_us:
             self._blocks.clear()
-            self._span_ns = 0
-        self._next_tick_us = record.tick_us + record.instants * record.sample_period_us
+            state.span_ns = 0
+        state.next_tick_us = record.tick_us + record.instants * record.sample_period_us
         self._blocks.append(record)
-        self._span_ns += _length_ns(record)
-        while self._span_ns - _length_ns(self._blocks[0]) >= SPAN_S * 1e9:
-            self._span_ns -= _length_ns(self._blocks.popleft())
+        state.span_ns += _length_ns(record)
+        while state.span_ns - _length_ns(self._blocks[0]) >= SPAN_S * 1e9:
+            state.span_ns -= _length_ns(self._blocks.popleft())
+        state.blocks = len(self._blocks)
 
     def present(self) -> Present | None:
         """The present state; None before ``SPAN_S`` of gap-free samples, a reading and a turning
         shaft."""
-        if self._reading is None or self._span_ns < 0.99e9 * SPAN_S:
+        reading = self.state.reading
+        if reading is None or self.state.span_ns < 0.99e9 * SPAN_S:
             return None
-        last, status = self._blocks[-1], self._reading.status
+        last, status = self._blocks[-1], reading.status
         turn_s = 2 * math.pi / last.speed_rad_s if last.speed_rad_s > 0 else math.inf
         turns = int(SPAN_S / turn_s)
         if turns < 1:
@@ -103,7 +128,7 @@ class Observer:
             ok &= self._channels.ok(block.channel_ok)
         return Present(
             t_acq_ns=last.t_acq_ns + _length_ns(last),
-            reading_ns=self._reading.t_acq_ns,
+            reading_ns=reading.t_acq_ns,
             speed_rad_s=last.speed_rad_s,
             mean_m=(float(mean[0]), float(mean[1])),
             peak_to_peak_m=(float(spread[0]), float(spread[1])),

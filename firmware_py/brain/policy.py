@@ -15,6 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,7 +25,7 @@ from firmware_py.brain.errors import ModelAnswerError
 from firmware_py.brain.estimate import Estimate
 from firmware_py.brain.measurement import Measured
 from firmware_py.brain.observation import Present, window_measured
-from firmware_py.brain.prediction import CANDIDATES, HORIZON_S, Outlook, Predictor
+from firmware_py.brain.prediction import CANDIDATES, HORIZON_S, Outlook, Predictor, PredictorState
 from firmware_py.brain.store import OBSERVATION, Model, Models
 from firmware_py.config import Config
 from firmware_py.records import CHANNELS, ArmState, Diagnosis, GuardState, Mode
@@ -63,6 +64,13 @@ class Proposal:
     time_to_limit_s: tuple[float, float, float] | None = None
 
 
+class PolicyState(msgspec.Struct):
+    """What the policy remembers: the predictor's state (None without one) and its counts."""
+
+    predictor: PredictorState | None
+    counters: dict[str, int]
+
+
 class Policy:
     """Actor and predictor together.
 
@@ -80,12 +88,26 @@ class Policy:
         self._predictor = (
             Predictor(models.surrogate, config, models.factors) if models.surrogate else None
         )
-        self.counters = {
-            "proposals": 0,
-            "proposals_overruled": 0,
-            "proposals_withheld": 0,
-            "forecasts_refused": 0,
-        }
+        counted = ("proposals", "proposals_overruled", "proposals_withheld", "forecasts_refused")
+        self._state = PolicyState(
+            self._predictor.state if self._predictor else None, dict.fromkeys(counted, 0)
+        )
+
+    @property
+    def state(self) -> PolicyState:
+        """All that changes, the predictor's included."""
+        return self._state
+
+    @state.setter
+    def state(self, state: PolicyState) -> None:
+        self._state = state
+        if self._predictor and state.predictor:
+            self._predictor.state = state.predictor
+
+    @property
+    def counters(self) -> dict[str, int]:
+        """Proposals made, overruled and withheld, forecasts refused."""
+        return self._state.counters
 
     @property
     def qualified(self) -> bool:

@@ -12,15 +12,15 @@ same figures are the virtual sensors.
 from __future__ import annotations
 
 import math
-from collections import deque
 from dataclasses import dataclass
 from typing import Final
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from firmware_py.acquire.windows import MAX_SECONDS, MIN_SECONDS, TURNS, ChannelMap
-from firmware_py.brain.estimate import Estimate, Synchroniser
+from firmware_py.brain.estimate import Estimate, Synchroniser, SynchroniserState
 from firmware_py.brain.film import Film, Points, Steady
 from firmware_py.brain.intervals import (
     NEAR_WHIRL,
@@ -40,6 +40,7 @@ from firmware_py.brain.unbalance import (
     RUNOUT_PRIOR_M,
     Imbalance,
     ImbalanceFilter,
+    ImbalanceState,
 )
 from firmware_py.config import Config
 from firmware_py.machine.lubricant import viscosity_Pa_s
@@ -54,6 +55,8 @@ SWING_ERROR_M: Final = 2e-7
 FILM_ERROR_M: Final = 3e-7
 MARGIN_ERROR: Final = 0.02
 OIL_SLOPE_S: Final = 1.0
+HISTORY: Final = 25
+"""Estimates remembered: those of the longest window, at the advice's rate, and some more."""
 DAMPING_LEAST: Final = 0.01
 LIMIT_TIMES_S: Final = (0.0, 1.0, 2.0, 4.0, 8.0, 15.0, 30.0, 60.0)
 """Where a growing fault is looked for beyond its limit."""
@@ -101,6 +104,26 @@ class Outlook:
     regime: tuple[str, ...]
 
 
+class Synchronised(msgspec.Struct, frozen=True, array_like=True):
+    """What the synchronised model said of load and viscosity at ``t_ns``, and the oil measured."""
+
+    t_ns: int
+    load_N: float
+    viscosity_Pa_s: float
+    oil_outlet_C: float
+
+
+class PredictorState(msgspec.Struct):
+    """What the predictor remembers: its filters', the newest :data:`HISTORY` estimates, and the
+    half order of the last window with the damping ratio that it was seen at."""
+
+    synchroniser: SynchroniserState
+    imbalance: ImbalanceState
+    history: list[Synchronised] = []
+    half_m: float = 0.0
+    half_damping: float = 1.0
+
+
 class Predictor:
     """Surrogate-based predictive model of the running machine.
 
@@ -124,7 +147,7 @@ class Predictor:
             config.machine.rotor.mass_at_bearing_kg,
         )
         self._synchroniser = Synchroniser(self._film, config)
-        self._factors, self._state = factors or IntervalFactors(), state_of(config)
+        self._factors, self._probes_state = factors or IntervalFactors(), state_of(config)
         self._oil, self._windage_W_s3 = config.machine.lubricant, config.machine.rotor.windage_W_s3
         angles = np.radians([channel.angle_deg for channel in config.machine.channel[:2]])
         self._probes = np.column_stack([np.cos(angles), np.sin(angles)])
@@ -136,22 +159,35 @@ class Predictor:
         bearing = config.machine.bearing
         self._imbalance = ImbalanceFilter(
             config.machine.rotor.unbalance_normal_kg_m,
-            RESIDUAL_RUNOUT_M if self._state == "zeroed" else RUNOUT_PRIOR_M,
+            RESIDUAL_RUNOUT_M if self._probes_state == "zeroed" else RUNOUT_PRIOR_M,
         )
-        self._history: deque[tuple[int, float, float, float]] = deque(maxlen=25)
-        self._half_m, self._half_damping = 0.0, 1.0
+        self._state = PredictorState(self._synchroniser.state, self._imbalance.state)
         self.candidates_m: Floats = 1e-6 * np.linspace(
             bearing.radial_clearance_min_um, bearing.radial_clearance_max_um, CANDIDATES
         )
         self.label = model.label
 
+    @property
+    def state(self) -> PredictorState:
+        """All that changes, the filters' included."""
+        return self._state
+
+    @state.setter
+    def state(self, state: PredictorState) -> None:
+        self._state = state
+        self._synchroniser.state, self._imbalance.state = state.synchroniser, state.imbalance
+
     def estimate(self, measured: Measured) -> Estimate:
         """Synchronise the model with the machine; the same ``t_ns`` again only reads the
         estimate."""
         estimate = self._synchroniser.step(measured)
-        self._history.append(
-            (measured.t_ns, estimate.load_N, estimate.viscosity_Pa_s, measured.oil_outlet_C)
+        history = self._state.history
+        history.append(
+            Synchronised(
+                measured.t_ns, estimate.load_N, estimate.viscosity_Pa_s, measured.oil_outlet_C
+            )
         )
+        del history[:-HISTORY]
         return estimate
 
     def learn(self, measured: Measured, forward_m: complex) -> None:
@@ -168,7 +204,11 @@ class Predictor:
         turns_s = TURNS * 2.0 * math.pi / max(measured.speed_rad_s, 1.0)
         length_ns = round(1e9 * min(max(turns_s, MIN_SECONDS), MAX_SECONDS))
         start_ns = measured.t_ns - length_ns
-        inside = [row[1:3] for row in self._history if start_ns <= row[0] <= measured.t_ns]
+        inside = [
+            (then.load_N, then.viscosity_Pa_s)
+            for then in self._state.history
+            if start_ns <= then.t_ns <= measured.t_ns
+        ]
         if not inside:
             inside = [(e.load_N, e.viscosity_Pa_s) for e in (self._synchroniser.step(measured),)]
         load_N, viscosity = np.mean(inside, axis=0).tolist()
@@ -177,13 +217,14 @@ class Predictor:
             *(np.array([v]) for v in (measured.speed_rad_s, clearance_m, viscosity, load_N))
         )
         steady = self._film.steady(points)
-        unbalance = np.array([abs(self._imbalance.state.unbalance_kg_m) + 1e-9])
+        unbalance = np.array([abs(self._imbalance.present.unbalance_kg_m) + 1e-9])
         x, y = (balanced(self._film, points, steady, unbalance).first_m[0] / unbalance[0]).tolist()
         self._imbalance.step(
             start_ns + length_ns // 2, forward_m - self._slow_roll_m, 0.5 * (x + 1j * y)
         )
-        self._synchroniser.unbalance_kg_m = abs(self._imbalance.at(measured.t_ns).unbalance_kg_m)
-        self._half_m, self._half_damping = measured.half_m, float(steady.damping_ratio[0])
+        state = self._state
+        state.synchroniser.unbalance_kg_m = abs(self._imbalance.at(measured.t_ns).unbalance_kg_m)
+        state.half_m, state.half_damping = measured.half_m, float(steady.damping_ratio[0])
 
     def static_film(self) -> tuple[float, float]:
         """See :meth:`firmware_py.brain.estimate.Synchroniser.static_film`."""
@@ -192,7 +233,8 @@ class Predictor:
     @property
     def unbalance_interval_kg_m(self) -> tuple[float, float, float]:
         """90 % interval: low, expected, high."""
-        size, half = self._imbalance.state.size_kg_m, SIGMA_90 * self._imbalance.state.size_sd_kg_m
+        present = self._imbalance.present
+        size, half = present.size_kg_m, SIGMA_90 * present.size_sd_kg_m
         return max(0.0, size - half), size, size + half
 
     def forecast(
@@ -235,7 +277,7 @@ class Predictor:
             np.full(n, estimate.viscosity_Pa_s),
             np.full(n, estimate.load_N),
         )
-        return simulate(self._film, points, np.full(n, self._imbalance.state.size_kg_m), turns)
+        return simulate(self._film, points, np.full(n, self._imbalance.present.size_kg_m), turns)
 
     def sense(self, measured: Measured, estimate: Estimate) -> Outlook:
         """Virtual sensors: smallest film and friction power of this moment (the bearing force is
@@ -244,7 +286,7 @@ class Predictor:
 
     def growing(self, estimate: Estimate) -> bool:
         """Whether unbalance, viscosity or clearance change at a clear rate."""
-        return bool(estimate.growing.any()) or self._imbalance.state.growing
+        return bool(estimate.growing.any()) or self._imbalance.present.growing
 
     def time_to_limit(
         self, measured: Measured, estimate: Estimate, min_film_m: float, swing_m: float
@@ -308,9 +350,10 @@ class Predictor:
 
     def _oil_slope_K_s(self) -> float:
         """Slope of the oil's temperature over the newest :data:`OIL_SLOPE_S`."""
-        newest_ns = self._history[-1][0]
+        history = self._state.history
+        oldest_ns = history[-1].t_ns - OIL_SLOPE_S * 1e9
         t, oil = np.array(
-            [(row[0], row[3]) for row in self._history if row[0] >= newest_ns - OIL_SLOPE_S * 1e9]
+            [(then.t_ns, then.oil_outlet_C) for then in history if then.t_ns >= oldest_ns]
         ).T
         t_s = (t - t.mean()) * 1e-9
         spread = float(t_s @ t_s)
@@ -362,7 +405,7 @@ class Predictor:
             interval(
                 values[i][:, 0],
                 deviation[:, i],
-                [self._factors.of(self._state, r, name) for r in regimes],
+                [self._factors.of(self._probes_state, r, name) for r in regimes],
             )
             for i, name in enumerate(("power_W", "peak_to_peak_m", "min_film_m", "whirl_margin"))
         )
@@ -410,8 +453,10 @@ class Predictor:
     def _half_order(self, damping_ratio: Floats) -> Floats:
         """Half-order amplitude: what was measured, more where the damping falls (response of a mode
         to noise)."""
-        now = max(self._half_damping, DAMPING_LEAST)
-        return np.asarray(self._half_m * np.sqrt(now / np.maximum(damping_ratio, DAMPING_LEAST)))
+        now = max(self._state.half_damping, DAMPING_LEAST)
+        return np.asarray(
+            self._state.half_m * np.sqrt(now / np.maximum(damping_ratio, DAMPING_LEAST))
+        )
 
 
 def slow_roll_forward(config: Config) -> complex:

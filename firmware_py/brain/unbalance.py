@@ -15,6 +15,7 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -61,6 +62,15 @@ class Imbalance:
         return abs(self.rate_kg_m_s) > GROWING_SIGMAS * self.rate_sd_kg_m_s > 0.0
 
 
+class ImbalanceState(msgspec.Struct):
+    """Mean (3,) and covariance (3, 3) of runout (m), unbalance and its rate (in normal unbalances),
+    and their time."""
+
+    mean: Complexes
+    covariance: Complexes
+    t_ns: int | None = None
+
+
 class ImbalanceFilter:
     """Kalman filter of runout, unbalance and its rate.
 
@@ -74,28 +84,27 @@ class ImbalanceFilter:
 
     def __init__(self, normal_kg_m: float, runout_m: float = RUNOUT_PRIOR_M) -> None:
         self._normal_kg_m = max(normal_kg_m, 1e-7)
-        self._mean: Complexes = np.zeros(3, np.complex128)
-        self._covariance: Complexes = np.diag([runout_m**2, UNBALANCE_PRIOR**2, 0.0]).astype(
-            np.complex128
-        )
-        self._t_ns: int | None = None
+        prior = np.diag([runout_m**2, UNBALANCE_PRIOR**2, 0.0]).astype(np.complex128)
+        self.state = ImbalanceState(np.zeros(3, np.complex128), prior)
 
     @property
-    def state(self) -> Imbalance:
+    def present(self) -> Imbalance:
         """The present estimate."""
         return self.ahead(0.0)
 
     def at(self, t_ns: int, seconds: float = 0.0) -> Imbalance:
         """The estimate ``seconds`` after ``t_ns``, if the rate holds."""
+        since_ns = self.state.t_ns
         return self.ahead(
-            seconds + (0.0 if self._t_ns is None else max(0.0, (t_ns - self._t_ns) * 1e-9))
+            seconds + (0.0 if since_ns is None else max(0.0, (t_ns - since_ns) * 1e-9))
         )
 
     def ahead(self, seconds: float) -> Imbalance:
         """The estimate ``seconds`` on, if a clear rate holds; one that is not clear is taken for
         none."""
-        runout, unbalance, rate = self._mean.tolist()
-        now_sd, rate_sd = np.sqrt(np.diag(self._covariance).real[1:]).tolist()
+        runout, unbalance, rate = self.state.mean.tolist()
+        covariance = self.state.covariance
+        now_sd, rate_sd = np.sqrt(np.diag(covariance).real[1:]).tolist()
         outward, outward_sd = (
             (rate * unbalance.conjugate()).real / max(abs(unbalance), 1e-9),
             rate_sd / math.sqrt(2.0),
@@ -105,7 +114,7 @@ class ImbalanceFilter:
             f = _transition(seconds)
             unbalance, sd = (
                 unbalance + seconds * rate,
-                math.sqrt((f @ self._covariance @ f.T)[1, 1].real),
+                math.sqrt((f @ covariance @ f.T)[1, 1].real),
             )
         size, scale = math.hypot(abs(unbalance), 0.5 * now_sd), self._normal_kg_m
         return Imbalance(
@@ -120,11 +129,12 @@ class ImbalanceFilter:
     def step(self, t_ns: int, forward_m: complex, response_m_per_kg_m: complex) -> Imbalance:
         """Take the forward first order ``forward_m`` of a window and the model's response at its
         operating point."""
-        elapsed_s = 0.0 if self._t_ns is None else max(0.0, (t_ns - self._t_ns) * 1e-9)
-        self._t_ns = t_ns
+        state = self.state
+        elapsed_s = 0.0 if state.t_ns is None else max(0.0, (t_ns - state.t_ns) * 1e-9)
+        state.t_ns = t_ns
         f = _transition(elapsed_s)
         drift = np.diag([RUNOUT_DRIFT_M_S**2, UNBALANCE_DRIFT**2, RATE_DRIFT**2]) * elapsed_s
-        mean, prior = f @ self._mean, f @ self._covariance @ f.T + drift
+        mean, prior = f @ state.mean, f @ state.covariance @ f.T + drift
         row = np.array([1.0, response_m_per_kg_m * self._normal_kg_m, 0.0])
         innovation = forward_m - complex(row @ mean)
         variance = (
@@ -133,10 +143,10 @@ class ImbalanceFilter:
             + (GAIN_ERROR * abs(row[1] * mean[1])) ** 2
         )
         gain = prior @ row.conj() / variance
-        self._mean = mean + gain * innovation
+        state.mean = mean + gain * innovation
         covariance = prior - np.outer(gain, row @ prior)
-        self._covariance = 0.5 * (covariance + covariance.conj().T)
-        return self.state
+        state.covariance = 0.5 * (covariance + covariance.conj().T)
+        return self.present
 
 
 def _transition(seconds: float) -> NDArray[np.float64]:

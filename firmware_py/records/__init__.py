@@ -41,7 +41,15 @@ from firmware_py.records.normal import (
     CommissionState,
     Normal,
 )
-from firmware_py.records.replay import Cycle, CycleRecord, Decision, Snapshot, WindowRecord
+from firmware_py.records.replay import (
+    BrainSnapshot,
+    BrainStep,
+    Cycle,
+    CycleRecord,
+    Decision,
+    Snapshot,
+    WindowRecord,
+)
 from firmware_py.records.wire import (
     ArmState,
     Command,
@@ -76,7 +84,9 @@ __all__ = [
     "Baseline",
     "Belonging",
     "Block",
+    "BrainSnapshot",
     "BrainState",
+    "BrainStep",
     "ChannelCause",
     "Command",
     "CommandReply",
@@ -141,6 +151,8 @@ RoomRecord = (
     | WindowRecord
     | CommissionState
     | Normal
+    | BrainStep
+    | BrainSnapshot
 )
 
 _encoder = msgspec.msgpack.Encoder()

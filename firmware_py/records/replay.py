@@ -1,6 +1,8 @@
-"""What a replay needs: cycles, decisions, snapshots, windows."""
+"""What a replay needs: cycles, decisions, steps of the brain, snapshots, windows."""
 
 from __future__ import annotations
+
+import msgspec
 
 from firmware_py.records.acquired import Block, RigReading
 from firmware_py.records.base import Record
@@ -53,6 +55,43 @@ class Snapshot(Record, frozen=True, tag=True):
     seq: int
     now_ns: int
     state: bytes
+
+
+class BrainStep(Record, frozen=True, tag=True, omit_defaults=True):
+    """What one step of the brain took in: with the snapshot before it, it determines the outputs.
+
+    The records themselves are recorded elsewhere, or come out of the guard's replay.  ``blocks``,
+    ``readings`` and ``states`` (of the guard) hold their sequence numbers as runs: first and last,
+    first and last.  ``requests``: sequence numbers; ``normals``: names
+    (:func:`firmware_py.brain.normal.digest`).  Those of the gate are taken first, then those of the
+    guard in its order.
+    """
+
+    seq: int
+    now_ns: int
+    blocks: list[int] = msgspec.field(default_factory=list)
+    readings: list[int] = msgspec.field(default_factory=list)
+    states: list[int] = msgspec.field(default_factory=list)
+    requests: list[int] = msgspec.field(default_factory=list)
+    normals: list[str] = msgspec.field(default_factory=list)
+
+
+class BrainSnapshot(Record, frozen=True, tag=True):
+    """A part of the brain's whole state before step ``seq``, but for its samples.
+
+    Those are in the blocks from ``first_block`` to ``last_block`` (both 0: none).  ``state`` of all
+    ``parts`` together is the tree of :mod:`firmware_py.brain.tree`.  ``cpu_features``: where the
+    outputs after it are exact to the bit.
+    """
+
+    seq: int
+    now_ns: int
+    first_block: int
+    last_block: int
+    cpu_features: str
+    state: bytes
+    part: int = 0
+    parts: int = 1
 
 
 class WindowRecord(Record, frozen=True, tag=True):

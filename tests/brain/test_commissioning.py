@@ -14,6 +14,8 @@ from firmware_py.brain.core import BrainCore
 from firmware_py.brain.diagnosis import Diagnoser
 from firmware_py.records import (
     Alarm,
+    BrainSnapshot,
+    BrainStep,
     CommandReply,
     CommandRequest,
     CommissionState,
@@ -35,7 +37,9 @@ SPEEDS_RPM = (5000.0, 5800.0, 6800.0, 7900.0, 9200.0)
 
 
 def ask(core: BrainCore, action: str, seq: int = 1) -> list[RoomRecord]:
-    return core.step([CommandRequest(seq=seq, verb="commission", action=action)], 0)
+    """What the brain answers; not what it records of itself."""
+    said = core.step([CommandRequest(seq=seq, verb="commission", action=action)], 0)
+    return [record for record in said if not isinstance(record, BrainSnapshot | BrainStep)]
 
 
 def run_over_the_range(

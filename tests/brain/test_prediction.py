@@ -455,7 +455,7 @@ def test_a_growing_unbalance_is_not_taken_for_runout() -> None:
     for gain in (0.2 + 0j, 0.5 + 0.1j):
         for i in range(40):
             f.step(i * 250_000_000, 3e-6 + gain * 1e-5, gain)
-    before = f.state
+    before = f.present
     for i in range(40, 80):
         state = f.step(i * 250_000_000, 3e-6 + gain * 8e-5, gain)
     assert state.runout_m == pytest.approx(before.runout_m, abs=1.5e-6)
