@@ -50,7 +50,6 @@ class StepState(msgspec.Struct):
     step_seq: int = 0
     advice_seq: int = 0
     next_advice_ns: int | None = None
-    snapshot_due_ns: int = 0
     newest_ns: int = 0
     windows_dropped: int = 0
     diagnosis: Diagnosis | None = None
@@ -148,7 +147,7 @@ class BrainCore:
 
     def record_from_here(self) -> None:
         """Let the next step begin with a snapshot: somebody has just begun to record."""
-        self._state.snapshot_due_ns = 0
+        self._snapshots.due_ns = 0
 
     def _encoded(self) -> bytes:
         return tree.encode(
@@ -166,10 +165,8 @@ class BrainCore:
         """What a replay needs of this step: a part of a snapshot now and then, and what it
         takes."""
         state = self._state
-        if now_ns >= state.snapshot_due_ns:
-            state.snapshot_due_ns = self._snapshots.put(
-                state.step_seq, now_ns, self.recent, self._encoded()
-            )
+        if now_ns >= self._snapshots.due_ns:
+            self._snapshots.put(state.step_seq, now_ns, self.recent, self._encoded())
         step = taken(records, state.step_seq, now_ns)
         state.step_seq += 1
         return [*self._snapshots.next_part(), step]

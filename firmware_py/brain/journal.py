@@ -104,13 +104,14 @@ class Snapshots:
     """Hands out the snapshots of a run, one part a step, as often as their size allows."""
 
     def __init__(self, cpu_features: str) -> None:
+        self.due_ns = 0
         self._cpu_features = cpu_features
         self._parts: deque[BrainSnapshot] = deque()
 
-    def put(self, seq: int, now_ns: int, blocks: Sequence[Block], state: bytes) -> int:
-        """Take the state before step ``seq``; when the next one is due (ns)."""
+    def put(self, seq: int, now_ns: int, blocks: Sequence[Block], state: bytes) -> None:
+        """Take the state before step ``seq``."""
         self._parts = deque(split(seq, now_ns, self._cpu_features, blocks, state))
-        return now_ns + max(SNAPSHOT_PERIOD_NS, len(state) * 1_000_000_000 // BYTES_PER_S)
+        self.due_ns = now_ns + max(SNAPSHOT_PERIOD_NS, len(state) * 1_000_000_000 // BYTES_PER_S)
 
     def next_part(self) -> list[BrainSnapshot]:
         """The next part that was not handed out yet, if any."""
@@ -122,7 +123,7 @@ def split(
 ) -> list[BrainSnapshot]:
     """One snapshot in parts that fit between two processes."""
     pieces = [state[at : at + PART_BYTES] for at in range(0, len(state), PART_BYTES)]
-    first, last = (blocks[0].seq, blocks[-1].seq) if blocks else (0, 0)
+    first, last = (blocks[0].seq, blocks[-1].seq) if blocks else (0, -1)
     return [
         BrainSnapshot(seq, now_ns, first, last, cpu_features, piece, part, len(pieces))
         for part, piece in enumerate(pieces)

@@ -1,4 +1,5 @@
-"""``orbitd replay FILE``: run a recording again and compare every decision and diagnosis."""
+"""``orbitd replay FILE``: run a recording again and compare every decision, and all that the brain
+said."""
 
 from __future__ import annotations
 
@@ -14,8 +15,10 @@ from firmware_py.brain.store import load_models
 from firmware_py.config import Config, ConfigError, decode
 from firmware_py.gate.loop import read_models
 from firmware_py.recording import Recording, RecordingError
+from firmware_py.replay.brain import BrainReplay, BrainReport
 from firmware_py.replay.decisions import DecisionReplay, DecisionReport
 from firmware_py.replay.diagnoses import DiagnosisReplay, DiagnosisReport
+from firmware_py.replay.taken import read_steps
 
 
 class Report(msgspec.Struct):
@@ -28,6 +31,8 @@ class Report(msgspec.Struct):
     decisions: DecisionReport
     diagnoses: DiagnosisReport | None
     diagnoses_left_out: str
+    brain: BrainReport | None = None
+    """Of a recording that holds the steps of the brain."""
     skipped_bytes: int = 0
     damage: list[str] = msgspec.field(default_factory=list)
 
@@ -57,31 +62,37 @@ def replay(path: Path) -> Report:
     config = _config(recording)
     left_out = _why_no_diagnoses(recording, config)
     decisions = DecisionReplay(config)
-    diagnoses = (
-        None
-        if left_out
-        else DiagnosisReplay(recording, config, load_models(config), cpu_features())
-    )
+    brain = None if left_out else _brain(recording, config)
     first_ns = last_ns = 0
     for cycle in decisions.run(recording):
         first_ns, last_ns = first_ns or cycle.cycle.now_ns, cycle.cycle.now_ns
-        if diagnoses:
-            diagnoses.step(cycle.decision, cycle.new_segment)
+        if brain:
+            brain.step(cycle)
     damage = recording.damage
     if not decisions.report.cycles:
         raise RecordingError("; ".join([_why_nothing(path, decisions.report), *damage.notes]))
-    judged = diagnoses.finish() if diagnoses else None
+    found = brain.finish() if brain else None
+    judged = found.diagnoses if isinstance(found, BrainReport) else found
     return Report(
         file=path.name,
-        ok=decisions.report.ok and (judged is None or judged.ok),
+        ok=decisions.report.ok and (found is None or found.ok),
         interrupted=recording.interrupted,
         seconds=(last_ns - first_ns) * 1e-9,
         decisions=decisions.report,
         diagnoses=judged,
         diagnoses_left_out=left_out,
+        brain=found if isinstance(found, BrainReport) else None,
         skipped_bytes=damage.skipped_bytes,
         damage=damage.notes,
     )
+
+
+def _brain(recording: Recording, config: Config) -> BrainReplay | DiagnosisReplay:
+    """Of all that the brain said; of its diagnoses where the recording does not hold its steps."""
+    models, steps = load_models(config), read_steps(recording)
+    if steps:
+        return BrainReplay(steps, config, models, cpu_features())
+    return DiagnosisReplay(recording, config, models, cpu_features())
 
 
 def _why_nothing(path: Path, report: DecisionReport) -> str:
@@ -131,18 +142,33 @@ def words(report: Report) -> list[str]:
         if report.diagnoses
         else f"diagnoses   not compared: {report.diagnoses_left_out}"
     )
-    firsts: list[Any] = [
-        d.first_difference,
-        report.diagnoses.first_difference if report.diagnoses else "",
-    ]
+    if report.brain:
+        lines.append(_brain_words(report.brain))
+    judged = report.brain or report.diagnoses
+    firsts: list[Any] = [d.first_difference, judged.first_difference if judged else ""]
     lines += [f"damage      {note}" for note in report.damage]
     return [
         *lines,
         *(f"first difference: {text}" for text in firsts if text),
-        f"same decisions{' and diagnoses' if report.diagnoses else ''}"
-        if report.ok
-        else "NOT the same",
+        f"same decisions{_what_else(report)}" if report.ok else "NOT the same",
     ]
+
+
+def _what_else(report: Report) -> str:
+    if report.brain:
+        return ", diagnoses, forecasts and advice"
+    return " and diagnoses" if report.diagnoses else ""
+
+
+def _brain_words(report: BrainReport) -> str:
+    counts = ", ".join(f"{count} {topic}" for topic, count in sorted(report.compared.items()))
+    return (
+        f"brain       {report.steps} steps in {report.segments} segments, compared: {counts}; "
+        f"{report.different} different; {report.snapshots_compared} states compared, "
+        f"{report.snapshots_different} different; {report.steps_set_aside} steps set aside, "
+        f"{report.records_lost} records lost on their way to it, {report.outputs_missing} outputs "
+        f"not in the recording"
+    )
 
 
 def _diagnosis_words(report: DiagnosisReport) -> str:

@@ -16,6 +16,7 @@ from firmware_py.config import Config
 from firmware_py.guard.core import CoreState, GuardCore
 from firmware_py.recording import TOPICS, Recording, RecordingError, decode_exact
 from firmware_py.records import Cycle, CycleRecord, Decision, DeviceHeartbeat, Snapshot
+from firmware_py.replay.compare import where
 from firmware_py.wire.link import codec_for
 
 _CYCLE, _SNAPSHOT = TOPICS[CycleRecord].name, TOPICS[Snapshot].name
@@ -128,7 +129,7 @@ class DecisionReplay:
         replayed = _as_read(core.snapshot(snapshot.seq, snapshot.now_ns).state)
         if recorded != replayed:
             report.snapshots_different += 1
-            self._note(f"snapshot before cycle {snapshot.seq}: {_where(recorded, replayed)}")
+            self._note(f"snapshot before cycle {snapshot.seq}: {where(recorded, replayed)}")
 
     def _note(self, text: str) -> None:
         self.report.first_difference = self.report.first_difference or text
@@ -159,12 +160,3 @@ class _Sessions:
 def _as_read(state: bytes) -> Any:
     """A state as this version reads it: fields that are new since have their defaults."""
     return msgspec.to_builtins(msgspec.msgpack.decode(state, type=CoreState))
-
-
-def _where(a: Any, b: Any, path: str = "") -> str:
-    """The first place at which two decoded states differ."""
-    if isinstance(a, dict) and isinstance(b, dict):
-        for key in [*a, *(key for key in b if key not in a)]:
-            if a.get(key) != b.get(key):
-                return _where(a.get(key), b.get(key), f"{path}.{key}".lstrip("."))
-    return f"{path}: recorded {a!r:.80}, replayed {b!r:.80}"

@@ -1,5 +1,5 @@
-"""The brain's half of a replay: the recorded windows cut again from the replayed blocks, and
-diagnosed.
+"""Replay of diagnoses alone, in a recording of before brains recorded their steps: the recorded
+windows cut again from the replayed blocks, and diagnosed.
 
 The brain stored the end of each window that it decided on; dropped windows are therefore left out
 here too.  It also stored which normal state of the machine each decision was judged against, and
@@ -25,16 +25,13 @@ from firmware_py.config import Config
 from firmware_py.recording import TOPICS, Recording, RecordingError, Stored, decode_exact
 from firmware_py.records import (
     Block,
-    Decision,
     Diagnosis,
     Normal,
     RigReading,
     WindowRecord,
 )
-
-PROBABILITY_TOLERANCE: Final = 0.02
-"""Between machines of different vector extensions: the same verdict, and probabilities this
-close."""
+from firmware_py.replay.compare import same_diagnosis
+from firmware_py.replay.decisions import Replayed
 
 HISTORY_NS: Final = 3_000_000_000
 """Samples remembered here: the longest window and a hop, rounded up."""
@@ -119,9 +116,10 @@ class DiagnosisReplay:
                     self.report.recorded += 1
                     self.report.exact &= window.cpu_features == cpu_features
 
-    def step(self, decision: Decision, new_segment: bool) -> None:
+    def step(self, cycle: Replayed) -> None:
         """Take what the guard gave the brain in one cycle."""
-        if new_segment:
+        decision = cycle.decision
+        if cycle.new_segment:
             self._restart()
         for block in decision.blocks:
             self._remember(block)
@@ -212,14 +210,7 @@ class DiagnosisReplay:
             each.pop("seq")
             for name in () if self._whole else _REACHING_BACK:
                 each["evidence"].pop(name, None)
-        same = (
-            told == found
-            if self.report.exact
-            else (
-                told["verdict"] == found["verdict"]
-                and abs(told["probability"] - found["probability"]) <= PROBABILITY_TOLERANCE
-            )
-        )
+        same = told == found if self.report.exact else same_diagnosis(told, found)
         if not same:
             self.report.different += 1
             self.report.first_difference = (

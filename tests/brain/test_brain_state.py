@@ -112,7 +112,13 @@ def test_a_brain_restored_at_any_step_goes_on_bit_for_bit(number: int) -> None:
     for step in steps[at : at + STEPS_ON]:
         ours = [encode(part) for part in core.snapshot(step_number(step), step.now_ns)]
         assert ours == step.snapshot
-        assert [encode(said) for said in core.step(step.records, step.now_ns)] == step.out
+        assert without_snapshots(core.step(step.records, step.now_ns)) == without_snapshots(
+            [decode(said) for said in step.out]
+        )
+
+
+def without_snapshots(said: list[RoomRecord]) -> list[bytes]:
+    return [encode(record) for record in said if not isinstance(record, BrainSnapshot)]
 
 
 def step_number(step: Step) -> int:
@@ -204,7 +210,7 @@ class Held(msgspec.Struct):
 def test_arrays_come_back_with_every_bit_and_their_order(values: list[float], turned: bool) -> None:
     array = np.array([values, values[::-1]])
     array = array.T if turned else array
-    held = tree.decode(tree.encode(Held(array, array * 1j)), Held)
+    held = tree.decode(tree.encode(Held(array, array.astype(complex))), Held)
     assert held.array.tobytes("A") == array.tobytes("A")
     for way in ("c_contiguous", "f_contiguous"):
         assert getattr(held.array.flags, way) == getattr(array.flags, way)

@@ -20,15 +20,23 @@ from firmware_py.recording import Recordable, Recording, RecordingError, decode_
 from firmware_py.records import (
     Advice,
     Block,
+    BrainSnapshot,
+    BrainState,
+    BrainStep,
     CycleRecord,
     Diagnosis,
+    Forecast,
     GuardState,
     RawFrame,
     RigReading,
     Snapshot,
     WindowRecord,
 )
+from firmware_py.replay.brain import BrainReplay, BrainReport
 from firmware_py.replay.command import Report, main, replay, words
+from firmware_py.replay.compare import NUMBER_TOLERANCE
+from firmware_py.replay.decisions import DecisionReplay, Replayed
+from firmware_py.replay.taken import read_steps
 from firmware_py.wire.link import codec_for
 from sim_hil.closed_loop import ClosedLoop
 from sim_hil.rig import Rig, node_limits
@@ -41,27 +49,34 @@ SESSION = 0xC0FFEE
 
 
 class Flight:
-    """A short flight: arm, go to auto, lose the brain and get it back, with an unbalance on the
-    way."""
+    """A short flight: arm, go to auto, lose the brain and get it back; a recorder that comes at
+    3.1 s gets the brain's state."""
 
     def __init__(self, listener: Callable[[Recordable, int], None]) -> None:
         codec = codec_for(BENCH)
         rig_data = load_rig("bench")
         models = load_models(BENCH)
+        self.brains: list[BrainCore] = []
+
+        def make_brain() -> BrainCore:
+            self.brains.append(BrainCore(BENCH, models, cpu_features()))
+            return self.brains[-1]
+
         self.loop = ClosedLoop(
             Rig(rig_data, codec, node_limits(rig_data, BENCH), 7),
             GuardCore(BENCH, codec, SESSION),
-            lambda: BrainCore(BENCH, models, cpu_features()),
+            make_brain,
             [listener],
             START_NS,
         )
 
     def run(self) -> None:
-        events = {
+        events: dict[int, Callable[[], object]] = {
+            3100: lambda: self.brains[0].record_from_here(),
             2500: lambda: self.loop.command("mode", mode=2),
             2600: lambda: self.loop.command("arm"),
-            3500: self.loop.kill_brain,
-            3800: self.loop.start_brain,
+            4000: self.loop.kill_brain,
+            4300: self.loop.start_brain,
         }
         for millisecond in range(7_000):
             events.get(millisecond, lambda: None)()
@@ -74,6 +89,22 @@ def flown() -> list[tuple[Recordable, int]]:
     told: list[tuple[Recordable, int]] = []
     Flight(lambda record, now_ns: told.append((record, now_ns))).run()
     return told
+
+
+@pytest.fixture(scope="session")
+def decided(flown, tmp_path_factory) -> list[Replayed]:
+    """Every cycle of the flight with the guard's decision."""
+    recording = Recording(record(flown, tmp_path_factory.mktemp("decided")))
+    return list(DecisionReplay(BENCH).run(recording))
+
+
+def brain_again(path: Path, decided: list[Replayed], features: str = "") -> BrainReport:
+    """The brain's half of a replay of ``path``, on a machine with these CPU features."""
+    steps = read_steps(Recording(path))
+    again = BrainReplay(steps, BENCH, load_models(BENCH), features or cpu_features())
+    for cycle in decided:
+        again.step(cycle)
+    return again.finish()
 
 
 def record(told: list[tuple[Recordable, int]], folder: Path, models: object = None) -> Path:
@@ -95,13 +126,50 @@ def test_the_whole_flight_comes_back_bit_by_bit(flown, tmp_path, capsys):
     assert report.diagnoses is not None
     assert report.diagnoses.exact
     assert report.diagnoses.compared == report.diagnoses.recorded > 18
+    assert report.brain is not None
+    assert report.brain.segments == 2, "one a brain"
+    assert report.brain.snapshots_compared == 1
+    assert report.brain.steps_set_aside == report.brain.outputs_missing == 0
+    assert report.brain.records_lost == 0
+    assert report.brain.compared == report.brain.recorded
+    assert report.brain.compared["ag/advice"] > 60
+    assert report.brain.compared["pa/forecast"] > 50
 
 
 def test_a_recording_that_begins_in_mid_flight_comes_back_from_its_first_snapshot(flown, tmp_path):
-    late = [(r, t) for r, t in flown if t > START_NS + 1_234_000_000]
+    late = [(r, t) for r, t in flown if t > START_NS + 234_000_000]
     report = replay(record(late, tmp_path))
     assert report.ok, report
     assert report.decisions.cycles_outside_segments == 766
+    assert report.brain is not None
+    assert report.brain.segments == 2, "from the recorder's coming on, and all of the second brain"
+    later = [r for r, t in late if isinstance(r, Advice) and t >= START_NS + 3_101_000_000]
+    assert report.brain.compared["ag/advice"] == len(later)
+    assert report.diagnoses is not None
+    assert report.diagnoses.compared >= 11
+    assert report.diagnoses.set_aside > 5
+
+
+def of_before(told):
+    """The flight as a device recorded it that did not record the steps of its brain."""
+    return [(r, t) for r, t in told if not isinstance(r, BrainStep | BrainSnapshot)]
+
+
+def test_diagnoses_of_an_older_recording_come_back_bit_by_bit(flown, tmp_path):
+    report = replay(record(of_before(flown), tmp_path))
+    assert report.ok, report
+    assert report.brain is None
+    assert report.diagnoses is not None
+    assert report.diagnoses.exact
+    assert report.diagnoses.compared == report.diagnoses.recorded > 18
+
+
+def test_an_older_recording_that_begins_in_mid_flight_sets_its_first_diagnoses_aside(
+    flown, tmp_path
+):
+    late = [(r, t) for r, t in of_before(flown) if t > START_NS + 1_234_000_000]
+    report = replay(record(late, tmp_path))
+    assert report.ok, report
     assert report.diagnoses is not None
     assert report.diagnoses.compared >= 8, "all of the second brain's"
     assert report.diagnoses.set_aside > 5
@@ -114,6 +182,9 @@ def test_a_gap_starts_a_new_segment_and_is_counted(flown, tmp_path):
     assert report.decisions.cycles_missing == 99
     assert report.decisions.different == 0
     assert report.ok, report
+    assert report.brain is not None
+    assert report.brain.segments == 2
+    assert report.brain.steps_set_aside == 1401, "until the next snapshot with all its samples"
 
 
 def test_an_interrupted_recording_replays_up_to_its_end(flown, tmp_path):
@@ -225,6 +296,76 @@ def test_a_changed_diagnosis_is_found(flown, tmp_path):
     assert not report.ok
     assert report.diagnoses is not None
     assert report.diagnoses.different == 1
+    told = of_before(told)
+    report = replay(record(told, tmp_path / "older"))
+    assert not report.ok
+    assert report.diagnoses is not None
+    assert report.diagnoses.different == 1
+
+
+@pytest.mark.parametrize(
+    ("kind", "field", "change"),
+    [
+        (Advice, "t_acq_ns", lambda v: v + 1),
+        (Advice, "reasons", lambda v: [*v, "none"]),
+        (Forecast, "power_W", lambda v: (v[0], v[1] * (1 + 1e-15), v[2])),
+        (BrainState, "counters", lambda v: v | {"windows": v["windows"] + 1}),
+    ],
+)
+def test_a_changed_word_of_the_brain_is_found_and_named(
+    flown, decided, tmp_path, kind, field, change
+):
+    def altered(r):
+        return msgspec.structs.replace(r, **{field: change(getattr(r, field))})
+
+    report = brain_again(record(changed(flown, kind, altered, which=3), tmp_path), decided)
+    assert not report.ok
+    assert report.different == 1
+    assert field in report.first_difference
+
+
+def test_a_brain_that_took_something_else_is_found(flown, decided, tmp_path):
+    def without_reading(r: BrainStep) -> BrainStep:
+        return msgspec.structs.replace(r, readings=[])
+
+    victims = [r for r, _ in flown if isinstance(r, BrainStep) and r.readings]
+    victim = victims[len(victims) // 3]
+    told = [(without_reading(r) if r is victim else r, t) for r, t in flown]
+    report = brain_again(record(told, tmp_path), decided)
+    assert not report.ok
+    assert report.records_lost == 1
+
+
+def test_what_the_recorder_lost_of_the_brain_is_counted_not_called_different(
+    flown, decided, tmp_path
+):
+    lost = [id(r) for r, _ in flown if isinstance(r, Advice)][20:23]
+    kept = [(r, t) for r, t in flown if id(r) not in lost]
+    report = brain_again(record(kept, tmp_path), decided)
+    assert report.ok, report
+    assert report.outputs_missing == 3
+    steps = [id(r) for r, _ in flown if isinstance(r, BrainStep)][2000:2001]
+    kept = [(r, t) for r, t in flown if id(r) not in steps]
+    report = brain_again(record(kept, tmp_path / "b"), decided)
+    assert report.ok, report
+    assert report.segments == 3, "the snapshot at 3.1 s begins another one"
+    assert 1000 < report.steps_set_aside < 1200
+
+
+def test_on_another_processor_the_brain_says_nearly_the_same(flown, decided, tmp_path):
+    def other(share: float):
+        def altered(f: Forecast) -> Forecast:
+            return msgspec.structs.replace(f, power_W=tuple(v * (1 + share) for v in f.power_W))
+
+        return changed(flown, Forecast, altered, which=30)
+
+    report = brain_again(record(other(NUMBER_TOLERANCE / 2), tmp_path), decided, "other")
+    assert report.ok, report
+    assert not report.exact
+    assert report.segments == 3, "restored at each snapshot"
+    report = brain_again(record(other(NUMBER_TOLERANCE * 2), tmp_path / "far"), decided, "other")
+    assert not report.ok
+    assert report.first_difference.startswith("pa/forecast")
 
 
 def test_a_guard_that_got_a_frame_that_was_not_recorded_is_found(flown, tmp_path):

@@ -52,6 +52,10 @@ def test_a_live_recording_of_a_killed_gate_replays_bit_by_bit(tmp_path):
     assert report.diagnoses is not None
     assert report.diagnoses.exact
     assert report.diagnoses.compared > 10
+    assert report.brain is not None
+    assert report.brain.compared["ag/advice"] > 30
+    assert report.brain.compared["pa/forecast"] > 10
+    assert report.brain.records_lost == 0
 
 
 def wait_for_diagnoses(runtime: Path) -> None:
