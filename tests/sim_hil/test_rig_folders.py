@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 
 import msgspec
 import pytest
+from msgspec import inspect
 
 from firmware_py import config
 from firmware_py.machine.folder import shipped_names
@@ -134,3 +136,21 @@ def test_a_rig_without_a_simulation_has_the_defaults_and_a_wrong_one_is_told(
     assert [(fault.key, fault.line) for fault in caught.value.faults] == [
         ("foundation.motor.bolt_x_m", 10), ("forces.teth", 4), ("drive.coast_rad_s2", 2),
     ]  # fmt: skip
+
+
+def test_every_number_of_a_simulation_has_a_least_and_a_greatest_value() -> None:
+    def numbers(kind: inspect.Type, key: str) -> Iterator[tuple[str, inspect.Type]]:
+        if isinstance(kind, inspect.StructType):
+            for each in kind.fields:
+                yield from numbers(each.type, f"{key}.{each.name}")
+        elif isinstance(kind, inspect.ListType):
+            yield from numbers(kind.item_type, key)
+        elif isinstance(kind, inspect.UnionType):
+            for one in kind.types:
+                yield from numbers(one, key)
+        elif isinstance(kind, inspect.IntType | inspect.FloatType):
+            yield key, kind
+
+    found = dict(numbers(inspect.type_info(Simulation), ""))
+    assert len(found) > 40
+    assert [key for key, kind in found.items() if kind.ge is None or kind.le is None] == []  # type: ignore[attr-defined]
