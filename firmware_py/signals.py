@@ -2,8 +2,8 @@
 
 A *kind* says what is measured; an *instance* (``[[channel]]``, ``[[reading]]`` of the rig) says
 where.  Configuration checks, wire codecs, DBC, acquisition, recorder, metrics and page take what
-they need from these rows; a new instance therefore costs no code.  ``docs/decisions/signals.md``
-tells how to add a kind.
+they need from these rows; a new instance therefore costs no code.  ``docs/signals.md``
+tells how to add one.
 
 The tables hold no laws and no thresholds of stages: those stand where they are used.
 """

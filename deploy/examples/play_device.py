@@ -2,6 +2,7 @@
 ../NODE.md).
 
     python play_device.py --seconds 10 --clearance 62.5 [--channel orbitd0] [--interface orbitd_hub]
+        [--dbc FILE]
 
 It knows the DBC alone.  At the end it prints what it saw as one JSON object.
 """
@@ -12,9 +13,11 @@ import argparse
 import json
 import secrets
 import time
+from itertools import count, takewhile
+from pathlib import Path
 
 import can
-from dbc_wire import Wire
+from dbc_wire import DBC, Wire
 
 AUTO, ARMED = 2, 3
 
@@ -34,13 +37,14 @@ class Device:
     def take(self, name: str, values: dict[str, float]) -> None:
         if name == "SAMPLES":
             self.newest_tick = int(values["tick"])
-            self.displacement += [values[f"disp_x_{i}"] for i in range(3)]
+            names = takewhile(lambda name: name in values, (f"disp_x_{i}" for i in count()))
+            self.displacement += [values[name] for name in names]
             if values["mark_valid"]:
                 self.marks[int(values["turn_count"])] = int(values["mark_tick"])
         elif name == "NODE_STATE":
             self.state = values
-        elif name == "RIG_STATUS":
-            self.status = values
+        elif name in ("RIG_STATUS", "READINGS"):  # the second comes in pages
+            self.status |= values
         elif name == "NODE_INFO":
             self.info = values
 
@@ -104,13 +108,18 @@ def play(wire: Wire, seconds: float, clearance_um: float, pressure_bar: float) -
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--channel", default="orbitd0")
+    parser.add_argument("--dbc", type=Path, default=DBC, help="of the rig (default: schema 1)")
     parser.add_argument("--interface", default="orbitd_hub")
     parser.add_argument("--seconds", type=float, default=10.0)
     parser.add_argument("--clearance", type=float, default=62.5, help="radial clearance in um")
     parser.add_argument("--pressure", type=float, default=1.5, help="supply pressure in bar")
     options = parser.parse_args()
     with can.Bus(channel=options.channel, interface=options.interface, fd=True) as bus:
-        print(json.dumps(play(Wire(bus), options.seconds, options.clearance, options.pressure)))
+        print(
+            json.dumps(
+                play(Wire(bus, options.dbc), options.seconds, options.clearance, options.pressure)
+            )
+        )
 
 
 if __name__ == "__main__":

@@ -7,12 +7,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from firmware_py.wire.layout import SCHEMA_1
 from sim_hil.build import Build
 from sim_hil.faults.sensor import Samples, sensor_fault
 from sim_hil.rigs import read_json
 from sim_hil.rotor.parameters import Floats
 
-SCALES: Final = np.array([1e-8, 1e-8, 1e-2, 1e-2, 1e-2, 1e-3, 1e-3, 1e-4])
+SCALES: Final = np.array([channel.wire_scale for channel in SCHEMA_1.channels])
 """SI units per count of the eight channels, as on the wire."""
 
 _SI_PER_UNIT: Final = {"um": 1e-6, "m/s2": 1.0, "Pa": 1.0, "bar": 1.0, "V": 1.0}

@@ -53,11 +53,12 @@ from firmware_py.records import (
     decode,
     encode,
 )
-from firmware_py.wire import hub
+from firmware_py.wire import dbc, hub, protection
 from firmware_py.wire import mav_dialect as mav
 from firmware_py.wire.can_link import CanLink
-from firmware_py.wire.codec import CanCodec
+from firmware_py.wire.codec import CanCodec, frames
 from firmware_py.wire.hub_bus import OrbitdHubBus
+from firmware_py.wire.layout import WireLayout
 from firmware_py.wire.mav_codec import MavCodec
 from firmware_py.wire.mav_packet import Framer
 
@@ -109,6 +110,45 @@ def mavlink_packets() -> tuple[Feeder, Sequence[bytes]]:
 
     status = RigStatus(1, 2, 60.0, 40.0, 60.0, 1.0)
     return feed, [bytes(codec.encode(status).data), bytes(codec.encode(status).data) * 3]
+
+
+def schema_2_frames() -> tuple[Feeder, Sequence[bytes]]:
+    """CAN frames of wire schema 2, twelve channels and many readings, into the guard's core, with a
+    good CRC more often than not."""
+    from ..wire.layouts import rig
+
+    config = rig(12, 20)
+    layout = WireLayout.of(config)
+    codec = CanCodec(layout)
+    core = GuardCore(config, codec, 0x77)
+    seeds = {f.frame_id: protection.seed(f.data_id) for f in frames(layout).values()}
+    clock = SimpleNamespace(seq=0)
+
+    def feed(data: bytes) -> None:
+        clock.seq += 1
+        now_ns, frame_id = clock.seq * 1_000_000, int.from_bytes(data[:4], "big")
+        body = data[4:]
+        if clock.seq % 4 and frame_id in seeds and len(body) > 2:
+            body = protection.protect(body[2:], seeds[frame_id])
+        frame = RawFrame(now_ns, frame_id, body)
+        core.step(Cycle(clock.seq, now_ns, [frame], None, [], True, True, True))
+
+    examples = [codec.encode(told.example) for told in dbc.described(layout).values()]
+    return feed, [frame.frame_id.to_bytes(4, "big") + frame.data for frame in examples]
+
+
+def schema_2_packets() -> tuple[Feeder, Sequence[bytes]]:
+    """Bytes of the serial line through framer and codec of wire schema 2."""
+    from ..wire.layouts import rig
+
+    layout = WireLayout.of(rig(9, 6))
+    framer, codec = Framer(), MavCodec(layout)
+
+    def feed(data: bytes) -> None:
+        for message_id, packet in framer.feed(data, 256):
+            codec.decode(RawFrame(0, message_id, packet))
+
+    return feed, [codec.encode(told.example).data for told in dbc.described(layout).values()]
 
 
 def room_packets() -> tuple[Feeder, Sequence[bytes]]:
@@ -349,6 +389,8 @@ def guard_memory() -> tuple[Feeder, Sequence[bytes]]:
 INPUTS: Final = (
     Input("can_frames", can_frames, 1_000_000, "CAN frames into the guard's core"),
     Input("mavlink_packets", mavlink_packets, 1_000_000, "bytes of the serial line"),
+    Input("schema_2_frames", schema_2_frames, 1_000_000, "CAN frames of wire schema 2"),
+    Input("schema_2_packets", schema_2_packets, 1_000_000, "the serial line of wire schema 2"),
     Input("room_packets", room_packets, 1_000_000, "packets of the local sockets"),
     Input("zenoh_payloads", zenoh_payloads, 1_000_000, "payloads of commands on Zenoh"),
     Input("http_requests", http_requests, 1_000_000, "requests to page and metrics"),

@@ -7,16 +7,22 @@ import ast
 import json
 import re
 import signal
+import struct
 import subprocess
 import sys
 import time
+import zlib
 from pathlib import Path
 
 import pytest
 
 from firmware_py.records import RawFrame
-from firmware_py.wire.codec import CanCodec
+from firmware_py.wire import dbc
+from firmware_py.wire.codec import CanCodec, frames
 from firmware_py.wire.hub_connect import DIRECTORY_VARIABLE
+from firmware_py.wire.layout import SCHEMA_1, WireLayout
+
+from .layouts import rig
 
 DEPLOY = Path(__file__).resolve().parents[2] / "deploy"
 EXAMPLES = DEPLOY / "examples"
@@ -96,3 +102,63 @@ def test_the_worked_example_of_the_node_specification_is_right() -> None:
     command = CanCodec().decode(RawFrame(0, 0x060, bytes.fromhex(line)))
     assert (command.counter, command.session, command.echo_tick_us) == (258, 0x1234ABCD, 5_000_000)
     assert (command.clearance_um, command.pressure_bar) == (62.5, 1.5)
+
+
+# ---------------------------------------------------------------------- wire schema 2
+
+
+def worked(frame_id: str) -> bytes:
+    (line,) = re.findall(
+        rf"^ +frame {frame_id} +([0-9A-F ]+)$", (DEPLOY / "NODE.md").read_text(), re.MULTILINE
+    )
+    return bytes.fromhex(line)
+
+
+def test_the_worked_examples_of_schema_2_are_right() -> None:
+    layout = WireLayout.of(rig(2, rate_hz=1000))
+    page = (DEPLOY / "NODE.md").read_text()
+    assert "".join(f"    {line}\n" for line in layout.text.splitlines()) in page
+    assert f"layout_hash             0x{zlib.crc32(layout.text.encode()):08X}" in page
+    codec = CanCodec(layout)
+    readings = codec.decode(RawFrame(0, 0x0B8, worked("0x0B8")))
+    assert (readings.counter, readings.tick_us, readings.page) == (9, 5_000_000, 0)
+    assert readings.values == pytest.approx((10.0, 20.0, 30.0, 4.0))
+    assert (set(readings.ages_ms), set(readings.qualities)) == ({10}, {0})
+    samples = codec.decode(RawFrame(0, 0x0C8, worked("0x0C8")))
+    assert (samples.counter, samples.mark_tick_us, samples.turn_count) == (4096, 4_998_765, 321)
+    assert struct.unpack("<10h", samples.samples) == tuple(range(100, 110))
+    assert len(worked("0x0C8")) == layout.samples_payload == 48
+
+
+def test_the_table_of_messages_is_that_of_the_codec() -> None:
+    rows = re.findall(
+        r"^\| (0x0\w\w) \| (\w+) .*\| ([^|]+) \| [^|]+ \| (0x4F\w\w) \| ([12, ]+) \|$",
+        (DEPLOY / "NODE.md").read_text(),
+        re.MULTILINE,
+    )
+    for schema, layout in ((1, SCHEMA_1), (2, WireLayout.of(rig(8)))):
+        told = dbc.described(layout)
+        known = {
+            (f"0x{frame.frame_id:03X}", told[kind].name, f"0x{frame.data_id:04X}")
+            for kind, frame in frames(layout).items()
+        }
+        page = {(i, name, data) for i, name, _, data, said in rows if str(schema) in said}
+        assert page == known
+
+
+def test_rig_and_device_play_with_the_dbc_of_a_rig_of_nine_channels(tmp_path: Path) -> None:
+    path = tmp_path / "nine.dbc"
+    path.write_text(dbc.text(WireLayout.of(rig(9, 6))))
+    player = start("play_rig.py", "--seconds", "60", "--dbc", str(path))
+    seen = result(
+        start("play_device.py", "--seconds", "2", "--clearance", "62.5", "--dbc", str(path))
+    )
+    player.send_signal(signal.SIGINT)
+    played = result(player)
+    assert seen["instants"] > 2000
+    assert seen["states_following"] > seen["states"] / 2
+    assert seen["info"]["schema"] == 2
+    assert 50 < seen["status"]["clearance_actual"] <= 62.5
+    assert seen["status"]["more_0_quality"] == 3
+    assert {k for k, n in {**seen["bus"], **played["bus"]}.items() if n} <= {"frames"}
+    assert played["obeyed"] > 50
