@@ -289,12 +289,14 @@ class GuardCore:
         self._announcements.state, self._load.state = state.announced, state.load
         self._permit.state, self._unwritable.state = state.permit, state.unwritable
         self._telling.state = state.telling
-        self._readings.state = state.readings or self._readings.state
+        if state.readings is not None:
+            self._readings.restore(state.readings)
         self._oil.state = state.oil or self._oil.state
         self._speed_check.state, self._speed_high.state = state.speed_check, state.speed_high
         if state.supervision is not None:  # a recording of a device that had none
             self._supervision.state = state.supervision
-        self._pair.state, self._vibration.state = state.pair, state.vibration
+        self._pair.restore(state.pair)
+        self._vibration.state = state.vibration
         self._frame_loss.state, self._rest.state = state.frame_loss, state.rest
         self._more.state = state.more
 

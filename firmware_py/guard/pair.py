@@ -265,6 +265,11 @@ class PairCheck:
         self._slowest_rad_s = 0.98 * o.speed_min_rpm * pi / 30
         self.state = PairState()
 
+    def restore(self, state: PairState) -> None:
+        """Go on from a snapshot; kinds that an earlier version did not judge begin anew."""
+        state.kinds = self.state.kinds | state.kinds
+        self.state = state
+
     def facts(self, clearance_m: float, temperature_C: float, ok: bool = True) -> Facts:
         """Slow readings as far as they are ``ok`` and within the bearing's range."""
         (low_m, high_m), (cold_C, hot_C) = self._range_m, self._range_C

@@ -214,6 +214,11 @@ class Readings:
         alarms["mismatch"] = AlarmState("pressure_mismatch", int(Severity.FAULT), latching=False)
         self.state = ReadingsState({name: ReadingState() for name in self.rows}, alarms)
 
+    def restore(self, state: ReadingsState) -> None:
+        """Go on from a snapshot; alarms that an earlier version did not have begin anew."""
+        state.alarms = self.state.alarms | state.alarms
+        self.state = state
+
     # ------------------------------------------------------------------ one cycle
 
     def step(self, blocks: list[Block], status: RigStatus | None, heard_ns: int, node: NodeState | None,

@@ -363,6 +363,29 @@ def claiming(b: Bench, counter: Callable[[int], int]) -> None:
     b.tamper = tampered
 
 
+def test_a_snapshot_of_a_version_without_some_alarms_goes_on() -> None:
+    b = working()
+    snapshot = b.core.snapshot(1, b.now_ns)
+    older = msgspec.msgpack.decode(snapshot.state, type=CoreState)
+    assert older.supervision is not None
+    assert older.readings is not None
+    for named in (older.readings.alarms, older.pair.kinds):
+        del named["blind" if "blind" in named else "rest"]
+    for named in (
+        older.supervision.node.conditions,
+        older.supervision.node.doubted,
+        older.supervision.node.cleared,
+    ):
+        del named["node_counter_frozen"]
+    core = GuardCore(b.config, CODEC, SESSION)
+    core.restore(msgspec.structs.replace(snapshot, state=msgspec.msgpack.encode(older)))
+    b.core = core
+    claiming(b, lambda newest: 0)
+    b.node.frozen_channel, b.node.pressure_bar = 6, 60.0
+    until(b, "node_counter_frozen", 2.0)
+    until(b, "pressure_unknown", 2.0)
+
+
 @pytest.mark.parametrize("counter", ["stands", "zero", "behind"])
 def test_a_command_counter_that_does_not_follow_the_commands_is_an_alarm(counter: str) -> None:
     b = working()
