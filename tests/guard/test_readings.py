@@ -11,13 +11,12 @@ from firmware_py.guard.readings import (
     OIL,
     POWER,
     PRESSURE,
-    SUPPLY,
     Readings,
     ReadingsState,
     Seen,
     power_max_W,
 )
-from firmware_py.records import Block, ChannelCause, NodeMode, NodeState, RigStatus
+from firmware_py.records import Block, ChannelCause, NodeMode, NodeState, RigStatus, cause_bits
 
 from .scripted_node import MS, Bench, bench, working
 
@@ -242,6 +241,10 @@ def test_the_channel_counts_only_while_it_is_ok_and_fresh() -> None:
     assert stage.pressure(10**10 + 60 * MS) == (None, False)
 
 
+SUPPLY_AT = 6
+"""Place of the channel ``supply_pressure`` on the bench."""
+
+
 class TwoSources(Alone):
     """Reading and channel of the pressure; a channel that is not OK has a bad contact."""
 
@@ -256,9 +259,9 @@ class TwoSources(Alone):
             if channel != "ok":
                 block = msgspec.structs.replace(
                     block,
-                    channel_ok=0xBF,
-                    channel_cause=int(ChannelCause.INTERMITTENT) << 4 * SUPPLY,
-                    unusable=0 if channel == "clean" else 1 << SUPPLY,
+                    channel_ok=0xFF & ~(1 << SUPPLY_AT),
+                    channel_cause=cause_bits(SUPPLY_AT, ChannelCause.INTERMITTENT),
+                    unusable=0 if channel == "clean" else 1 << SUPPLY_AT,
                 )
             self.blocks = [block]
             told += self.step()
