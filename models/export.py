@@ -20,6 +20,8 @@ import torch
 from numpy.typing import NDArray
 
 from firmware_py import records
+from firmware_py.brain.made_for import figures_of
+from firmware_py.config import read_machine
 from models import PHYSICS_VERSION
 from models.manifest import write_whole
 
@@ -51,8 +53,11 @@ class Metadata:
     physics_version: str = PHYSICS_VERSION
 
     def properties(self) -> dict[str, str]:
-        """All fields as strings, with the commit that made the file."""
+        """All fields as strings, with the figures of the machines that ``rigs`` names, and the
+        commit that made the file."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
+        machines = [read_machine(rig) for rig in self.rigs]
+        values["machines"] = {machine.name: figures_of(machine) for machine in machines}
         texts = {
             k: v if isinstance(v, str) else json.dumps(v, sort_keys=True) for k, v in values.items()
         }

@@ -19,6 +19,7 @@ import base64
 import binascii
 import hashlib
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, Literal
@@ -29,6 +30,7 @@ from firmware_py.acquire.features import FEATURE_NAMES, RATE_HZ
 from firmware_py.acquire.windows import WINDOW_LAYOUT
 from firmware_py.brain.errors import ModelError, ModelMissingError, ModelTrustError, ModelUnfitError
 from firmware_py.brain.intervals import IntervalFactors
+from firmware_py.brain.made_for import Figures, machines_of, misfit, outside_domain
 from firmware_py.brain.session import Session
 from firmware_py.config import Config
 from firmware_py.records import CHANNELS
@@ -94,6 +96,13 @@ class Card(msgspec.Struct, frozen=True):
     metrics: dict[str, object] = {}
     window: dict[str, float] | None = None
     settings: dict[str, object] = {}
+    machines: dict[str, dict[str, float | str | tuple[float, float]]] | None = None
+    """Figures of each machine that it was made for, by name; None: of the shipped ``rigs``."""
+
+    @property
+    def made_for(self) -> Mapping[str, Figures]:
+        """Figures of each machine that the model was made for."""
+        return machines_of(self.rigs) if self.machines is None else self.machines
 
 
 @dataclass(frozen=True, slots=True)
@@ -299,9 +308,7 @@ def read_card(name: str, metadata: dict[str, str]) -> Card:
 def _check_fit(kind: str, name: str, card: Card, session: Session, config: Config) -> None:
     """Refuse a model made for something else; every reason at once."""
     inputs, outputs = _INTERFACES[kind]
-    rate, rig, bearing = config.sampling.rate_hz, config.device.rig, config.machine.bearing
-    ratio = bearing.length_m / (2 * bearing.journal_radius_m)
-    low, high = card.domain.get("length_over_diameter", (ratio, ratio))
+    rate, machine = config.sampling.rate_hz, config.machine
     sampled = kind == "classifier"
     checks: list[tuple[bool, str]] = [
         (card.kind == kind, f"kind {card.kind!r}, expected {kind!r}"),
@@ -319,7 +326,7 @@ def _check_fit(kind: str, name: str, card: Card, session: Session, config: Confi
             f"channels {_difference(card.channels, CHANNELS)}",
         ),
         (
-            not sampled or config.machine.contact is not None,
+            not sampled or machine.contact is not None,
             "its features rest on a contact channel, whose circuit the machine does not describe",
         ),
         (
@@ -336,17 +343,15 @@ def _check_fit(kind: str, name: str, card: Card, session: Session, config: Confi
             f"window {card.window}, this brain cuts {WINDOW_LAYOUT}",
         ),
         (not sampled or "novelty_threshold" in card.settings, "settings lack novelty_threshold"),
-        (rig in card.rigs, f"rigs {card.rigs}, this is {rig!r}"),
-        (
-            low - 1e-6 <= ratio <= high + 1e-6,
-            f"length_over_diameter {low:g} .. {high:g}, this bearing has {ratio:g}",
-        ),
         (
             card.physics_version in PHYSICS_VERSIONS,
             f"physics_version {card.physics_version!r}, this brain knows {PHYSICS_VERSIONS}",
         ),
     ]
     wrong = [text for holds, text in checks if not holds]
+    wrong += outside_domain(card.domain, machine)
+    if other := misfit(kind, card.made_for, machine):
+        wrong.append(other)
     if wrong:
         raise ModelUnfitError(
             f"{name}: {'; '.join(wrong)}: use a model made for this configuration"

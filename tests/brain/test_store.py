@@ -20,7 +20,7 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
 from onnx import TensorProto, helper
 
-from firmware_py.brain import store
+from firmware_py.brain import made_for, store
 from firmware_py.brain.errors import (
     ModelAnswerError,
     ModelError,
@@ -29,7 +29,7 @@ from firmware_py.brain.errors import (
     ModelUnfitError,
 )
 from firmware_py.brain.session import Session
-from firmware_py.config import Config
+from firmware_py.config import SHIPPED, Config, load
 
 from .machine import CONFIG
 from .onnx_models import actor, classifier, short_film
@@ -142,7 +142,12 @@ def test_too_large(shipped: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     ("changed", "words"),
     [
         ({"kind": "actor"}, "kind 'actor', expected 'classifier'"),
-        ({"rigs": '["seed"]'}, "rigs ['seed'], this is 'bench'"),
+        (
+            {"rigs": '["seed"]'},
+            "made for 'seed': bearing.radial_clearance_um 50 .. 95, here 40 .. 160 (at most 1 "
+            "beyond), lubricant.viscosity_at_40C_Pa_s 0.00067, here 0.01 (within 10 %)",
+        ),
+        ({"rigs": '["elsewhere"]'}, "its card says of no machine that it was made for it"),
         ({"rate_hz": "[10000]"}, "rate_hz [10000], the configuration samples at 5000"),
         ({"window": '{"turns": 16.0}'}, "window {'turns': 16.0}"),
         ({"channels": '["disp_y", "disp_x"]'}, "channels [0] = 'disp_y', expected 'disp_x'"),
@@ -155,7 +160,7 @@ def test_too_large(shipped: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         ({"rigs": "bench"}, "metadata: "),
         (
             {"rigs": '["seed"]', "rate_hz": "[1]"},
-            "rate_hz [1], the configuration samples at 5000; rigs",
+            "rate_hz [1], the configuration samples at 5000; made for 'seed'",
         ),
     ],
 )
@@ -169,7 +174,95 @@ def test_ill_fitting(shipped: Path, changed: dict[str, str], words: str) -> None
 
 def test_a_surrogate_of_another_bearing(shipped: Path) -> None:
     put(shipped, "surrogate", short_film(domain='{"length_over_diameter": [1.0, 1.0]}'))
-    assert "length_over_diameter 1 .. 1, this bearing has 0.5" in refusal("surrogate")[1]
+    text = refusal("surrogate")[1]
+    assert "domain length_over_diameter 1 .. 1, here 0.5 .. 0.5" in text
+
+
+def changed(table: str, **figures: object) -> Config:
+    """The bench with other figures in one table of its machine."""
+    return CONFIG.replaced(
+        **{table: msgspec.structs.replace(getattr(CONFIG.machine, table), **figures)}
+    )
+
+
+def test_the_machines_values_count_not_its_name(tmp_path: Path) -> None:
+    """The files that ship, on a rig folder that was copied under another name, and on a bench whose
+    shaft is not the bench's."""
+    mill = tmp_path / "mill"
+    shutil.copytree(SHIPPED / "bench", mill)
+    for file in ("machine.toml", "device.toml"):
+        text = (mill / file).read_text()
+        (mill / file).write_text(text.replace('= "bench"', '= "mill"'))
+    config = load(mill)[0]
+    assert config.device.rig == config.machine.name == "mill"
+    models = store.load_models(config)
+    assert models.refusals == {}
+    assert None not in (models.classifier, models.actor, models.surrogate)
+    assert store.load_models(changed("bearing", journal_radius_m=0.03)).refusals == {
+        kind: f"{kind}.onnx: {reason}: use a model made for this configuration"
+        for kind, reason in (
+            ("classifier", RADIUS),
+            ("actor", RADIUS),
+            ("surrogate", "domain length_over_diameter 0.5 .. 0.5, here 0.333333 .. 0.333333"),
+        )
+    }
+
+
+RADIUS = "made for 'bench': bearing.journal_radius_m 0.02, here 0.03 (within 2 %)"
+
+
+def moved(row: made_for.Row, by: float) -> made_for.Figure:
+    """What a card would say of the bench, ``by`` tolerances of ``row`` away."""
+    figure = made_for.figures_of(CONFIG.machine)[row.key]
+    if isinstance(figure, tuple):
+        return (figure[0] + by * row.tolerance, figure[1])
+    assert isinstance(figure, float)
+    return figure / (1.0 + by * row.tolerance)
+
+
+@pytest.mark.parametrize("row", made_for.ROWS, ids=lambda row: row.key)
+def test_each_figure_has_its_tolerance(row: made_for.Row) -> None:
+    own = made_for.figures_of(CONFIG.machine)
+    for kind in ("classifier", "actor", "surrogate"):
+        near, far = ({"it": own | {row.key: moved(row, by)}} for by in (0.98, 1.02))
+        assert made_for.misfit(kind, near, CONFIG.machine) == ""
+        text = made_for.misfit(kind, far, CONFIG.machine)
+        assert text.startswith(f"made for 'it': {row.key} ") if kind in row.kinds else text == ""
+        silent = {"it": {key: value for key, value in own.items() if key != row.key}}
+        lacks = f"made for 'it': its card lacks {row.key}" if kind in row.kinds else ""
+        assert made_for.misfit(kind, silent, CONFIG.machine) == lacks
+
+
+def test_the_most_alike_of_several_machines_is_told() -> None:
+    machines = made_for.machines_of(["seed", "bench"])
+    assert made_for.misfit("actor", machines, CONFIG.machine) == ""
+    text = made_for.misfit("actor", machines, changed("bearing", length_m=0.03).machine)
+    assert text == "made for 'bench': bearing.length_m 0.02, here 0.03 (within 2 %)"
+
+
+def test_a_channel_that_shows_something_else(shipped: Path) -> None:
+    first, *others = CONFIG.machine.channel
+    turned = CONFIG.replaced(channel=[msgspec.structs.replace(first, angle_deg=0.0), *others])
+    assert (
+        "channel.disp_x displacement, m, 45 deg, here displacement, m, 0 deg (exact)"
+        in refusal("classifier", turned)[1]
+    )
+    assert store.load_model("actor", turned).card.kind == "actor"
+
+
+def test_a_card_with_figures_needs_no_shipped_rig(shipped: Path) -> None:
+    figures = made_for.figures_of(changed("rotor", mass_kg=9.0).machine)
+    put(shipped, "actor", actor(8e-5, rigs="[]", machines=json.dumps({"mill": figures})))
+    assert (
+        "made for 'mill': rotor.mass_at_bearing_kg 2.49, here 1.74 (within 10 %)"
+        in refusal("actor")[1]
+    )
+    assert store.load_model("actor", changed("rotor", mass_kg=9.3)).card.kind == "actor"
+
+
+def test_a_range_beyond_the_domain_is_refused(shipped: Path) -> None:
+    text = refusal("actor", changed("operating", speed_max_rpm=12500.0))[1]
+    assert "domain speed_rad_s 100 .. 1300, here 157.08 .. 1309" in text
 
 
 def test_the_wrong_graph_behind_the_right_metadata(shipped: Path) -> None:

@@ -6,6 +6,7 @@ from __future__ import annotations
 import datetime
 import json
 import os
+import shutil
 import socket
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import NameOID
 
 from firmware_py.commands import building, check
-from firmware_py.config import ConfigError
+from firmware_py.config import SHIPPED, ConfigError
 from tests.first_schema import BENCH
 
 
@@ -87,6 +88,27 @@ def test_a_model_that_is_not_used_is_exit_code_1(
 ) -> None:
     assert check.main(["seed"]) == 1
     assert "REFUSED classifier: " in capsys.readouterr().out
+
+
+def test_each_figure_for_which_a_model_is_not_used(
+    place: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rig = place / "turned_up"
+    shutil.copytree(SHIPPED / "bench", rig)
+    machine = rig / "machine.toml"
+    text = machine.read_text()
+    for key, before, after in (
+        ("journal_radius_m", "0.02", "0.021"),
+        ("mass_kg", "6.0", "7.0"),
+    ):
+        assert f"{key} = {before}" in text
+        text = text.replace(f"{key} = {before}", f"{key} = {after}")
+    machine.write_text(text)
+    assert check.main([str(rig)]) == 1
+    assert (
+        "REFUSED actor: actor.onnx: made for 'bench': bearing.journal_radius_m 0.02, here 0.021 "
+        "(within 2 %), rotor.mass_at_bearing_kg 1.74, here 1.99 (within 10 %)"
+    ) in capsys.readouterr().out
 
 
 def test_folders_that_cannot_be_written_are_named(place: Path) -> None:

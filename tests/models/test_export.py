@@ -5,6 +5,9 @@ import json
 
 import pytest
 
+from firmware_py.brain.made_for import figures_of
+from firmware_py.brain.store import read_card
+from firmware_py.config import read_machine
 from models import ARTIFACTS
 
 FIELDS = {
@@ -52,6 +55,17 @@ def test_shipped_model_is_whole_and_says_what_it_is(path, tmp_path):
     assert str(ARTIFACTS.parents[1]).encode() not in path.read_bytes(), (
         "a path of the training machine"
     )
+
+
+@pytest.mark.slow
+def test_a_card_carries_the_figures_of_the_machines_that_it_was_made_for():
+    from models import export
+
+    about = export.Metadata("actor", "0", ("a",), ("y",), {}, ("bench", "seed"), "", {}, ())
+    card = read_card("actor.onnx", about.properties())
+    bench, seed = (read_machine(name) for name in ("bench", "seed"))
+    assert card.made_for == {"bench": figures_of(bench), "seed": figures_of(seed)}
+    assert card.machines is not None
 
 
 @pytest.mark.slow
