@@ -23,11 +23,9 @@ test: $(VENV)/.dev   ## the default tests (about 12 minutes)
 	@$(PYTEST) --ignore=tests/models -m "not slow and not timing" $(APART)
 	@$(PYTEST) --ignore=tests/models -m "timing and not slow"
 
-# Without the tests that fly a rig or hold the film's laws against its solver: they reach no branch
-# that the others do not.
+# Without the tests that fly a rig: they reach no branch that the others do not.
 COVERED := tests/config tests/machine tests/acquire tests/guard tests/faults/test_guard_faults.py \
            tests/faults/test_two_senders.py tests/wire/test_can_codec.py tests/wire/test_can_link.py \
-           --ignore=tests/acquire/test_film_check.py --ignore=tests/acquire/test_features.py \
            --ignore-glob=*on_rig.py
 
 coverage: $(VENV)/.dev   ## every branch that may trip, take authority or believe an input is tested (about 10 minutes)
