@@ -19,10 +19,8 @@ from firmware_py.brain.errors import ModelAnswerError
 from firmware_py.brain.store import Models, load_models
 from firmware_py.clock import Clock, MonotonicClock
 from firmware_py.records import Advice
+from firmware_py.routing import BRAIN_PERIOD_NS, Stage, in_order, receivers
 from firmware_py.wire.rooms import RoomClient
-
-PERIOD_NS: Final = 20_000_000
-"""Far below the advice's 100 ms; the guard's socket holds many times this."""
 
 _CPU_FLAGS: Final = ("avx", "fma", "avx2", "avx512f", "avx512_vnni", "amx_tile", "asimd", "sve")
 
@@ -54,10 +52,11 @@ def run(
 ) -> None:
     """Read, step, write, sleep, until ``stopped()``.
 
-    Advice goes to the guard and the gate, everything else to the gate; the advice is the heartbeat.
+    What goes to whom says :mod:`firmware_py.routing`; the advice is the heartbeat.
     """
     guard = RoomClient(runtime / "guard.sock", "brain")
     gate = RoomClient(runtime / "gate.sock", "brain")
+    peers = {Stage.GUARD: guard, Stage.GATE: gate}
     background.restore()
     notifier.ready()
     next_ns = clock.now_ns()
@@ -66,12 +65,12 @@ def run(
         records = [*gate.poll(now_ns), *guard.poll(now_ns)]
         if gate.counters["connected"] != connections:
             core.record_from_here()
-        for record in core.step(records, now_ns):
+        for record in in_order(Stage.BRAIN, core.step(records, now_ns)):
+            for stage in receivers(Stage.BRAIN, record):
+                peers[stage].send(record)
             if isinstance(record, Advice):
-                guard.send(record)
                 notifier.watchdog()
-            gate.send(record)
-        next_ns = max(next_ns + PERIOD_NS, clock.now_ns())
+        next_ns = max(next_ns + BRAIN_PERIOD_NS, clock.now_ns())
         clock.sleep_until(next_ns)
     notifier.stopping()
     guard.close()

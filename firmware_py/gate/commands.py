@@ -17,7 +17,8 @@ import msgspec
 
 from firmware_py.gate import wishes
 from firmware_py.gate.wishes import MalformedCommandError
-from firmware_py.records import BRAIN_VERBS, CommandReply, CommandRequest
+from firmware_py.records import CommandReply, CommandRequest
+from firmware_py.routing import stage_of
 
 ANSWER_WITHIN_NS: Final = 1_000_000_000
 MAX_PENDING: Final = 64
@@ -139,7 +140,7 @@ class CommandDesk:
             return None
         reason = "" if verb == "disarm" else self._full(verb, now_ns)
         if not reason and not self._send(request):
-            room = room_of(verb)
+            room = stage_of(verb)
             reason = f"the {room} is not connected; start it with 'orbitd {room}' or 'orbitd run'"
         if reason:
             self._refuse(answer, reason, wish_id)
@@ -164,7 +165,7 @@ class CommandDesk:
         for seq in late:
             self.counters["commands_timed_out"] += 1
             case = self._pending.pop(seq)
-            room = room_of(case.request.verb)
+            room = stage_of(case.request.verb)
             text = f"the {room} did not answer within {ANSWER_WITHIN_NS * 1e-9:g} s; see 'orbitd status'"
             self._finish(case, CommandReply(seq=seq, accepted=False, reasons=[text]))
 
@@ -248,8 +249,3 @@ class CommandDesk:
 def _answering(answer: Answer, wish_id: str) -> Answer:
     """``answer`` with the asker's own id in the reply."""
     return lambda reply: answer(msgspec.structs.replace(reply, id=wish_id))
-
-
-def room_of(verb: str) -> str:
-    """The room that answers ``verb``."""
-    return "brain" if verb in BRAIN_VERBS else "guard"

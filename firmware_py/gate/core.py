@@ -12,7 +12,7 @@ from firmware_py import __version__
 from firmware_py.config import Config
 from firmware_py.gate import keys
 from firmware_py.gate.answers import Answers
-from firmware_py.gate.commands import Answer, CommandDesk, room_of
+from firmware_py.gate.commands import Answer, CommandDesk
 from firmware_py.gate.normal_file import NormalFile
 from firmware_py.gate.recorder import Recorder
 from firmware_py.gate.station import GroundStation
@@ -28,6 +28,7 @@ from firmware_py.records import (
     Normal,
     RoomRecord,
 )
+from firmware_py.routing import Stage, receivers
 from firmware_py.wire.rooms import RoomClient, RoomServer
 
 SLOW_PERIOD_NS: Final = 1_000_000_000
@@ -178,10 +179,12 @@ class Gate:
     def _alarms(self, now_ns: int) -> list[Alarm]:
         return self.view.alarms(now_ns, self._troubles)
 
-    def _send(self, request: CommandRequest) -> bool:
-        if room_of(request.verb) == "brain":
-            return self._doors.brain.send("brain", request)
-        return self._doors.guard.send(request)
+    def _send(self, record: CommandRequest | EventAck | Normal) -> bool:
+        """Hand ``record`` to the stage that it goes to; False when that is impossible now."""
+        (stage,) = receivers(Stage.GATE, record)
+        if stage is Stage.BRAIN:
+            return self._doors.brain.send(stage, record)
+        return self._doors.guard.send(record)
 
     def _greet_brain(self) -> None:
         """A brain that has just come knows nothing of this machine: tell it what is stored."""
@@ -189,7 +192,7 @@ class Gate:
         if connections != self._brains:
             self._brains = connections
             if self._doors.normal.normal:
-                self._doors.brain.send("brain", self._doors.normal.normal)
+                self._send(self._doors.normal.normal)
 
     def _take(self, record: RoomRecord, now_ns: int) -> None:
         features = self.view.features
@@ -232,7 +235,7 @@ class Gate:
         while self._unacknowledged and self._unacknowledged[0][0] <= stored:
             last = self._unacknowledged.popleft()[1]
         if last is not None:
-            self._doors.guard.send(EventAck(seq=last))
+            self._send(EventAck(seq=last))
 
     def _hear_commands(self, now_ns: int) -> None:
         queries = self._doors.telemetry.queries

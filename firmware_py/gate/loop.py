@@ -29,9 +29,9 @@ from firmware_py.gate.station import GroundStation
 from firmware_py.gate.telemetry import Telemetry
 from firmware_py.launch import Launch
 from firmware_py.options import port
+from firmware_py.routing import GATE_PERIOD_NS
 from firmware_py.wire.rooms import RoomClient, RoomServer
 
-PERIOD_NS: Final = 10_000_000
 WATCHDOG_EVERY: Final = 50
 """Steps between two signs of life to the service manager."""
 
@@ -128,7 +128,7 @@ def _loop(
             notifier.watchdog()
         if page:
             page.step(gate, clock.now_ns())
-        due_ns = max(due_ns + PERIOD_NS, clock.now_ns())
+        due_ns = max(due_ns + GATE_PERIOD_NS, clock.now_ns())
         clock.sleep_until(due_ns)
 
 

@@ -10,6 +10,9 @@ from __future__ import annotations
 
 from typing import Final
 
+import msgspec
+
+from firmware_py.records import Advice
 from firmware_py.wire.room_socket import Limit
 
 ROOM_LIMITS: Final = {
@@ -55,3 +58,13 @@ JUNK_US: Final = 2500
 REFERENCE_US: Final = 255.0
 """The reference: 1000 rounds of packing, unpacking and summing eight 16-bit numbers (see the
 test)."""
+
+
+def bounded(advice: Advice) -> Advice:
+    """``advice`` with no more reasons, and no longer ones, than a person can use."""
+    reasons = advice.reasons
+    if len(reasons) <= REASONS_MAX and all(len(text) <= REASON_CHARS_MAX for text in reasons):
+        return advice
+    return msgspec.structs.replace(
+        advice, reasons=[text[:REASON_CHARS_MAX] for text in reasons[:REASONS_MAX]]
+    )

@@ -16,7 +16,7 @@ import msgspec
 from firmware_py import launch
 from firmware_py.clock import Clock, MonotonicClock
 from firmware_py.config import Config
-from firmware_py.guard.budget import EVENTS_PER_CYCLE, REASON_CHARS_MAX, REASONS_MAX, ROOM_LIMITS
+from firmware_py.guard.budget import EVENTS_PER_CYCLE, ROOM_LIMITS, bounded
 from firmware_py.guard.core import GuardCore
 from firmware_py.guard.memory import Memory, complain
 from firmware_py.guard.outbox import Outbox
@@ -26,19 +26,24 @@ from firmware_py.records import (
     Advice,
     CommandRequest,
     Cycle,
-    CycleRecord,
     Decision,
+    Event,
     EventAck,
     GuardState,
-    RoomRecord,
+)
+from firmware_py.routing import (
+    GUARD_PERIOD_NS,
+    ROUTES_OF,
+    SNAPSHOT_CYCLES,
+    Stage,
+    put_out,
+    receivers,
 )
 from firmware_py.wire import disarm_room
 from firmware_py.wire.disarm_room import DisarmRoom
 from firmware_py.wire.link import Link, codec_for, open_link
 from firmware_py.wire.rooms import RoomServer
 
-PERIOD_NS: Final = 1_000_000
-SNAPSHOT_CYCLES: Final = 1000
 WATCHDOG_CYCLES: Final = 200
 FIFO_PRIORITY: Final = 20
 
@@ -70,7 +75,7 @@ class Guard:
         self._memory = memory
         self._outbox = Outbox()
         self._gate_known = False
-        self.timing = Lateness(PERIOD_NS)
+        self.timing = Lateness(GUARD_PERIOD_NS)
         self.skipped = 0
         self.seq = 0
 
@@ -78,14 +83,14 @@ class Guard:
         """One cycle: everything waiting in, one decision, everything out."""
         cycle = self._read(now_ns)
         if cycle.gate_connected and (not self._gate_known or self.seq % SNAPSHOT_CYCLES == 0):
-            self._server.send("gate", self._core.snapshot(self.seq, now_ns))
+            self._server.send(Stage.GATE, self._core.snapshot(self.seq, now_ns))
         if cycle.gate_connected and not self._gate_known:
             self._outbox.again()
         self._gate_known = cycle.gate_connected
         decision = self._core.step(cycle)
         for frame in decision.frames_out:
             self._link.send(frame)
-        self._tell(cycle, decision)
+        self._send_out(cycle, decision)
         self._memory.note(
             now_ns, self._core.tripped, self._core.timers, self._core.barred, self._core.probation
         )
@@ -104,11 +109,13 @@ class Guard:
         advice: Advice | None = None
         commands: list[CommandRequest] = []
         for role, record in self._server.poll(now_ns):
-            if role == "brain" and isinstance(record, Advice):
-                advice = _bounded(record)
-            elif role == "gate" and isinstance(record, CommandRequest):
+            if Stage.GUARD not in receivers(Stage(role), record):
+                continue
+            if isinstance(record, Advice):
+                advice = bounded(record)
+            elif isinstance(record, CommandRequest):
                 commands.append(record)
-            elif role == "gate" and isinstance(record, EventAck):
+            elif isinstance(record, EventAck):
                 self._outbox.acknowledge(record.seq)
         disarm = self._disarm.poll(now_ns)
         if disarm is not None:
@@ -127,24 +134,30 @@ class Guard:
             self._link.fault,
         )
 
-    def _tell(self, cycle: Cycle, decision: Decision) -> None:
-        """Send what the rooms want to know; a slow reader loses its own, counted by the server."""
-        shared: list[RoomRecord] = [*decision.blocks, *decision.readings]
-        if decision.state is not None:
-            shared.append(self._with_counters(decision.state))
+    def _send_out(self, cycle: Cycle, decision: Decision) -> None:
+        """Send what goes out to whom it goes (:mod:`firmware_py.routing`); a slow reader loses its
+        own, counted by the server."""
         for event in decision.events:
             self._outbox.put(event)
-        if cycle.brain_connected:
-            for record in [*decision.events, *shared]:
-                self._server.send("brain", record)
         replies = [reply for reply in decision.replies if not self._disarm.answer(reply)]
-        if cycle.gate_connected:
-            for record in replies:
-                self._server.send("gate", record)
-            self._outbox.tell(lambda event: self._server.send("gate", event), EVENTS_PER_CYCLE)
-            for record in shared:
-                self._server.send("gate", record)
-            self._server.send("gate", CycleRecord(cycle, decision.frames_out, decision.events))
+        decision = msgspec.structs.replace(decision, replies=replies)
+        if decision.state is not None:
+            state = self._with_counters(decision.state)
+            decision = msgspec.structs.replace(decision, state=state)
+        connected = {Stage.BRAIN: cycle.brain_connected, Stage.GATE: cycle.gate_connected}
+        records = put_out(cycle, decision)
+        for route in ROUTES_OF[Stage.GUARD]:
+            if route.kind is Event and cycle.gate_connected:
+                self._outbox.tell(self._send_event, EVENTS_PER_CYCLE)
+                continue
+            for record in records:
+                if type(record) is route.kind:
+                    for stage in route.to:
+                        if connected[stage]:
+                            self._server.send(stage, record)
+
+    def _send_event(self, event: Event) -> bool:
+        return self._server.send(Stage.GATE, event)
 
     def _with_counters(self, state: GuardState) -> GuardState:
         """The state with what only the loop can count."""
@@ -162,7 +175,7 @@ class Guard:
 
 def run(guard: Guard, clock: Clock, notifier: Notifier, running: Callable[[], bool]) -> None:
     """Read, step, write, sleep on an absolute grid while ``running()``."""
-    grid = Grid(clock.now_ns(), PERIOD_NS)
+    grid = Grid(clock.now_ns(), GUARD_PERIOD_NS)
     while running():
         now_ns = clock.now_ns()
         guard.timing.add(now_ns - grid.due_ns)
@@ -209,16 +222,6 @@ def main(argv: list[str]) -> int:
     run(guard, MonotonicClock(), from_environment(), lambda: not stop)
     guard.close()
     return 0
-
-
-def _bounded(advice: Advice) -> Advice:
-    """``advice`` with no more reasons, and no longer ones, than a person can use."""
-    reasons = advice.reasons
-    if len(reasons) <= REASONS_MAX and all(len(text) <= REASON_CHARS_MAX for text in reasons):
-        return advice
-    return msgspec.structs.replace(
-        advice, reasons=[text[:REASON_CHARS_MAX] for text in reasons[:REASONS_MAX]]
-    )
 
 
 def real_time() -> None:

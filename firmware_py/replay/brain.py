@@ -25,15 +25,14 @@ from firmware_py.records import (
     Block,
     BrainSnapshot,
     Diagnosis,
-    GuardState,
     Record,
-    RigReading,
     RoomRecord,
 )
 from firmware_py.replay.compare import CLOSE, close, fields, plain, where
 from firmware_py.replay.decisions import Replayed
 from firmware_py.replay.diagnoses import DiagnosisReport
 from firmware_py.replay.taken import OUTPUTS, RecordedStep
+from firmware_py.routing import Stage, put_out, receivers
 
 HISTORY_NS: Final = 4_000_000_000
 """Blocks this old are remembered: a snapshot looks back at the longest window."""
@@ -99,7 +98,7 @@ class BrainReplay:
         self._core: BrainCore | None = None
         self._next_seq = 0
         self._blocks: deque[Block] = deque()
-        self._sent: deque[Block | RigReading | GuardState] = deque()
+        self._sent: deque[RoomRecord] = deque()
 
     def step(self, cycle: Replayed) -> None:
         """Take what the guard gave the brain in one cycle, and do every step that this allows."""
@@ -110,9 +109,11 @@ class BrainReplay:
             self._blocks.clear()
             self._sent.clear()
         if cycle.cycle.brain_connected:
-            decision = cycle.decision
-            self._sent += [*decision.blocks, *decision.readings]
-            self._sent += [decision.state] if decision.state else []
+            sent = put_out(cycle.cycle, cycle.decision)
+            self._sent += [record for record in sent if _to_brain(record)]
+        elif self._sent:  # what was on its way to a brain that has gone
+            self._do_steps(now_ns, now_ns)
+            self._sent.clear()
         self._blocks += cycle.decision.blocks
         while self._blocks and now_ns - self._blocks[0].t_acq_ns > HISTORY_NS:
             self._blocks.popleft()
@@ -149,7 +150,7 @@ class BrainReplay:
             if len(found) == wanted:
                 break
             passed += 1
-            if record.seq in recorded.numbers[type(record)]:
+            if record.seq in recorded.numbers[type(record)]:  # type: ignore[union-attr]
                 found.append(record)
         gate = [*recorded.requests, *recorded.normals]
         if len(found) < wanted or None in gate:
@@ -232,6 +233,10 @@ class BrainReplay:
 
     def _note(self, text: str) -> None:
         self.report.first_difference = self.report.first_difference or text
+
+
+def _to_brain(record: RoomRecord) -> bool:
+    return Stage.BRAIN in receivers(Stage.GUARD, record)
 
 
 def _as_read(snapshot: Sequence[BrainSnapshot]) -> bytes:

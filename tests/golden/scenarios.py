@@ -18,7 +18,7 @@ from firmware_py.brain.core import BrainCore
 from firmware_py.brain.store import load_models
 from firmware_py.config import Config
 from firmware_py.guard.core import GuardCore
-from firmware_py.records import Advice, CommandRequest, Mode, PlannedRamp, RawFrame, RoomRecord
+from firmware_py.records import Advice, Mode, PlannedRamp, RawFrame, RoomRecord
 from firmware_py.wire.link import codec_for
 from sim_hil.closed_loop import ClosedLoop, Listener, RigStage
 from sim_hil.demo.setting import Setting, prepare
@@ -70,9 +70,7 @@ class Flight:
 
     def announce(self, start_s: float, end_s: float, speed_rpm: float, load_N: float) -> None:
         ramp = PlannedRamp(start_s, end_s, speed_rpm, load_N)
-        self.loop._commands.append(
-            CommandRequest(1000, "announce", ramp=ramp, origin="closed loop")
-        )
+        self.loop.command("announce", ramp=ramp)
 
     def operate(self, speed_rpm: float, load_N: float, ramp_s: float) -> None:
         self.rig.set_operating(speed_rpm, load_N, ramp_s)

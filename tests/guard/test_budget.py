@@ -9,8 +9,14 @@ from struct import pack, unpack
 
 import pytest
 
-from firmware_py.guard.budget import CYCLE_US, EVENTS_PER_CYCLE, JUNK_US, REFERENCE_US, ROOM_LIMITS
-from firmware_py.guard.loop import _bounded
+from firmware_py.guard.budget import (
+    CYCLE_US,
+    EVENTS_PER_CYCLE,
+    JUNK_US,
+    REFERENCE_US,
+    ROOM_LIMITS,
+    bounded,
+)
 from firmware_py.guard.outbox import Outbox
 from firmware_py.records import (
     Advice,
@@ -125,7 +131,7 @@ def with_requests(b: Bench) -> None:
 
 
 def with_advices(b: Bench) -> None:
-    b.advice = lambda: _bounded(  # type: ignore[method-assign]
+    b.advice = lambda: bounded(  # type: ignore[method-assign]
         Advice(b.seq, b.now_ns, b.now_ns, 300 * MS, 70.0, None, True, ["x" * 1000] * 1000, None)
     )
     b.cycle()
@@ -370,8 +376,8 @@ def test_who_connects_without_end_is_let_in_eight_at_a_time(server: RoomServer) 
 
 def test_reasons_of_an_advice_are_cut_to_what_a_person_can_read() -> None:
     short = Advice(1, 0, 0, 0, None, None, True, ["no window yet"] * 3, None)
-    assert _bounded(short) is short
-    long = _bounded(Advice(1, 0, 0, 0, None, None, True, ["y" * 201] * 17, None))
+    assert bounded(short) is short
+    long = bounded(Advice(1, 0, 0, 0, None, None, True, ["y" * 201] * 17, None))
     assert [len(text) for text in long.reasons] == [200] * 16
 
 

@@ -184,7 +184,7 @@ def test_a_gap_starts_a_new_segment_and_is_counted(flown, tmp_path):
     assert report.ok, report
     assert report.brain is not None
     assert report.brain.segments == 2
-    assert report.brain.steps_set_aside == 1401, "until the next snapshot with all its samples"
+    assert 65 < report.brain.steps_set_aside < 75, "until the next snapshot with all its samples"
 
 
 def test_an_interrupted_recording_replays_up_to_its_end(flown, tmp_path):
@@ -344,12 +344,12 @@ def test_what_the_recorder_lost_of_the_brain_is_counted_not_called_different(
     report = brain_again(record(kept, tmp_path), decided)
     assert report.ok, report
     assert report.outputs_missing == 3
-    steps = [id(r) for r, _ in flown if isinstance(r, BrainStep)][2000:2001]
+    steps = [id(r) for r, _ in flown if isinstance(r, BrainStep)][100:101]
     kept = [(r, t) for r, t in flown if id(r) not in steps]
     report = brain_again(record(kept, tmp_path / "b"), decided)
     assert report.ok, report
     assert report.segments == 3, "the snapshot at 3.1 s begins another one"
-    assert 1000 < report.steps_set_aside < 1200
+    assert 50 < report.steps_set_aside < 60
 
 
 def test_on_another_processor_the_brain_says_nearly_the_same(flown, decided, tmp_path):

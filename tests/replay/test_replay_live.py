@@ -11,7 +11,10 @@ import pytest
 
 from firmware_py.gate.client import Client
 from firmware_py.gate.session import SessionError
+from firmware_py.recording import TOPICS, Recording
+from firmware_py.records import CommandReply, CycleRecord
 from firmware_py.replay.command import replay
+from firmware_py.routing import ROUTES_OF, Stage
 from tests.first_schema import BENCH
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -53,9 +56,23 @@ def test_a_live_recording_of_a_killed_gate_replays_bit_by_bit(tmp_path):
     assert report.diagnoses.exact
     assert report.diagnoses.compared > 10
     assert report.brain is not None
-    assert report.brain.compared["ag/advice"] > 30
+    assert report.brain.compared["ag/advice"] > 15, report.brain
     assert report.brain.compared["pa/forecast"] > 10
+    assert report.brain.steps_set_aside == 0, "from its first snapshot on, sent to a new recorder"
     assert report.brain.records_lost == 0
+    check_order(Recording(next((tmp_path / "recordings").glob("*.mcap"))))
+
+
+def check_order(recording: Recording) -> None:
+    """What came of each cycle of the guard was sent in the order of the routing table."""
+    order = [TOPICS[route.kind].name for route in ROUTES_OF[Stage.GUARD]]
+    heard: list[str] = []
+    for message in recording.messages():
+        if message.topic in order and message.topic != TOPICS[CommandReply].name:
+            heard.append(message.topic)
+        if message.topic == TOPICS[CycleRecord].name:
+            assert heard == sorted(heard, key=order.index)
+            heard.clear()
 
 
 def wait_for_diagnoses(runtime: Path) -> None:

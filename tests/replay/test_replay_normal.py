@@ -40,23 +40,16 @@ def told():
     """Four seconds; the state comes after two of them."""
     found = []
     codec, rig = codec_for(BENCH), load_rig("bench")
-    brains = []
-
-    def make_brain():
-        brains.append(BrainCore(BENCH, MODELS, cpu_features()))
-        return brains[-1]
-
     loop = ClosedLoop(
         Rig(rig, codec, node_limits(rig, BENCH), 7),
         GuardCore(BENCH, codec, SESSION),
-        make_brain,
+        lambda: BrainCore(BENCH, MODELS, cpu_features()),
         [lambda item, now_ns: found.append((item, now_ns))],
         START_NS,
     )
     for millisecond in range(4_000):
         if millisecond == 2_000:
-            found.append((NORMAL, loop.now_ns))
-            found += [(answer, loop.now_ns) for answer in brains[0].step([NORMAL], loop.now_ns)]
+            loop.device.adopt(NORMAL)
         loop.step()
     return found
 
