@@ -150,9 +150,8 @@ DATA = {
     "seed; judged on a finer mesh at points of another seed.",
     "predictor": "Episodes of the whole machine in software: builds, sensor errors, duties and "
     "growing faults drawn "
-    "from the seed within `sensors.json` and `classes.json`; judged on episodes of another seed.",
-    "classifier": "Recordings of builds of the machine in software, one group a build, severities "
-    "of `classes.json`; "
+    "from the seed within the spreads of the rig folder; judged on episodes of another seed.",
+    "classifier": "Recordings of builds of the machine in software, one group a build; "
     "judged on builds of another seed.  Measured recordings: see `DATASET.md`.",
     "actor": "Episodes of the machine in software, drawn as the agent learns; judged on episodes "
     "of other seeds.",

@@ -1,5 +1,5 @@
-"""One build of a rig: how this example differs from the drawing, within the spread of
-``classes.json``."""
+"""One build of a rig: how this example differs from the drawing, within the spread of its
+``simulation.toml``."""
 
 from __future__ import annotations
 
@@ -8,14 +8,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim_hil.rigs import RigData, read_json
+from firmware_py.machine.contact import MIDDLING_M, ROUGHNESS_M
+from sim_hil.rigs import ChannelData, RigData
+from sim_hil.rigs.data import shifted
 from sim_hil.rotor.parameters import N_SENSORS, Floats
 
 GRADE_RPM = 6000.0
 """Balance grades G of the rig are meant at this speed, for the effective mass at the bearing."""
 
 _BOLT_SPREAD = 0.05
-_ROUGHNESS_M = (0.5e-6, 1.0e-6)
 _ROOM_DB = (60.0, 75.0)
 _HOUSING_HZ = (1600.0, 1450.0, 1700.0)
 _REFERENCE_PA = 20e-6
@@ -64,15 +65,14 @@ class Build:
             unbalance_kg_m=rig.rotor.unbalance_kg_m, unbalance_angle_rad=0.0,
             bolt=np.ones(8), bolt_gap_m=np.full(8, 1e-4), gain=np.ones(N_SENSORS), zero=np.zeros(N_SENSORS),
             runout_m=np.zeros((2, 3)), runout_phase_rad=np.zeros((2, 3)),
-            housing_rad_s=2 * math.pi * np.array(_HOUSING_HZ), roughness_m=0.75e-6,
+            housing_rad_s=2 * math.pi * np.array(_HOUSING_HZ), roughness_m=MIDDLING_M,
             room_Pa=_REFERENCE_PA * 10 ** (66 / 20), excitation=1.0, motor_angle_rad=0.0,
         )  # fmt: skip
 
     @classmethod
     def draw(cls, rig: RigData, rng: np.random.Generator) -> Build:
         """One build within the declared spread (uniform; grade, gap and excitation log-uniform)."""
-        table = read_json("classes.json")
-        spread, gaps = table["build_spread"], table["severity"]["bolt_gap_m"]
+        spread = rig.spread
 
         def around(share: float) -> float:
             return 1.0 + float(rng.uniform(-share, share))
@@ -80,31 +80,34 @@ class Build:
         def log_uniform(low: float, high: float, size: int | None = None) -> Floats:
             return np.exp(rng.uniform(math.log(low), math.log(high), size))
 
-        gain, zero = _calibration(rng)
+        gain, zero = _calibration(rig.channels, rng)
         return cls(
-            mass=around(spread["mass"]),
-            inertia=around(spread["inertia"]),
-            coupling=around(spread["coupling_stiffness"]),
-            contact=around(spread["contact_stiffness"]),
-            damping=around(spread["foundation_damping"]),
-            clearance_error_m=float(rng.uniform(-1, 1)) * spread["radial_clearance_m"],
-            viscosity=around(spread["viscosity"]),
+            mass=around(spread.mass_share),
+            inertia=around(spread.inertia_share),
+            coupling=around(spread.coupling_stiffness_share),
+            contact=around(spread.contact_stiffness_share),
+            damping=around(spread.foundation_damping_share),
+            clearance_error_m=float(rng.uniform(-1, 1)) * shifted(spread.radial_clearance_um, -6),
+            viscosity=around(spread.viscosity_share),
             unbalance_kg_m=unbalance_of_grade(
-                rig, float(log_uniform(*spread["normal_unbalance_G"]))
+                rig,
+                float(log_uniform(spread.normal_unbalance_min_G, spread.normal_unbalance_max_G)),
             ),
             unbalance_angle_rad=float(rng.uniform(0, 2 * math.pi)),
             bolt=1.0 + rng.uniform(-_BOLT_SPREAD, _BOLT_SPREAD, 8),
-            bolt_gap_m=log_uniform(gaps[0], gaps[1], 8),
+            bolt_gap_m=log_uniform(
+                shifted(spread.bolt_gap_min_um, -6), shifted(spread.bolt_gap_max_um, -6), 8
+            ),
             gain=gain,
             zero=zero,
-            runout_m=rng.uniform(spread["runout_m"][0], spread["runout_m"][1], (2, 1))
+            runout_m=rng.uniform(0.0, shifted(spread.runout_max_um, -6), (2, 1))
             * np.array([0.6, 0.3, 0.1]),
             runout_phase_rad=rng.uniform(0, 2 * math.pi, (2, 3)),
             housing_rad_s=2
             * math.pi
             * np.array(_HOUSING_HZ)
-            * (1 + rng.uniform(-1, 1, 3) * spread["housing_mode_frequency"]),
-            roughness_m=float(rng.uniform(*_ROUGHNESS_M)),
+            * (1 + rng.uniform(-1, 1, 3) * spread.housing_mode_share),
+            roughness_m=float(rng.uniform(*ROUGHNESS_M)),
             room_Pa=_REFERENCE_PA * 10 ** (float(rng.uniform(*_ROOM_DB)) / 20),
             excitation=float(log_uniform(0.5, 2.0)),
             motor_angle_rad=float(rng.uniform(0, 2 * math.pi)),
@@ -116,10 +119,10 @@ class Build:
         return cls.draw(rig, np.random.default_rng([seed, 3]))
 
 
-def _calibration(rng: np.random.Generator) -> tuple[Floats, Floats]:
-    """Gain and zero of each channel within ``sensors.json`` (uniform); displacement zeros are given
-    in um."""
-    channels = read_json("sensors.json")["channels"]
-    gain = np.array([1 + rng.uniform(-1, 1) * c.get("gain_error", 0.0) for c in channels])
-    zero = np.array([rng.uniform(-1, 1) * c.get("zero_error", 0.0) * 1e-6 for c in channels])
+def _calibration(
+    channels: tuple[ChannelData, ...], rng: np.random.Generator
+) -> tuple[Floats, Floats]:
+    """Gain and zero of each channel within its errors (uniform)."""
+    gain = np.array([1 + rng.uniform(-1, 1) * c.gain_error_share for c in channels])
+    zero = np.array([rng.uniform(-1, 1) * c.zero_error for c in channels])
     return gain, zero

@@ -155,7 +155,7 @@ class Console:
         from sim_hil.duty import Duty
 
         if request["name"] == "published":
-            duty = Duty.published()
+            duty = Duty.published(self._rig.machine.rig)
         elif request["name"] == "random":
             rng = np.random.default_rng(int(request["seed"]))
             duty = Duty.random(self._rig.machine.rig, rng, float(request["seconds"]))

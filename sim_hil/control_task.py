@@ -25,7 +25,6 @@ from sim_hil.build import Build, unbalance_of_grade
 from sim_hil.duty import Duty
 from sim_hil.rigs import RigData
 from sim_hil.rotor.parameters import Floats
-from sim_hil.runs import OIL_ERROR_C, POWER_ERROR_W
 
 CONTROL_S: Final = 0.1
 SETTLE_STEPS: Final = 3
@@ -61,7 +60,7 @@ class ActionError(OrbitdError, ValueError):
 class EpisodeLimits:
     """Constraints and the weight of their violation in the reward (per step, at 100 % excess).
 
-    Film, trip and swing are the published duty's (``duty_bench.json``).  The two of the oil count
+    Film, trip and swing are the published duty's.  The two of the oil count
     where the supply pressure is an action: the outlet may be as hot as ``oil.film_max_C`` of the
     shipped configuration, up to which the guard's laws hold; the least flow, 0.05 L/min, is assumed
     (no reference file names one): what a flow switch in such a line tells from none.
@@ -80,7 +79,7 @@ class EpisodeLimits:
 
 @dataclass(frozen=True)
 class Disturbances:
-    """What an episode may bring beside the spread of builds (`classes.json`); everything uniform in
+    """What an episode may bring beside the spread of builds (``simulation.toml``); everything uniform in
     its range.
 
     Speed and load hold and ramp (:meth:`Duty.random`).  The oil inlet drifts from one temperature
@@ -136,7 +135,7 @@ class Episode:
     ) -> Episode:
         """An episode of the declared set; the start is a clearance from the smallest to the nominal
         one."""
-        d, b = disturbances, rig.bearing
+        d, b, most = disturbances, rig.bearing, rig.errors
         build = build or Build.draw(rig, rng)
         duty = duty or Duty.random(
             rig,
@@ -162,8 +161,8 @@ class Episode:
             clearance_m=float(rng.uniform(b.clearance_min_m, b.clearance_nominal_m)),
             inlet_C=(float(rng.uniform(*d.inlet_C)), float(rng.uniform(*d.inlet_C))),
             seconds=seconds,
-            power_error_W=float(rng.uniform(-POWER_ERROR_W, POWER_ERROR_W)),
-            oil_error_C=float(rng.uniform(-OIL_ERROR_C, OIL_ERROR_C)),
+            power_error_W=float(rng.uniform(-most.shaft_power_W, most.shaft_power_W)),
+            oil_error_C=float(rng.uniform(-most.oil_C, most.oil_C)),
             **growths,
         )
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from firmware_py.records import DeviceHeartbeat
 from sim_hil.duty import RAD_S_PER_RPM, Duty
-from sim_hil.rigs import Drive as DriveData
+from sim_hil.rigs.simulation import DriveRamps
 from sim_hil.rotor.parameters import Floats
 
 HEARTBEAT_LIMIT_S: Final = (0.5, 5.0)
@@ -42,7 +42,7 @@ class Drive:
 
     def __init__(
         self,
-        data: DriveData,
+        data: DriveRamps,
         duty: Duty,
         *,
         coast_on_silence: bool = True,

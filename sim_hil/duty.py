@@ -5,13 +5,21 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from dataclasses import dataclass
+from itertools import accumulate
 
 import numpy as np
 
-from sim_hil.rigs import RigData, read_json
+from firmware_py.errors import OrbitdError
+from sim_hil.rigs import RigData
 from sim_hil.rotor.parameters import Floats
 
 RAD_S_PER_RPM = 2 * math.pi / 60
+
+
+class NoDuty(OrbitdError, ValueError):
+    """The rig has no duty of its own."""
+
+    exit_code = 2
 
 
 @dataclass(frozen=True)
@@ -36,15 +44,21 @@ class Duty:
         return cls((0.0, seconds), (speed_rpm, speed_rpm), (load_N, load_N))
 
     @classmethod
-    def published(cls) -> Duty:
-        """The duty of ``duty_bench.json``."""
-        table = read_json("duty_bench.json")
-        corners = [(0.0, float(table["start"]["rpm"]), float(table["start"]["load_N"]))]
-        for segment in table["segments"]:
-            corners.append(
-                (corners[-1][0] + segment["seconds"], segment["to_rpm"], segment["to_load_N"])
-            )
-        return cls._of(corners)
+    def published(cls, rig: RigData) -> Duty:
+        """The duty of the rig's ``simulation.toml``.
+
+        Raises
+        ------
+        NoDuty
+            It has none.
+        """
+        if not rig.duty:
+            raise NoDuty(f"rig {rig.name}: no table [[duty]] in its simulation.toml; write one")
+        return cls(
+            tuple(accumulate(corner.seconds for corner in rig.duty)),
+            tuple(corner.speed_rpm for corner in rig.duty),
+            tuple(corner.load_N for corner in rig.duty),
+        )
 
     @classmethod
     def random(

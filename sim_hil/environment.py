@@ -36,8 +36,8 @@ from sim_hil.faults.machine import WEAR_M
 from sim_hil.machine import Batch, Machine
 from sim_hil.rigs import RigData, load_rig
 from sim_hil.rotor.parameters import TRUTH_COLUMNS, Floats
-from sim_hil.runs import CLEARANCE_NOISE_M, run
-from sim_hil.sensors.chain import units
+from sim_hil.runs import run
+from sim_hil.sensors.chain import scales_of, units
 
 __all__ = [
     "CONTROL_S",
@@ -170,7 +170,7 @@ class RotorEnv(gymnasium.Env[Observation, Observation]):
 
     def _observe(self, batch: Batch) -> Observation:
         """What the device would know after this step."""
-        noise = CLEARANCE_NOISE_M * self.np_random.standard_normal()
+        noise = self.rig.actuator.position_noise_rms_m * self.np_random.standard_normal()
         speed = float(batch.truth[-1, TRUTH_COLUMNS.index("speed_rad_s")])
         clearance = (
             float(batch.truth[-1, TRUTH_COLUMNS.index("clearance_m")])
@@ -182,7 +182,7 @@ class RotorEnv(gymnasium.Env[Observation, Observation]):
             float(batch.truth[:, TRUTH_COLUMNS.index("shaft_power_W")].mean())
             + self.episode.power_error_W
         )
-        measured = units(batch.counts)
+        measured = units(batch.counts, scales_of(self.rig))
         orbit = shaft_xy(measured[:, :2])
         self._history = np.concatenate([self._history, orbit])[
             -round(WINDOW_S * self._machine.rate_hz) :

@@ -13,13 +13,11 @@ from numpy.typing import NDArray
 
 from sim_hil.film.table_kernel import table_force
 from sim_hil.jit import allocating
-from sim_hil.rigs import read_json
 from sim_hil.rotor.film_law import Law
 from sim_hil.rotor.parameters import Floats
 from sim_hil.rotor.rigid import RENEW_STEPS, advance_rotor
 
 STEP_S: Final = 200e-6
-PROBE_NOISE_M: Final = read_json("sensors.json")["channels"][0]["noise_rms"] * 1e-6
 _DIAGONAL: Final = math.sqrt(0.5)
 
 FIGURES: Final = (
@@ -79,7 +77,7 @@ def _runout(probe: Floats, c1: float, s1: float) -> float:
 
 @allocating
 def measure_orbits(
-    out: Floats, probe: Floats, normal: Floats, which: Numbers, orbit: Floats, figures: Floats
+    out: Floats, probe: Floats, noise: Floats, which: Numbers, orbit: Floats, figures: Floats
 ) -> None:
     """Journals as their probes show them, and the true figures of their step.
 
@@ -90,8 +88,8 @@ def measure_orbits(
     probe
         Of the probes at 45 and 135 degrees: gain, zero, m, and runout of orders 1 to 3, m, real
         then imaginary parts of ``R exp(i k angle)``, shape (n, 2, 8).
-    normal
-        Standard normal numbers for ``which``, shape (len(which), periods, 2).
+    noise
+        Of the two probes for ``which``, m, shape (len(which), periods, 2).
     orbit
         Written for ``which``: x, y as measured, m, shape (n, periods, 2).
     figures
@@ -116,8 +114,8 @@ def measure_orbits(
             c1, s1 = math.cos(angle), math.sin(angle)
             at_45 = first[0] * (_DIAGONAL * (x + y) + _runout(first, c1, s1)) + first[1]
             at_135 = second[0] * (_DIAGONAL * (y - x) + _runout(second, c1, s1)) + second[1]
-            at_45 += PROBE_NOISE_M * normal[k, i, 0]
-            at_135 += PROBE_NOISE_M * normal[k, i, 1]
+            at_45 += noise[k, i, 0]
+            at_135 += noise[k, i, 1]
             sx, sy = _DIAGONAL * (at_45 - at_135), _DIAGONAL * (at_45 + at_135)
             orbit[r, i, 0], orbit[r, i, 1] = sx, sy
             sum_x, sum_y = sum_x + sx, sum_y + sy

@@ -158,7 +158,7 @@ class Machine:
             self._healthy.film.inlet_C,
             float(self._rng.uniform(0, 2 * math.pi)),
         )
-        self._chain = SensorChain(build)
+        self._chain = SensorChain(rig, build)
         self._faults: dict[str, tuple[float, float]] = {}
         self._plant = self._healthy
         self._instants = 0

@@ -39,7 +39,6 @@ from sim_hil.node import Node, NodeLimits
 from sim_hil.rigs import RigData
 from sim_hil.rotor.assembly import PRESSURE_TIME_CONSTANT_S
 from sim_hil.rotor.parameters import TRUTH_COLUMNS
-from sim_hil.runs import CLEARANCE_NOISE_M, OIL_ERROR_C, POWER_ERROR_W
 from sim_hil.sampler import COUNTERS, TICKS, Sampler
 from sim_hil.truth import RigTruth, TruthKeeper
 
@@ -57,8 +56,6 @@ ARRIVED_M: Final = 1.5e-6
 """Backlash and half a micrometre."""
 
 ARRIVED_PA: Final = 2e3
-_START: Final = {"bench": Duty.hold(6000.0, 100.0), "seed": Duty.hold(2700.0, 20.0)}
-"""Where a rig runs until it is told otherwise: within what its shipped configuration declares."""
 _POWER: Final = TRUTH_COLUMNS.index("shaft_power_W")
 
 
@@ -86,7 +83,7 @@ class Rig:
     seed
         Of noise, clock offset and drift, reading errors.
     duty
-        Speed and load from the first step on (6000 rpm, 100 N when None).
+        Speed and load from the first step on (the rig's start when None).
     rate_hz
         Sampling rate.
     coast_on_silence
@@ -122,7 +119,7 @@ class Rig:
         self.node = Node(limits)
         self.drive = Drive(
             rig.drive,
-            duty or _START[rig.name],
+            duty or Duty.hold(rig.start_rpm, rig.start_load_N),
             coast_on_silence=coast_on_silence,
             heartbeat_limit_s=heartbeat_limit_s,
         )
@@ -136,8 +133,10 @@ class Rig:
         self._period_us = round(1e6 / rate_hz)
         self._drift = float(self._rng.uniform(-CLOCK_PPM, CLOCK_PPM)) * 1e-6
         self._tick0 = int(self._rng.integers(TICKS))
-        self._power_error_W = float(self._rng.uniform(-POWER_ERROR_W, POWER_ERROR_W))
-        self._oil_error_C = float(self._rng.uniform(-OIL_ERROR_C, OIL_ERROR_C))
+        self._power_error_W = float(
+            self._rng.uniform(-rig.errors.shaft_power_W, rig.errors.shaft_power_W)
+        )
+        self._oil_error_C = float(self._rng.uniform(-rig.errors.oil_C, rig.errors.oil_C))
         self._sampler = Sampler(
             codec.layout, self._period_us, round(self.machine.delay_s * 1e6), self._tick0
         )
@@ -343,7 +342,8 @@ class Rig:
         )
 
     def _status(self, now: Readings) -> RigStatus:
-        clearance_m = now.clearance_m + CLEARANCE_NOISE_M * float(self._rng.standard_normal())
+        noise_m = self.machine.rig.actuator.position_noise_rms_m
+        clearance_m = now.clearance_m + noise_m * float(self._rng.standard_normal())
         power_W = sum(self._power_W) / len(self._power_W)
         self._power_W.clear()
         return RigStatus(

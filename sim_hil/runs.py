@@ -68,7 +68,7 @@ class SimulatedRecording:
 
     ``counts``: int16 (n, 8); instant ``i`` was measured at ``time_s[i]``.  ``mark_s``:
     once-per-turn edges on the same time.  ``status``: every 0.05 s, columns time_s, shaft_power_W,
-    oil_C, clearance_m, pressure_Pa, with the reading errors of ``sensors.json``.  ``truth``: (n,
+    oil_C, clearance_m, pressure_Pa, with the reading errors of the rig.  ``truth``: (n,
     14), ``TRUTH_COLUMNS``.
     """
 
@@ -86,9 +86,6 @@ class SimulatedRecording:
 
 
 STATUS_S = 0.05
-POWER_ERROR_W = 5.0
-OIL_ERROR_C = 1.0
-CLEARANCE_NOISE_M = 0.2e-6
 
 
 def record(
@@ -134,11 +131,12 @@ def recording_of(machine: Machine, batch: Batch, rng: np.random.Generator) -> Si
     n = len(batch.truth) // every
     slow = batch.truth[: n * every].reshape(n, every, -1).mean(axis=1)
     columns = {name: slow[:, i] for i, name in enumerate(TRUTH_COLUMNS)}
+    most, noise_m = machine.rig.errors, machine.rig.actuator.position_noise_rms_m
     power_error, oil_error = (
-        rng.uniform(-POWER_ERROR_W, POWER_ERROR_W),
-        rng.uniform(-OIL_ERROR_C, OIL_ERROR_C),
+        rng.uniform(-most.shaft_power_W, most.shaft_power_W),
+        rng.uniform(-most.oil_C, most.oil_C),
     )
-    reported = columns["clearance_m"] - machine.wear_m + CLEARANCE_NOISE_M * rng.standard_normal(n)
+    reported = columns["clearance_m"] - machine.wear_m + noise_m * rng.standard_normal(n)
     status = np.column_stack(
         [
             np.arange(1, n + 1) * every * period,

@@ -10,6 +10,7 @@ import argparse
 import math
 import signal
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from firmware_py import launch
@@ -34,7 +35,7 @@ compiled."""
 
 def make_rig(
     config: Config,
-    name: str,
+    named: str | Path,
     seed: int,
     *,
     nominal: bool = False,
@@ -42,12 +43,12 @@ def make_rig(
     fed: bool = False,
     heartbeat_limit_s: float = HEARTBEAT_LIMIT_DEFAULT_S,
 ) -> Rig:
-    """The rig ``name`` on the wire of ``config``; its build is drawn from ``seed`` unless
-    ``nominal``."""
+    """The rig of a name or folder on the wire of ``config``; its build is drawn from ``seed``
+    unless ``nominal``."""
     from sim_hil.build import Build
     from sim_hil.rig import Rig, node_limits
 
-    data = load_rig(name)
+    data = load_rig(named)
     build = Build.nominal(data) if nominal else Build.of_seed(data, seed)
     return Rig(
         data, codec_for(config), node_limits(data, config), seed, build=build, duty=duty,
@@ -56,9 +57,15 @@ def make_rig(
     )  # fmt: skip
 
 
-def warm_up(config: Config, name: str, fed: bool = False) -> None:
+def played(started: Launch) -> str | Path:
+    """Which rig the simulator plays: that of the folder, or that which a single file names."""
+    folder = started.source.path
+    return folder if folder.is_dir() else started.config.device.rig
+
+
+def warm_up(config: Config, named: str | Path, fed: bool = False) -> None:
     """Compile and run everything once."""
-    rig = make_rig(config, name, 0, fed=fed)
+    rig = make_rig(config, named, 0, fed=fed)
     for step in range(WARM_UP_STEPS):
         rig.step(step * PERIOD_NS, [])
 
@@ -113,14 +120,15 @@ def main(argv: list[str]) -> int:
     from sim_hil.duty import Duty
 
     started = launch.from_options(options)
-    name = started.config.device.rig
-    duty = Duty.published() if options.duty == "published" else None
+    named = played(started)
+    data = load_rig(named)
+    duty = Duty.published(data) if options.duty == "published" else None
     fed = options.film == "fed"
-    print("\n".join(describe(load_rig(name))), flush=True)
-    warm_up(started.config, name, fed)
+    print("\n".join(describe(data)), flush=True)
+    warm_up(started.config, named, fed)
     rig = make_rig(
         started.config,
-        name,
+        named,
         options.seed,
         nominal=options.nominal,
         duty=duty,

@@ -4,7 +4,7 @@ The task is that of :mod:`sim_hil.environment` (:mod:`sim_hil.control_task`), th
 rotor of equation (2) alone on its film and coupling (:mod:`sim_hil.rotor.rigid`, steps of 0.2 ms),
 without pedestal, motor and what shakes them.  Actuator, oil temperature, build spread, drifting
 inlet and growing faults are the same. The sensors are reduced to what the observation shows: probes
-with gain, zero, runout and noise of ``sensors.json`` and ``classes.json``, status readings with
+with gain, zero, runout and noise of the rig, status readings with
 their errors; no filter delay, no quantisation, no housing motion. On the same episodes the mean
 power of both agrees within 0.5 % and the smallest film within 0.5 um (tested).
 
@@ -68,7 +68,6 @@ from sim_hil.rotor.parameters import (
     new_state,
 )
 from sim_hil.rotor.rigid import COLUMNS
-from sim_hil.runs import CLEARANCE_NOISE_M
 
 _PRESSURE_CHANNEL = CHANNELS.index("supply_pressure")
 _PERIODS = round(CONTROL_S / STEP_S)
@@ -110,6 +109,7 @@ class RotorVectorEnv(gymnasium.vector.VectorEnv[Observation, Observation, NDArra
         law: Law | None = None,
     ) -> None:
         self.num_envs, self.rig, self.pressure = num_envs, load_rig(rig), pressure
+        self._probe_noise_m = np.array([c.noise_rms for c in self.rig.channels[:2]])
         self.limits, self.disturbances = limits or EpisodeLimits(), disturbances or Disturbances()
         self.single_observation_space, self.single_action_space = spaces(pressure)
         self.observation_space = gymnasium.vector.utils.batch_space(
@@ -241,6 +241,7 @@ class RotorVectorEnv(gymnasium.vector.VectorEnv[Observation, Observation, NDArra
                 f"rotor {i}: no finite answer at {time_s:.1f} s of {self.episodes[i]}"
             )
         noise = np.stack([self._random[i].standard_normal((_PERIODS, 2)) for i in which])
+        noise *= self._probe_noise_m
         measure_orbits(self._out, self._probe, noise, which, self._orbit, self._figures)
 
     def _figure(self, name: str) -> Floats:
@@ -265,7 +266,7 @@ class RotorVectorEnv(gymnasium.vector.VectorEnv[Observation, Observation, NDArra
         """What the device would know of ``which`` after this step."""
         speed, scalar = self._drive[which, -1, 0], self._scalar[which]
         noise = np.array([self._random[i].standard_normal() for i in which])
-        clearance = scalar[:, CLEARANCE] + CLEARANCE_NOISE_M * noise
+        clearance = scalar[:, CLEARANCE] + self.rig.actuator.position_noise_rms_m * noise
         oil_C = scalar[:, OIL] + [self.episodes[i].oil_error_C for i in which]
         values = {name: self._figure(name)[which] for name in FIGURES[:4]} | {
             "speed_rad_s": speed,

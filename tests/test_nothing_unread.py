@@ -23,17 +23,6 @@ FOR_TESTS = "firmware_py/guard/budget.py"
 CONSENTS = {"zenoh.insecure_network"}
 """Keys that say yes to what a check would refuse."""
 
-OF_THE_SIMULATOR = {
-    "machine.bearing.cone_half_angle_deg",
-    *(f"machine.feed.{key}" for key in ("pressure_nominal_bar", "groove_angle_deg", "groove_width_deg",
-                                        "groove_length_share")),
-    *(f"machine.actuator.{key}" for key in ("backlash_um", "position_noise_um")),
-    *(f"machine.channel.{key}" for key in ("range_low", "range_high", "noise_rms", "bandwidth_hz",
-                                           "gain_error_share", "zero_error")),
-}  # fmt: skip
-"""Keys that only a simulator of the rig folder acts on, which still reads the figures of its own
-(:mod:`sim_hil.rigs`)."""
-
 
 @cache
 def trees() -> dict[str, ast.Module]:
@@ -115,7 +104,7 @@ def test_every_key_of_the_configuration_is_read_by_what_acts_on_it() -> None:
         if isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Load)
     }
     unread = [place for place, name in keys(inspect.type_info(Config)) if name not in read]
-    assert set(unread) <= CONSENTS | OF_THE_SIMULATOR, f"nothing acts on {', '.join(unread)}"
+    assert set(unread) <= CONSENTS, f"nothing acts on {', '.join(unread)}"
 
 
 def test_every_budget_is_held_by_a_test() -> None:

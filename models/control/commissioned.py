@@ -5,7 +5,7 @@ What every test-rig lab does, each with the error that is left (uniform): the **
 shaft pressed from wall to wall of its bearing: clearance less what the actuator tells),
 **weighing** (mass, and inertias by the pendulum, for the apparent mass at the bearing in forward
 whirl), the **balancing protocol** (residual unbalance), the **zero procedure** (gain and zero of
-both displacement probes, ``sensors.json``), and the torque meter's zero at rest.
+both displacement probes), and the torque meter's zero at rest.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from firmware_py.guard.load_estimate import ZEROED_ERROR_M, ZEROED_GAIN_ERROR
 from firmware_py.guard.motion import DISPLACEMENTS
 from sim_hil.build import Build
 from sim_hil.control_task import OBSERVATIONS, Episode
-from sim_hil.rigs import RigData, Rotor
+from sim_hil.rigs import RigData, RotorData
 
 CLEARANCE_ERROR_M: Final = 0.5e-6
 MASS_ERROR: Final = 0.005
@@ -109,7 +109,7 @@ class Commissioned:
         return seen
 
 
-def apparent_mass_kg(rotor: Rotor, build: Build, frequency_rad_s: float) -> float:
+def apparent_mass_kg(rotor: RotorData, build: Build, frequency_rad_s: float) -> float:
     """Force over acceleration at the bearing of a rigid rotor that hangs in its coupling and whirls
     forward, kg.
 

@@ -33,7 +33,6 @@ from sim_hil.duty import Duty
 from sim_hil.machine import Machine
 from sim_hil.rigs import load_rig
 from sim_hil.rotor.parameters import TRUTH_COLUMNS, Floats
-from sim_hil.runs import CLEARANCE_NOISE_M, OIL_ERROR_C, POWER_ERROR_W
 
 RATE_HZ: Final = 5000
 ROWS: Final = 30
@@ -85,8 +84,9 @@ class GuardedBuild:
         self._rng = np.random.default_rng([seed, 20])
         rig = load_rig("bench")
         self._duty = Duty.random(rig, self._rng, EPISODE_S)
-        self._oil_error = float(self._rng.uniform(-OIL_ERROR_C, OIL_ERROR_C))
-        self._power_error = float(self._rng.uniform(-POWER_ERROR_W, POWER_ERROR_W))
+        self._oil_error = float(self._rng.uniform(-rig.errors.oil_C, rig.errors.oil_C))
+        most_W = rig.errors.shaft_power_W
+        self._power_error = float(self._rng.uniform(-most_W, most_W))
         self._target_m = self._safe_m = config.machine.actuator.safe_radial_clearance_um * 1e-6
         self._rest = rest
         if rest:
@@ -95,6 +95,7 @@ class GuardedBuild:
             rig, Build.draw(rig, self._rng), seed, rate_hz=RATE_HZ, clearance_m=self._safe_m
         )
         self._pressure_Pa = rig.supply.nominal_Pa
+        self._noise_m = rig.actuator.position_noise_rms_m
         self._ok, self._meter, self._pair = (
             ChannelOk.of(config),
             MotionMeter(config),
@@ -127,7 +128,7 @@ class GuardedBuild:
         names = []
         for i in range(0, n, ROWS):
             row = truth[i + ROWS - 1]
-            clearance_m = row[_COLUMN["clearance_m"]] + CLEARANCE_NOISE_M * float(
+            clearance_m = row[_COLUMN["clearance_m"]] + self._noise_m * float(
                 self._rng.standard_normal()
             )
             speed, oil_C = (

@@ -29,7 +29,7 @@ HEADS_OF_CLASS = np.array(
     [[0, 0, 0, 0], [1, 0, 0, 0], [1, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1], [1, 0, 1, 0]],
     dtype=np.float64,
 )
-"""``six_classes_from_heads`` of classes.json as a matrix (class, head)."""
+"""Which heads make which class, as a matrix (class, head)."""
 
 
 SLIGHT_WEIGHT = 0.1

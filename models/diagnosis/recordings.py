@@ -35,7 +35,7 @@ FAULT_OF_CLASS: Final = (
 
 UNBALANCE_GRADES: Final = (6.3, 16.0, 40.0)
 BOLT_PRELOADS: Final = (75.0, 50.0, 25.0, 0.0)
-"""The severities of classes.json."""
+"""The severities that the task fixes: balance grade G, and percent of preload left."""
 
 UNKNOWNS: Final = ("misalignment", "rub", "starvation", "wear", "pedestal_bolt_c")
 """Faults that are never taught; the last is a bolt that is no class."""

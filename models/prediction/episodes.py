@@ -4,7 +4,7 @@ stages, judged later.
 An episode is ten seconds: the slowest speed, a run-up, and two forecasts of two seconds, whose
 future is declared and then takes place.  Four regimes take turns: steady (the clearance may move),
 ramp (speed and load move as well), near whirl, and a fault that grows (unbalance, starvation,
-wear).  Every recording is heard twice: with the errors of ``sensors.json`` as they are, and after
+wear).  Every recording is heard twice: with the sensors as they are built, and after
 the slow-roll and zero procedure.
 """
 
@@ -23,14 +23,16 @@ from numpy.typing import NDArray
 from firmware_py.acquire.orders import analyse
 from firmware_py.acquire.windows import ChannelMap, iter_windows
 from firmware_py.brain.intervals import REGIMES
+from firmware_py.brain.unbalance import RESIDUAL_RUNOUT_M
 from firmware_py.config import Config
+from firmware_py.guard.load_estimate import ZEROED_ERROR_M, ZEROED_GAIN_ERROR
 from firmware_py.records import Block, Quality, RigReading, RigStatus
 from models.prediction.truth import damping_ratio
 from sim_hil.build import Build
 from sim_hil.duty import RAD_S_PER_RPM, Duty
 from sim_hil.faults.machine import STARVED_SHARE, WEAR_M, worn_bore
 from sim_hil.machine import Batch, Machine
-from sim_hil.rigs import RigData, read_json
+from sim_hil.rigs import RigData
 from sim_hil.runs import SimulatedRecording, recording_of, run
 
 Floats = NDArray[np.float64]
@@ -307,22 +309,19 @@ def as_shipped(config: Config, rng: np.random.Generator) -> Config:
 
 
 def after_procedure(config: Config, rig: RigData, build: Build, rng: np.random.Generator) -> Config:
-    """``config`` after the slow-roll and zero procedure on this build, with the residual errors of
-    ``sensors.json``.
+    """``config`` after the slow-roll and zero procedure on this build, with the residual errors that the
+    device reckons with.
 
     The first order at slow roll is measured (a recording of the turning machine through the
     device's own order analysis); zero and gain are set as if by a bump test, which this rig cannot
-    play: the true ones, missed by what the file says is left.
+    play: the true ones, missed by what is left.
     """
-    left = read_json("sensors.json")["after_slow_roll_and_zero_procedure"]
     vectors = slow_roll_vectors(rig, build, int(rng.integers(2**31)))
-    vectors = vectors + left["residual_runout_um"] * 1e-6 * np.exp(
-        2j * np.pi * rng.random(2)
-    ) * rng.random(2)
+    vectors = vectors + RESIDUAL_RUNOUT_M * np.exp(2j * np.pi * rng.random(2)) * rng.random(2)
     channels = []
     for i, channel in enumerate(config.machine.channel[:2]):
-        gain = build.gain[i] * (1.0 + left["gain_error"] * float(rng.uniform(-1, 1)))
-        zero = build.zero[i] + left["zero_error_um"] * 1e-6 * float(rng.uniform(-1, 1))
+        gain = build.gain[i] * (1.0 + ZEROED_GAIN_ERROR * float(rng.uniform(-1, 1)))
+        zero = build.zero[i] + ZEROED_ERROR_M * float(rng.uniform(-1, 1))
         channels.append(
             changed(
                 channel,

@@ -110,16 +110,22 @@ def _cases(
     """The machine on the duty for each board, with and without warming oil."""
     from sim_hil.bound.case import BoundCase
     from sim_hil.bound.limits import BoundLimits, duty_of
+    from sim_hil.duty import Duty
     from sim_hil.rigs import load_rig
 
-    table = read_duty(path)
-    try:
-        duty, limits = duty_of(table), BoundLimits.of(table)
-    except (KeyError, TypeError) as error:
-        raise DutyFileError(
-            f"{path}: {error!r} missing or of the wrong kind; see duty_bench.json"
-        ) from error
     rig = load_rig("bench")
+    if path is None:
+        duty, limits = Duty.published(rig), BoundLimits.of_rig(rig)
+    else:
+        table = read_duty(path)
+        try:
+            duty, limits = duty_of(table), BoundLimits.of(table)
+        except (KeyError, TypeError) as error:
+            raise DutyFileError(
+                f"{path}: {error!r} missing or of the wrong kind; a duty file has start (rpm, "
+                "load_N), segments (to_rpm, to_load_N, seconds) and constraints (h_min_um, "
+                "clearance_rate_um_s)"
+            ) from error
     return {
         (b, k): BoundCase(rig, duty, limits, KINDS[k], fed=b == "pair")
         for b in boards
@@ -164,18 +170,14 @@ def _studies(
     return results
 
 
-def read_duty(path: Path | None) -> dict[str, Any]:
-    """The duty file, or the published duty.
+def read_duty(path: Path) -> dict[str, Any]:
+    """The duty file.
 
     Raises
     ------
     DutyFileError
         It cannot be read or is not JSON.
     """
-    from sim_hil.rigs import read_json
-
-    if path is None:
-        return read_json("duty_bench.json")
     try:
         table: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:

@@ -44,7 +44,7 @@ def _folder() -> Path:
     digest = hashlib.sha256()
     for folder in _FOLDERS:
         for path in sorted((_SOURCES / folder).glob("*.*")):
-            if path.suffix in (".py", ".json", ".npz"):
+            if path.suffix in (".py", ".npz"):
                 digest.update(path.read_bytes())
     base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     return base / "orbitd" / f"bound-{digest.hexdigest()[:16]}"

@@ -10,6 +10,7 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from sim_hil.duty import Duty
 from sim_hil.response import Trajectory
+from sim_hil.rigs import RigData
 from sim_hil.rotor.parameters import Floats
 
 WINDOW_TURNS = 20
@@ -24,6 +25,11 @@ class BoundLimits:
 
     min_film_m: float
     rate_m_s: float
+
+    @classmethod
+    def of_rig(cls, rig: RigData) -> BoundLimits:
+        """What the device of ``rig`` is to keep, and what its actuator can."""
+        return cls(rig.min_film_m, rig.actuator.rate_m_per_s)
 
     @classmethod
     def of(cls, table: dict[str, Any]) -> BoundLimits:

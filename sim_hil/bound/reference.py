@@ -21,7 +21,7 @@ from sim_hil.bound.maps import Judge, Map, Mapper, build_map, judged_alone
 from sim_hil.bound.schedules import NoSchedule, causal, preview
 from sim_hil.build import Build
 from sim_hil.duty import RAD_S_PER_RPM, Duty
-from sim_hil.rigs import RigData, read_json
+from sim_hil.rigs import RigData
 
 MOST_UM = 12
 """Margins beyond this are not tried."""
@@ -113,7 +113,7 @@ def references(
         `preview.plan.clearance(time_s)`, `preview.verdict.mean_power_W`, ...; None where no plan
         keeps the limits: such an episode is not to be counted.
     """
-    limits = BoundLimits.of(read_json("duty_bench.json")) if limits is None else limits
+    limits = BoundLimits.of_rig(rig) if limits is None else limits
     fed, levels_Pa = pressures_Pa is not None, pressures_Pa or (rig.supply.nominal_Pa,)
     case = BoundCase(
         rig, duty if seconds is None else cut(duty, seconds), limits, thermal, build, inlet_C, fed

@@ -31,7 +31,7 @@ def prepare(rig_name: str, seed: int) -> Setting:
     build.
 
     The device does not know the build: masses, stiffnesses, clearance, viscosity, runout and sensor
-    errors are drawn from ``seed`` within the spreads of ``classes.json`` and ``sensors.json``.
+    errors are drawn from ``seed`` within the spreads of the rig folder.
     """
     config, _ = load(SHIPPED / rig_name)
     authority = msgspec.structs.replace(config.authority, provisional_may_act=True)

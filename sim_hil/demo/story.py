@@ -29,12 +29,12 @@ FAULT_VERDICTS = {
 """Fault that is injected, and the verdict that names it."""
 
 UNBALANCE_GRADES_G = (16.0,)
-"""Severity at which the unbalance must be named (`classes.json`: required_at).  A sudden G40 in a
+"""Severity at which the unbalance must be named (as the task requires).  A sudden G40 in a
 clearance that is wide to save power passes danger before the clearance is narrow again: the guard
 rightly trips, the story would end."""
 
 BOLT_PRELOADS_PERCENT = (25.0, 0.0)
-"""Severities at which a bolt must be named (`classes.json`: required_at preload <= 25 %)."""
+"""Severities at which a bolt must be named (as the task requires: preload <= 25 %)."""
 
 RAMP_SHARE = 0.9
 """Share of the declared fastest unannounced ramp that the duty uses."""

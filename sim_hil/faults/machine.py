@@ -1,6 +1,6 @@
 """Faults of the machine: each changes the parameters of a healthy plant.
 
-Severities are those of ``classes.json`` where it fixes them: balance grade G for unbalance, percent
+Severities as the rig's task fixes some of them: balance grade G for unbalance, percent
 of preload left for bolts (100 is healthy); 0 (healthy) to 1 for the rest.
 """
 

@@ -12,7 +12,7 @@ from typing import Unpack
 
 import numpy as np
 
-from sim_hil.rigs import Oil
+from sim_hil.rigs import OilData
 
 from .balance import bracketed_root
 from .equilibrium import Equilibrium, equilibrium
@@ -43,7 +43,7 @@ class ThermalEquilibrium:
 
 def thermal_equilibrium(
     *,
-    oil: Oil,
+    oil: OilData,
     clearance_m: float,
     speed_rad_s: float,
     load_N: float | None = None,
@@ -60,7 +60,7 @@ def thermal_equilibrium(
     oil
         Viscosity law, density, heat capacity and inlet temperature.
     jacket_flow_m3_s
-        Oil at inlet temperature that is pumped through beside the film's own flow, m3/s.
+        OilData at inlet temperature that is pumped through beside the film's own flow, m3/s.
     load_N, eccentricity_ratio, load_angle_rad, clearance_m, speed_rad_s, **film
         As in `equilibrium`.
 

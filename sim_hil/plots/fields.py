@@ -14,7 +14,7 @@ from sim_hil.film import equilibrium, film_force
 from sim_hil.film.records import FilmArguments, Floats
 from sim_hil.plots.style import BLUE, GREY, ORANGE, RED, new_figure, plain
 from sim_hil.response import power_map
-from sim_hil.rigs import load_rig, read_json
+from sim_hil.rigs import load_rig
 
 _MAP_SPEEDS = 15
 _MAP_CLEARANCES = 21
@@ -112,7 +112,7 @@ def power_and_limits(options: argparse.Namespace) -> Figure:
     one and its most."""
     rig = load_rig(options.rig)
     b = rig.bearing
-    limits = BoundLimits.of(read_json("duty_bench.json"))
+    limits = BoundLimits.of_rig(rig)
     speed = np.linspace(rig.speed_min_rpm, rig.speed_max_rpm, _MAP_SPEEDS)
     clearance = np.linspace(b.clearance_min_m, b.clearance_max_m, _MAP_CLEARANCES)
     loads = np.array(sorted({rig.load_min_N, options.load, rig.load_max_N}))

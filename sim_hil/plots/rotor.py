@@ -14,7 +14,7 @@ from sim_hil.build import Build
 from sim_hil.duty import RAD_S_PER_RPM, Duty
 from sim_hil.plots.style import BLUE, GREEN, GREY, ORANGE, RED, limit_line, new_figure, plain, point
 from sim_hil.response import Trajectory, equilibrium_at, simulate
-from sim_hil.rigs import RigData, load_rig, read_json
+from sim_hil.rigs import RigData, load_rig
 from sim_hil.rotor.assembly import assemble
 from sim_hil.rotor.modes import Support, modes
 from sim_hil.rotor.parameters import Floats
@@ -242,7 +242,7 @@ def _film_modes(
 def duty(options: argparse.Namespace) -> Figure:
     """The published duty at a fixed clearance, film warmed by its friction."""
     rig = load_rig(options.rig)
-    published = Duty.published()
+    published = Duty.published(rig)
     clearance = options.clearance * 1e-6
     run = simulate(
         rig, published, clearance=clearance, rate_hz=_RATE_HZ, dt_s=1e-4, force=options.film
@@ -268,7 +268,7 @@ def duty(options: argparse.Namespace) -> Figure:
     ):
         plain(axes, "", label)
         axes.set_ylim(0, None)
-    limits = BoundLimits.of(read_json("duty_bench.json"))
+    limits = BoundLimits.of_rig(rig)
     limit_line(film, limits.min_film_m * UM, f"least {limits.min_film_m * UM:g} µm")
     limit_line(share, 100 * ORBIT_SHARE, f"most {100 * ORBIT_SHARE:g} %")
     share.set_ylim(0, max(110 * ORBIT_SHARE, share.get_ylim()[1]))

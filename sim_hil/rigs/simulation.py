@@ -57,11 +57,14 @@ class ShakingForces(Section, frozen=True):
 
 
 class OilNode(Section, frozen=True):
-    """The oil behind the outlet thermometer."""
+    """The oil behind the outlet thermometer; None: as ``machine.toml`` says."""
 
-    capacity_J_K: Annotated[float, Meta(ge=0.1, le=1e6)] = 250.0
-    inlet_C: TemperatureC = 40.0
-    jacket_flow_m3_s: Annotated[float, Meta(ge=0.0, le=1.0)] = 3.333e-5
+    capacity_J_K: Annotated[float, Meta(ge=0.1, le=1e6)] | None = None
+    inlet_C: TemperatureC | None = None
+    """None: the middle of the declared inlet range."""
+    jacket_flow_m3_s: Annotated[float, Meta(ge=0.0, le=1.0)] | None = None
+    reading_error_C: Annotated[float, Meta(ge=0.0, le=20.0)] = 1.0
+    """Most that the thermometer of one example is off by."""
 
 
 class DriveRamps(Section, frozen=True):
@@ -70,7 +73,9 @@ class DriveRamps(Section, frozen=True):
     coast_rad_s2: RampRadS2 = 157.08
     run_up_rad_s2: RampRadS2 = 418.88
     start_speed_rpm: SpeedRpm | None = None
+    """None: the middle of the declared range."""
     start_load_N: LoadN | None = None
+    """None: the geometric middle of the declared range."""
 
 
 class BuildSpread(Section, frozen=True):
@@ -86,6 +91,9 @@ class BuildSpread(Section, frozen=True):
     normal_unbalance_min_G: GradeG = 0.4
     normal_unbalance_max_G: GradeG = 6.3
     runout_max_um: Annotated[float, Meta(ge=0.0, le=100.0)] = 10.0
+    bolt_gap_min_um: Annotated[float, Meta(ge=0.1, le=10_000.0)] = 20.0
+    bolt_gap_max_um: Annotated[float, Meta(ge=0.1, le=10_000.0)] = 200.0
+    """How far a loose bolt backs off, log-uniform."""
     housing_mode_share: Share = 0.1
 
 

@@ -7,13 +7,16 @@ import math
 import numpy as np
 
 from firmware_py.errors import OrbitdError
+from firmware_py.machine import ContactCircuit
 from sim_hil.build import Build
 from sim_hil.film.fed import FedLaw, FedTable
 from sim_hil.film.records import FilmError
 from sim_hil.film.table import FilmTable
-from sim_hil.rigs import Body, RigData, read_json
+from sim_hil.rigs import RigData
+from sim_hil.rigs.simulation import BoltedBody
 from sim_hil.rotor.parameters import (
     ActuatorParameters,
+    ContactParameters,
     Excite,
     FilmParameters,
     Floats,
@@ -104,7 +107,7 @@ def assemble(
         motor=_foot(rig, build, rig.foundation.motor, build.bolt[4:]),
         film=_film(rig, build, rig.oil.inlet_C if inlet_C is None else inlet_C, thermal),
         excite=_excite(rig, build),
-        pickup=_pickup(build, step_s),
+        pickup=_pickup(rig, build, step_s),
         act=ActuatorParameters(
             rig.actuator.rate_m_per_s,
             rig.actuator.time_constant_s,
@@ -178,7 +181,7 @@ def _shaft(rig: RigData, build: Build) -> Shaft:
     )
 
 
-def _foot(rig: RigData, build: Build, body: Body, bolt: Floats) -> Foot:
+def _foot(rig: RigData, build: Build, body: BoltedBody, bolt: Floats) -> Foot:
     f = rig.foundation
     stiffness = f.contact_stiffness_N_m / 4 * build.contact * bolt
     ratio = f.damping_ratio * build.damping
@@ -238,11 +241,8 @@ def _excite(rig: RigData, build: Build) -> Excite:
     )
 
 
-def _pickup(build: Build, step_s: float) -> Pickup:
-    lags = [
-        -math.expm1(-2 * math.pi * c["bandwidth_Hz"] * step_s)
-        for c in read_json("sensors.json")["channels"]
-    ]
+def _pickup(rig: RigData, build: Build, step_s: float) -> Pickup:
+    lags = [-math.expm1(-2 * math.pi * c.bandwidth_hz * step_s) for c in rig.channels]
     cosine = build.runout_m * np.cos(build.runout_phase_rad)
     sine = -build.runout_m * np.sin(build.runout_phase_rad)
     return Pickup(
@@ -255,4 +255,12 @@ def _pickup(build: Build, step_s: float) -> Pickup:
         lag_share=(*four(lags[:4]), *four(lags[4:])),
         runout_cos=(three(cosine[0]), three(cosine[1])),
         runout_sin=(three(sine[0]), three(sine[1])),
+        contact=contact_parameters(rig.contact),
     )
+
+
+def contact_parameters(circuit: ContactCircuit | None) -> ContactParameters:
+    """The contact circuit for the kernel; without one the channel stands at 0 V."""
+    if circuit is None:
+        return ContactParameters(0.0, 1.0, 1.0)
+    return ContactParameters(circuit.circuit_V, circuit.circuit_ohm, circuit.film_ohm_per_m)

@@ -129,6 +129,15 @@ class Excite(NamedTuple):
     rub_friction: float
 
 
+class ContactParameters(NamedTuple):
+    """Circuit of the contact channel: its voltage, V, series resistor, ohm, and the film's
+    resistance over the smallest film, ohm/m."""
+
+    volt: float
+    ohm: float
+    film_ohm_per_m: float
+
+
 class Pickup(NamedTuple):
     """How motion becomes sensor signals; ``lag_share`` is how far each sensor follows in one
     step."""
@@ -142,6 +151,7 @@ class Pickup(NamedTuple):
     lag_share: Eight
     runout_cos: tuple[Three, Three]
     runout_sin: tuple[Three, Three]
+    contact: ContactParameters
 
 
 class ActuatorParameters(NamedTuple):

@@ -10,27 +10,25 @@ from numpy.typing import NDArray
 from firmware_py.wire.layout import SCHEMA_1
 from sim_hil.build import Build
 from sim_hil.faults.sensor import Samples, sensor_fault
-from sim_hil.rigs import read_json
+from sim_hil.rigs import RigData
 from sim_hil.rotor.parameters import Floats
 
 SCALES: Final = np.array([channel.wire_scale for channel in SCHEMA_1.channels])
-"""SI units per count of the eight channels, as on the wire."""
+"""SI units per count of the eight standard channels, as on the wire of schema 1."""
 
-_SI_PER_UNIT: Final = {"um": 1e-6, "m/s2": 1.0, "Pa": 1.0, "bar": 1.0, "V": 1.0}
 _MICROPHONE: Final = 5
 
 Counts = NDArray[np.int16]
 
 
 class SensorChain:
-    """The eight channels of one build."""
+    """The eight channels of one build of ``rig``."""
 
-    def __init__(self, build: Build) -> None:
-        channels = read_json("sensors.json")["channels"]
-        si = np.array([_SI_PER_UNIT[c["unit"]] for c in channels])
-        self._low = np.array([c["range"][0] for c in channels]) * si
-        self._high = np.array([c["range"][1] for c in channels]) * si
-        self._noise = np.array([c.get("noise_rms", 0.0) for c in channels]) * si
+    def __init__(self, rig: RigData, build: Build) -> None:
+        self._low = np.array([c.low for c in rig.channels])
+        self._high = np.array([c.high for c in rig.channels])
+        self._noise = np.array([c.noise_rms for c in rig.channels])
+        self._scale = scales_of(rig)
         self._noise[_MICROPHONE] = build.room_Pa
         self._build = build
 
@@ -60,12 +58,17 @@ class SensorChain:
                 y[:, i] = fault.apply(y[:, i], severity, at)
         np.maximum(y, self._low, out=y)
         np.minimum(y, self._high, out=y)
-        np.divide(y, SCALES, out=y)
+        np.divide(y, self._scale, out=y)
         counts: Counts = np.rint(y, out=y).astype(np.int16)
         return counts
 
 
-def units(counts: Counts) -> Floats:
+def scales_of(rig: RigData) -> Floats:
+    """SI per count of the eight channels of ``rig``, as its node sends them."""
+    return np.array([c.wire_scale for c in rig.channels])
+
+
+def units(counts: Counts, scales: Floats = SCALES) -> Floats:
     """Counts as SI values, shape as given."""
-    si: Floats = counts * SCALES
+    si: Floats = counts * scales
     return si

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 
+from firmware_py.machine.contact import ASPERITY_OHM
 from sim_hil.jit import inlined, kernel
 from sim_hil.rotor.bearing import bearing_force, gap, heat_oil, oil_now
 from sim_hil.rotor.film_law import Law
@@ -22,6 +23,7 @@ from sim_hil.rotor.parameters import (
     RING,
     TIME,
     TURNS,
+    ContactParameters,
     Floats,
     OilState,
     Pickup,
@@ -29,10 +31,6 @@ from sim_hil.rotor.parameters import (
     State,
 )
 
-CIRCUIT_V = 2.0
-CIRCUIT_OHM = 100e3
-FILM_OHM_PER_M = 2e10
-ASPERITY_OHM = 10.0
 _DIAGONAL = math.sqrt(0.5)
 _PASCAL_PER_BAR = 1e5
 _PUMP_TEETH_RAD_S = 2 * math.pi * 225.0
@@ -40,21 +38,23 @@ _PUMP_RIPPLE = 0.01
 
 
 @inlined
-def contact_voltage(min_film: float, roughness: float) -> float:
+def contact_voltage(min_film: float, roughness: float, circuit: ContactParameters) -> float:
     """Voltage over the film: its resistance (proportional to the minimum film) beside asperity
     contacts.
 
-    ``R_film = 2e10 h``, ``R_asperity = 10 exp(h / sigma)``, both ohm, in parallel, fed from 2 V
-    through 100 kOhm.  ``sigma`` is the composite roughness; the exponential height distribution of
-    asperities is Greenwood and Williamson's (1966).
+    ``R_film``, proportional to ``h``, and ``R_asperity = 10 exp(h / sigma)``, both ohm, in
+    parallel, behind the series resistor of the circuit (:mod:`firmware_py.machine.contact`).
+    ``sigma`` is the composite roughness; the exponential height distribution of asperities is
+    Greenwood and Williamson's (1966).
     """
     h = max(min_film, 0.0)
-    film = FILM_OHM_PER_M * h
+    film = circuit.film_ohm_per_m * h
     asperity = ASPERITY_OHM * math.exp(min(h / roughness, 60.0))
     if film <= 0.0:
         return 0.0
     parallel = 1.0 / (1.0 / film + 1.0 / asperity)
-    return CIRCUIT_V * parallel / (parallel + CIRCUIT_OHM)
+    volt: float = circuit.volt * parallel / (parallel + circuit.ohm)
+    return volt
 
 
 @inlined
@@ -107,7 +107,7 @@ def sense(plant: Plant, st: State, c: float, dt: float) -> None:
         housing_mode(p, st.mode, 2, a[8], dt),
         p.sound * (v[4] + v[5] + v[7] + v[8]) + p.tooth_sound * tooth,
         scalar[PRESSURE] / _PASCAL_PER_BAR * ripple,
-        contact_voltage(gap(plant.film, ex, ey, c), p.roughness),
+        contact_voltage(gap(plant.film, ex, ey, c), p.roughness, p.contact),
     )
     for i in range(8):
         st.lag[i] += p.lag_share[i] * (now[i] - st.lag[i])

@@ -19,6 +19,7 @@ from firmware_py.records import Quality
 from sim_hil.build import Build
 from sim_hil.duty import Duty
 from sim_hil.rigs import load_rig
+from sim_hil.rotor.assembly import contact_parameters
 from sim_hil.runs import record
 from sim_hil.sensors.kernel import contact_voltage
 
@@ -26,6 +27,7 @@ from .test_features import last_window
 
 BENCH = read_machine("bench")
 BEARING, ROTOR, CIRCUIT = BENCH.bearing, BENCH.rotor, fc.circuit_of(BENCH)
+PLAYED = contact_parameters(CIRCUIT)
 SPEED_HZ, CLEARANCE_M, RATIO, OIL_C = 100.0, 60e-6, 0.5, 45.0
 
 
@@ -179,10 +181,10 @@ def test_readings_that_are_missing_stay_visible() -> None:
 def test_the_law_of_the_contact_channel_is_the_rig_s(roughness_m: float) -> None:
     """Read back against the rig's own voltage, down to films that asperities bridge."""
     films = np.geomspace(1e-6, 200e-6, 50)
-    volts = np.array([contact_voltage(film, roughness_m) for film in films])
+    volts = np.array([contact_voltage(film, roughness_m, PLAYED) for film in films])
     assert film_of(CIRCUIT, volts, roughness_m) == pytest.approx(films, rel=1e-4)
     for film, shown in zip(films, volts, strict=True):
-        thin, thick = (contact_voltage(film * (1 + s), roughness_m) for s in (-1e-3, 1e-3))
+        thin, thick = (contact_voltage(film * (1 + s), roughness_m, PLAYED) for s in (-1e-3, 1e-3))
         slope = 2e-3 * film / (thick - thin)
         assert film_per_volt(CIRCUIT, shown, roughness_m) == pytest.approx(slope, rel=2e-3)
 
@@ -191,7 +193,7 @@ def test_an_unknown_roughness_misleads_by_a_quarter_at_most_above_eight_micromet
     """Without the asperities' share 8 um would be told as 1.1 um on a rough machine."""
     for roughness_m in ROUGHNESS_M:
         for film_m in (8e-6, 10e-6, 12e-6, 20e-6):
-            read = float(film_of(CIRCUIT, np.array(contact_voltage(film_m, roughness_m))))
+            read = float(film_of(CIRCUIT, np.array(contact_voltage(film_m, roughness_m, PLAYED))))
             assert read == pytest.approx(film_m, rel=0.27)
 
 

@@ -60,7 +60,7 @@ def test_the_widest_and_the_narrowest_advice_violate_nothing(advised_um: float) 
     config, codec, drawing = bench(), CanCodec(), load_rig("bench")
     rig = Rig(drawing, codec, node_limits(drawing, config), 1, duty=Duty.hold(12000.0, 30.0))
     core = GuardCore(config, codec, 77)
-    ramps = fast_ramps(config, Duty.published())
+    ramps = fast_ramps(config, Duty.published(drawing))
     now_ns, out, states = 10**12, list[RawFrame](), list[GuardState]()
     for k in range(END_S * 1000):
         now_ns += MS
@@ -76,7 +76,7 @@ def test_the_widest_and_the_narrowest_advice_violate_nothing(advised_um: float) 
             told = PlannedRamp(ANNOUNCED_S, ANNOUNCED_S + r.end_s - r.start_s, rpm, r.load_N)
             commands.append(CommandRequest(k, "announce", ramp=told))
         if k == START_S * 1000:
-            rig.follow(Duty.published())
+            rig.follow(Duty.published(drawing))
         advice = (
             Advice(k, now_ns, now_ns, 300 * MS, advised_um, None, True, [], None)
             if k % 100 == 0

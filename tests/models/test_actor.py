@@ -85,7 +85,7 @@ def test_only_ramps_beyond_the_declared_ones_are_announced() -> None:
     config = shipped_config("bench")
     slow = Duty((0.0, 5.0, 6.0), (6000.0, 6000.0, 7900.0), (100.0, 100.0, 51.0))
     assert fast_ramps(config, slow) == []
-    ramps = fast_ramps(config, Duty.published())
+    ramps = fast_ramps(config, Duty.published(load_rig("bench")))
     assert len(ramps) == 5
     assert ramps[0] == Ramp(12.0, 14.0, pytest.approx(6000 * RAD_S_PER_RPM), 100.0)
 

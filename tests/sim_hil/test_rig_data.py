@@ -9,26 +9,56 @@ import numpy as np
 import pytest
 
 from sim_hil.build import Build, unbalance_of_grade
-from sim_hil.duty import Duty
-from sim_hil.rigs import UnknownRig, load_rig, read_json
+from sim_hil.duty import Duty, NoDuty
+from sim_hil.rigs import (
+    RIGS,
+    ActuatorData,
+    AxialGroove,
+    BearingData,
+    SupplyData,
+    UnknownRig,
+    load_rig,
+)
 
 REFERENCE = Path(__file__).resolve().parents[2].parent / "shared" / "reference"
 
 
-@pytest.mark.parametrize(
-    ("shipped", "given"),
-    [
-        ("bench.json", "rig_bench.json"),
-        ("seed.json", "rig_seed.json"),
-        ("sensors.json", "sensors.json"),
-        ("classes.json", "classes.json"),
-        ("duty_bench.json", "duty_bench.json"),
-    ],
-)
-def test_shipped_data_is_the_reference_data(shipped: str, given: str) -> None:
-    if not REFERENCE.is_dir():
-        pytest.skip("no ../shared/reference beside the repository")
-    assert read_json(shipped) == json.loads((REFERENCE / given).read_text())
+@pytest.mark.skipif(not REFERENCE.is_dir(), reason="no ../shared/reference beside the repository")
+def test_the_bench_is_the_reference_rig() -> None:
+    rig, given = load_rig("bench"), json.loads((REFERENCE / "rig_bench.json").read_text())
+    bearing, feed, rotor = given["bearing"], given["feed"], given["rotor"]
+    clearance = bearing["radial_clearance_m"]
+    assert rig.bearing == BearingData(
+        bearing["journal_radius_m"], bearing["length_m"], clearance["min"], clearance["max"],
+        clearance["nominal"], math.radians(bearing["cone_half_angle_deg"]),
+    )  # fmt: skip
+    assert rig.supply == SupplyData(
+        *(feed["pressure_Pa"][key] for key in ("nominal", "min", "max")), feed["pump_efficiency"],
+        AxialGroove(math.pi / 2, math.radians(feed["width_deg"]), feed["length_share"]),
+    )  # fmt: skip
+    assert rig.actuator == ActuatorData(**given["actuator"])
+    assert [rig.speed_min_rpm, rig.speed_max_rpm] == given["speed_rpm"]
+    assert (rig.load_min_N, rig.load_max_N) == (given["load_N"]["min"], given["load_N"]["max"])
+    assert (rig.rotor.mass_kg, rig.rotor.diametral_inertia_kg_m2) == (
+        rotor["mass_kg"], rotor["J_d_kg_m2"],
+    )  # fmt: skip
+    oil = given["oil"]
+    assert (rig.oil.viscosity_at(40.0), rig.oil.density_kg_m3, rig.oil.inlet_C) == (
+        oil["viscosity_Pa_s_at_40C"], oil["density_kg_m3"], oil["inlet_C"],
+    )  # fmt: skip
+
+
+@pytest.mark.skipif(not REFERENCE.is_dir(), reason="no ../shared/reference beside the repository")
+@pytest.mark.parametrize("name", RIGS)
+def test_the_sensors_are_the_reference_sensors(name: str) -> None:
+    sensors = json.loads((REFERENCE / "sensors.json").read_text())["channels"]
+    for channel, sensor in zip(load_rig(name).channels, sensors, strict=True):
+        si = 1e-6 if sensor["unit"] == "um" else 1.0
+        assert (channel.name, channel.bandwidth_hz) == (sensor["name"], sensor["bandwidth_Hz"])
+        assert [channel.low, channel.high] == [end * si for end in sensor["range"]]
+        assert channel.noise_rms == sensor.get("noise_rms", 0.0) * si
+        assert channel.gain_error_share == sensor.get("gain_error", 0.0)
+        assert channel.zero_error == sensor.get("zero_error", 0.0) * si
 
 
 def test_effective_mass_and_gravity_share_are_those_of_the_rig_file() -> None:
@@ -44,19 +74,19 @@ def test_unknown_rig_is_refused() -> None:
 
 def test_builds_stay_within_the_declared_spread_and_use_it() -> None:
     rig = load_rig("bench")
-    spread = read_json("classes.json")["build_spread"]
+    spread = rig.spread
     builds = [Build.of_seed(rig, seed) for seed in range(300)]
-    for name, key in (
-        ("mass", "mass"),
-        ("inertia", "inertia"),
-        ("coupling", "coupling_stiffness"),
-        ("contact", "contact_stiffness"),
-        ("damping", "foundation_damping"),
-        ("viscosity", "viscosity"),
+    for name, share in (
+        ("mass", spread.mass_share),
+        ("inertia", spread.inertia_share),
+        ("coupling", spread.coupling_stiffness_share),
+        ("contact", spread.contact_stiffness_share),
+        ("damping", spread.foundation_damping_share),
+        ("viscosity", spread.viscosity_share),
     ):
         values = np.array([getattr(b, name) for b in builds])
-        assert np.abs(values - 1).max() <= spread[key]
-        assert np.abs(values - 1).max() > 0.9 * spread[key]
+        assert np.abs(values - 1).max() <= share
+        assert np.abs(values - 1).max() > 0.9 * share
     grades = np.array([b.unbalance_kg_m for b in builds]) / unbalance_of_grade(rig, 1.0)
     assert grades.min() >= 0.4 - 1e-9
     assert grades.max() <= 6.3 + 1e-9
@@ -75,8 +105,10 @@ def test_build_of_a_seed_repeats() -> None:
 
 
 def test_published_duty() -> None:
-    duty = Duty.published()
+    duty = Duty.published(load_rig("bench"))
     assert duty.seconds == 66
+    with pytest.raises(NoDuty, match="no table"):
+        Duty.published(load_rig("seed"))
     np.testing.assert_allclose(duty.at(np.array([0.0, 13.0, 20.0, 66.0]))[:, 1], [30, 65, 100, 30])
     assert duty.at(np.array([13.0]))[0, 0] == pytest.approx(9000 * math.pi / 30)
 

@@ -1,126 +1,129 @@
-"""The shipped rig folders say what the simulator's own files say of the same machine."""
+"""The simulator takes every figure from the rig folder."""
 
 from __future__ import annotations
 
 import math
+import shutil
 from collections.abc import Iterator
-from dataclasses import asdict
+from dataclasses import replace
+from operator import attrgetter
 from pathlib import Path
 
-import msgspec
+import numpy as np
 import pytest
 from msgspec import inspect
 
 from firmware_py import config
-from firmware_py.machine.folder import shipped_names
-from sim_hil.duty import Duty
-from sim_hil.rigs import RIGS, load_rig, read_json
+from sim_hil.build import Build
+from sim_hil.rigs import NotSimulated, load_rig
 from sim_hil.rigs.simulation import Simulation, load_simulation
+from sim_hil.rotor.assembly import assemble
+from sim_hil.sensors.chain import SensorChain
+
+MICROPHONE = 5
+BENCH = config.SHIPPED / "bench"
 
 
-def same(value: float | None, other: float) -> bool:
-    return value is not None and math.isclose(value, other, rel_tol=1e-12, abs_tol=0.0)
+def copied(folder: Path, machine: dict[str, str], simulation: dict[str, str]) -> Path:
+    """The rig folder of the bench with texts of its files replaced."""
+    shutil.copytree(BENCH, folder)
+    for name, changes in (("machine.toml", machine), ("simulation.toml", simulation)):
+        text = (folder / name).read_text()
+        for old, new in changes.items():
+            assert old in text
+            text = text.replace(old, new, 1)
+        (folder / name).write_text(text)
+    return folder
 
 
-@pytest.mark.parametrize("name", shipped_names())
-def test_machine_and_simulation_hold_the_figures_of_the_simulator(name: str) -> None:
-    machine = config.load(config.SHIPPED / name)[0].machine
-    simulation, rig = load_simulation(config.SHIPPED / name), load_rig(name)
-    b, o, f, r, a = (
-        machine.bearing,
-        machine.lubricant,
-        machine.feed,
-        machine.rotor,
-        machine.actuator,
+def test_a_copy_of_a_shipped_folder_is_the_same_rig(tmp_path: Path) -> None:
+    assert load_rig(copied(tmp_path / "bench", {}, {})) == load_rig("bench")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "figure", "expected"),
+    [
+        ("journal_radius_m = 0.02", "journal_radius_m = 0.021", "bearing.radius_m", 0.021),
+        ("cone_half_angle_deg = 7.0", "cone_half_angle_deg = 9.0", "bearing.cone_half_angle_rad",
+         math.radians(9.0)),
+        ("viscosity_at_40C_Pa_s = 0.01", "viscosity_at_40C_Pa_s = 0.02", "oil.viscosity_Pa_s", 0.02),
+        ("viscosity_slope_per_K = 0.03", "viscosity_slope_per_K = 0.025", "oil.slope_per_K", 0.025),
+        ("thermal_capacity_J_K = 250.0", "thermal_capacity_J_K = 99.0", "thermal.capacity_J_K", 99.0),
+        ("jacket_flow_m3_s = 3.333e-5", "jacket_flow_m3_s = 1e-5", "thermal.jacket_flow_m3_s", 1e-5),
+        ("pressure_nominal_bar = 1.0", "pressure_nominal_bar = 1.1", "supply.nominal_Pa", 110000.0),
+        ("groove_angle_deg = 90.0", "groove_angle_deg = 80.0", "supply.groove.angle_rad",
+         math.radians(80.0)),
+        ("groove_width_deg = 20.0", "groove_width_deg = 30.0", "supply.groove.width_rad",
+         math.radians(30.0)),
+        ("groove_length_share = 0.8", "groove_length_share = 0.7", "supply.groove.length_share", 0.7),
+        ("# pump_efficiency = 0.6", "pump_efficiency = 0.5", "supply.pump_efficiency", 0.5),
+        ("# backlash_um = 1.0", "backlash_um = 0.3", "actuator.backlash_m", 3e-7),
+        ("# position_noise_um = 0.2", "position_noise_um = 0.7", "actuator.position_noise_rms_m",
+         7e-7),
+        ("rate_um_s = 50.0", "rate_um_s = 49.0", "actuator.rate_m_per_s", 4.9e-5),
+        ("shaft_power_error_W = 5.0", "shaft_power_error_W = 4.0", "errors.shaft_power_W", 4.0),
+        ("circuit_ohm = 100e3", "circuit_ohm = 90e3", "contact.circuit_ohm", 90e3),
+        ("windage_W_s3 = 5e-9", "windage_W_s3 = 6e-9", "windage_W_s3", 6e-9),
+    ],
+)  # fmt: skip
+def test_the_simulated_rig_follows_machine_toml(
+    tmp_path: Path, old: str, new: str, figure: str, expected: float
+) -> None:
+    rig = load_rig(copied(tmp_path / "bench", {old: new}, {}))
+    assert attrgetter(figure)(rig) == expected != attrgetter(figure)(load_rig("bench"))
+
+
+def test_what_the_simulator_plays_may_differ_from_what_the_device_is_told() -> None:
+    rig, told = load_rig("seed"), config.read_machine("seed")
+    assert rig.oil.viscosity_at(20.0) == pytest.approx(1e-3, rel=1e-12)
+    assert rig.windage_W_s3 == 5e-9 != told.rotor.windage_W_s3
+    assert rig.load_max_N == 50.0 != told.operating.load_max_N
+
+
+def test_a_rig_folder_without_a_simulation_is_simulated_as_its_machine(tmp_path: Path) -> None:
+    folder = copied(tmp_path / "bench", {}, {})
+    (folder / "simulation.toml").unlink()
+    rig = load_rig(folder)
+    assert rig.oil.inlet_C == 38.5
+    assert rig.thermal == load_rig("bench").thermal
+    assert (rig.start_rpm, rig.start_load_N) == (6750.0, pytest.approx(math.sqrt(30.0 * 300.0)))
+
+
+def test_a_rotor_that_was_only_weighed_is_not_simulated(tmp_path: Path) -> None:
+    drawn = {"polar_inertia_kg_m2 = 0.004\n": "", "coupling_stiffness_N_m = 1e7\n": ""}
+    with pytest.raises(NotSimulated, match="polar_inertia_kg_m2, coupling_stiffness_N_m"):
+        load_rig(copied(tmp_path / "bench", drawn, {}))
+
+
+@pytest.mark.parametrize("channel", range(8))
+def test_every_figure_of_a_channel_reaches_the_counts(channel: int) -> None:
+    """Range, noise and bandwidth: an ideal channel in place of the declared one."""
+    rig = load_rig("bench")
+    declared = rig.channels[channel]
+    for change in (
+        {"high": 0.5 * declared.high}, {"noise_rms": declared.noise_rms + 100 * declared.wire_scale},
+        {"wire_scale": 2 * declared.wire_scale},
+    ):  # fmt: skip
+        channels = list(rig.channels)
+        channels[channel] = replace(declared, **change)
+        other = replace(rig, channels=tuple(channels))
+        signals = np.full((200, 8), [0.9 * each.high for each in rig.channels])
+        told, changed = (
+            SensorChain(each, Build.nominal(rig)).counts(
+                signals, np.ones((200, 8)), np.zeros((200, 8)), np.zeros(200), np.zeros(200), {}
+            )
+            for each in (rig, other)
+        )
+        differs = (told != changed).any(axis=0)
+        assert differs[channel] == ("noise_rms" not in change or channel != MICROPHONE)
+        assert differs.sum() == differs[channel]
+    slower = replace(declared, bandwidth_hz=0.5 * declared.bandwidth_hz)
+    channels[channel] = slower
+    lags, slow = (
+        assemble(each, Build.nominal(rig), 4e-5).pickup.lag_share
+        for each in (rig, replace(rig, channels=tuple(channels)))
     )
-    true = simulation.true_machine
-    assert b.journal_radius_m == rig.bearing.radius_m
-    assert b.length_m == rig.bearing.length_m
-    assert same(b.radial_clearance_min_um, rig.bearing.clearance_min_m * 1e6)
-    assert same(b.radial_clearance_max_um, rig.bearing.clearance_max_m * 1e6)
-    assert same(b.radial_clearance_nominal_um, rig.bearing.clearance_nominal_m * 1e6)
-    if (cone := rig.bearing.cone_half_angle_rad) is not None:
-        assert same(b.cone_half_angle_deg, math.degrees(cone))
-    else:
-        assert b.cone_half_angle_deg is None
-    assert (o.density_kg_m3, o.heat_capacity_J_kgK) == (
-        rig.oil.density_kg_m3, rig.oil.heat_capacity_J_kgK,
-    )  # fmt: skip
-    assert o.viscosity_slope_per_K == rig.oil.slope_per_K
-    assert same(true.viscosity_at_40C_Pa_s or o.viscosity_at_40C_Pa_s, rig.oil.viscosity_at(40.0))
-    assert simulation.oil.inlet_C == rig.oil.inlet_C
-    assert same(f.pressure_nominal_bar, rig.supply.nominal_Pa * 1e-5)
-    assert same(f.pressure_min_bar, rig.supply.min_Pa * 1e-5)
-    assert same(f.pressure_max_bar, rig.supply.max_Pa * 1e-5)
-    assert f.pump_efficiency == rig.supply.pump_efficiency
-    if (groove := rig.supply.groove) is not None:
-        assert same(f.groove_angle_deg, math.degrees(groove.angle_rad))
-        assert same(f.groove_width_deg, math.degrees(groove.width_rad))
-        assert f.groove_length_share == groove.length_share
-    else:
-        assert f.groove_width_deg is None
-    drawn = asdict(rig.rotor)
-    assert r.unbalance_normal_kg_m == drawn.pop("unbalance_kg_m")
-    assert {key: getattr(r, key) for key in drawn} == drawn
-    assert r.mass_at_bearing_kg == rig.rotor.effective_mass_kg
-    assert same(a.rate_um_s, rig.actuator.rate_m_per_s * 1e6)
-    assert same(a.backlash_um, rig.actuator.backlash_m * 1e6)
-    assert same(a.position_noise_um, rig.actuator.position_noise_rms_m * 1e6)
-    assert a.time_constant_s == rig.actuator.time_constant_s
-    assert a.time_to_live_ms == rig.actuator.command_ttl_s * 1e3
-    w = machine.operating
-    assert (w.speed_min_rpm, w.speed_max_rpm) == (rig.speed_min_rpm, rig.speed_max_rpm)
-    assert (w.load_min_N, true.load_max_N or w.load_max_N) == (rig.load_min_N, rig.load_max_N)
-    assert (true.windage_W_s3 or r.windage_W_s3) == rig.windage_W_s3
-
-
-@pytest.mark.parametrize("name", RIGS)
-def test_what_only_the_simulator_needs_is_what_it_has(name: str) -> None:
-    simulation, rig = load_simulation(config.SHIPPED / name), load_rig(name)
-    assert msgspec.structs.asdict(simulation.forces) == asdict(rig.excitation)
-    assert msgspec.to_builtins(simulation.foundation) == asdict(rig.foundation)
-    assert simulation.oil.capacity_J_K == rig.thermal.capacity_J_K
-    assert simulation.oil.jacket_flow_m3_s == rig.thermal.jacket_flow_m3_s
-    assert simulation.drive.coast_rad_s2 == rig.drive.coast_rad_s2
-    assert simulation.drive.run_up_rad_s2 == rig.drive.run_up_rad_s2
-    table, spread = read_json("classes.json")["build_spread"], simulation.spread
-    shares = {
-        key.removesuffix("_share"): value for key, value in msgspec.structs.asdict(spread).items()
-    }
-    for key in ("mass", "inertia", "coupling_stiffness", "contact_stiffness", "foundation_damping",
-                "viscosity"):  # fmt: skip
-        assert shares[key] == table[key]
-    assert shares["housing_mode"] == table["housing_mode_frequency"]
-    assert same(spread.radial_clearance_um, table["radial_clearance_m"] * 1e6)
-    assert [spread.normal_unbalance_min_G, spread.normal_unbalance_max_G] == table[
-        "normal_unbalance_G"
-    ]
-    assert same(spread.runout_max_um, table["runout_m"][1] * 1e6)
-
-
-def test_the_duty_is_the_published_one() -> None:
-    corners, published = load_simulation(config.SHIPPED / "bench").duty, Duty.published()
-    time_s = 0.0
-    for corner, *expected in zip(
-        corners, published.time_s, published.speed_rpm, published.load_N, strict=True
-    ):
-        time_s += corner.seconds
-        assert [time_s, corner.speed_rpm, corner.load_N] == expected
-
-
-@pytest.mark.parametrize("name", shipped_names())
-def test_the_channels_are_the_sensors(name: str) -> None:
-    channels = config.load(config.SHIPPED / name)[0].machine.channel
-    for channel, sensor in zip(channels, read_json("sensors.json")["channels"], strict=True):
-        si = 1e-6 if sensor["unit"] == "um" else 1.0
-        assert channel.name == sensor["name"]
-        assert same(channel.range_high, sensor["range"][1] * si)
-        assert channel.range_low == pytest.approx(sensor["range"][0] * si)
-        assert channel.bandwidth_hz == sensor["bandwidth_Hz"]
-        assert channel.gain_error_share == sensor.get("gain_error")
-        for figure, value in (("noise_rms", "noise_rms"), ("zero_error", "zero_error")):
-            found = getattr(channel, figure)
-            assert found == pytest.approx(sensor[value] * si) if value in sensor else found is None
+    assert [a != b for a, b in zip(lags, slow, strict=True)] == [i == channel for i in range(8)]
 
 
 def test_a_rig_without_a_simulation_has_the_defaults_and_a_wrong_one_is_told(

@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import msgspec
 import numpy as np
 import pytest
 from scipy.signal import freqz
@@ -10,6 +11,7 @@ from sim_hil.build import Build
 from sim_hil.duty import Duty
 from sim_hil.machine import Machine
 from sim_hil.rigs import load_rig
+from sim_hil.rotor.assembly import contact_parameters
 from sim_hil.rotor.parameters import TRUTH_COLUMNS, Floats
 from sim_hil.runs import record, run
 from sim_hil.sensors.antialias import antialias_taps
@@ -18,6 +20,7 @@ from sim_hil.sensors.kernel import contact_voltage
 
 RIG = load_rig("bench")
 NOMINAL = Build.nominal(RIG)
+CIRCUIT = contact_parameters(RIG.contact)
 
 
 @pytest.mark.parametrize(("rate", "substeps"), [(5000, 5), (10000, 3)])
@@ -32,7 +35,9 @@ def test_filter_is_60_dB_down_from_nyquist_and_flat_below(rate: int, substeps: i
 def tone(hz: float, rate_hz: int) -> Floats:
     """What the motor's accelerometer gives, m/s2, when a force of that frequency shakes the motor;
     with its times."""
-    shaken = dataclasses.replace(RIG.excitation, line_hz=hz, line_force_N=3000.0, tooth_force_N=0.0)
+    shaken = msgspec.structs.replace(
+        RIG.excitation, line_hz=hz, line_force_N=3000.0, tooth_force_N=0.0
+    )
     machine = Machine(dataclasses.replace(RIG, excitation=shaken), NOMINAL, 1, rate_hz=rate_hz)
     counts = run(machine, Duty.hold(3000, 100), 1.2, clearance=60e-6).counts
     return units(counts)[-rate_hz:, 4]
@@ -64,11 +69,11 @@ def test_a_tone_above_nyquist_is_gone_at_10_khz_too() -> None:
 
 def test_contact_voltage_falls_as_the_film_thins_and_ends_at_zero() -> None:
     films = np.linspace(0, 60e-6, 200)
-    volts = np.array([contact_voltage(h, 0.75e-6) for h in films])
+    volts = np.array([contact_voltage(h, 0.75e-6, CIRCUIT) for h in films])
     assert volts[0] == 0.0
     assert (np.diff(volts) >= 0).all()
-    assert 0.2 < contact_voltage(8e-6, 0.75e-6) < 1.5
-    assert contact_voltage(1e-6, 0.75e-6) < 0.01
+    assert 0.2 < contact_voltage(8e-6, 0.75e-6, CIRCUIT) < 1.5
+    assert contact_voltage(1e-6, 0.75e-6, CIRCUIT) < 0.01
     assert volts[-1] < 2.0
 
 
@@ -76,7 +81,9 @@ def chain_output(build: Build, signals: Floats, seed: int = 0) -> Floats:
     n = len(signals)
     normal = np.random.default_rng(seed).standard_normal((n, 8))
     return units(
-        SensorChain(build).counts(signals, normal, np.zeros((n, 8)), np.zeros(n), np.zeros(n), {})
+        SensorChain(RIG, build).counts(
+            signals, normal, np.zeros((n, 8)), np.zeros(n), np.zeros(n), {}
+        )
     )
 
 
