@@ -105,7 +105,7 @@ class WireLayout:
             for r in self.readings
         ]
         return "".join(
-            [f"orbitd wire {self.schema}\n", *fast, *slow, f"instants {self.instants}\n"]
+            [f"wire schema {self.schema}\n", *fast, *slow, f"instants {self.instants}\n"]
         )
 
     @cached_property
