@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from firmware_py.acquire.orders import CONTACT, Orders
 from firmware_py.acquire.windows import Window
 from firmware_py.errors import OrbitdError
-from firmware_py.machine import ContactCircuit, JournalBearing, Lubricant, Machine
+from firmware_py.machine import ContactCircuit, JournalBearing, Machine
 from firmware_py.machine.contact import film_of, film_per_volt
-from firmware_py.machine.lubricant import TEMPERATURE_ERROR_C, viscosity_Pa_s
+from firmware_py.machine.lubricant import viscosity_Pa_s
 
 CONTACT_LEAST_V: Final = 1e-3
 """How near to its ends the contact channel is read."""
@@ -120,13 +120,14 @@ def _power_spread_W(machine: Machine, clearance_m: float, viscous_W: float) -> f
     and thermometer), of the clearance."""
     reading_W = SPREAD_SHARE * machine.rotor.shaft_power_error_W
     clearance = SPREAD_SHARE * machine.bearing.radial_clearance_error_um * 1e-6 / clearance_m
-    return math.hypot(reading_W, _oil_spread(machine.lubricant) * viscous_W, clearance * viscous_W)
+    return math.hypot(reading_W, _oil_spread(machine) * viscous_W, clearance * viscous_W)
 
 
-def _oil_spread(lubricant: Lubricant) -> float:
+def _oil_spread(machine: Machine) -> float:
     """Standard deviation of the viscosity as a share of it."""
-    thermometer = lubricant.viscosity_slope_per_K * TEMPERATURE_ERROR_C
-    return SPREAD_SHARE * math.hypot(lubricant.viscosity_error_share, thermometer)
+    oil = machine.lubricant
+    thermometer = oil.viscosity_slope_per_K * machine.readings.oil_outlet_error_C
+    return SPREAD_SHARE * math.hypot(oil.viscosity_error_share, thermometer)
 
 
 def _held(ratio: object) -> Floats:

@@ -23,7 +23,6 @@ from firmware_py.brain.intervals import GROWING_SIGMAS, SIGMA_90
 from firmware_py.brain.measurement import (
     CARRIES,
     CLEARANCE,
-    CLEARANCE_NOISE_UM,
     CONTACT,
     FILLED,
     GAIN_1,
@@ -183,6 +182,7 @@ class Synchroniser:
 
     def __init__(self, film: Film, config: Config) -> None:
         self._instruments = Instruments(film, config)
+        self._clearance_noise_um = config.machine.actuator.position_noise_um
         self._oil = config.machine.lubricant
         errors = Errors.of(config)
         low, high = np.log(
@@ -251,7 +251,7 @@ class Synchroniser:
         assert state.then is not None
         film_m, slopes = self._instruments.static_film(state.mean[:PARAMETERS], state.then)
         spread = slopes @ state.covariance[:PARAMETERS, :PARAMETERS] @ slopes
-        variance = spread + (CLEARANCE_NOISE_UM * UM) ** 2
+        variance = spread + (self._clearance_noise_um * UM) ** 2
         return film_m, float(np.sqrt(variance))
 
     def _update(self, measured: Measured, late: Floats, weight: float, iterations: int) -> bool:

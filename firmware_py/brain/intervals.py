@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_py.config import Config
+from firmware_py.machine.probes import are_zeroed
 
 Floats = NDArray[np.float64]
 
@@ -46,7 +47,7 @@ class IntervalFactors(msgspec.Struct, frozen=True):
 
 def state_of(config: Config) -> str:
     """``zeroed`` after the slow-roll and zero procedure of the probes, else ``as_built``."""
-    return "zeroed" if all(channel.zeroed for channel in config.machine.channel[:2]) else "as_built"
+    return "zeroed" if are_zeroed(config.machine) else "as_built"
 
 
 def sigma_points(mean: Floats, covariance: Floats) -> Floats:

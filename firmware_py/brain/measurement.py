@@ -28,11 +28,13 @@ from numpy.typing import NDArray
 
 from firmware_py.acquire.windows import ChannelMap
 from firmware_py.brain.film import Film, Points
-from firmware_py.brain.intervals import state_of
 from firmware_py.brain.orbit import Orbit, balanced
 from firmware_py.config import Config
+from firmware_py.config.instances import places
+from firmware_py.machine import Machine
 from firmware_py.machine.contact import contact_volt, roughness_volt
 from firmware_py.machine.lubricant import viscosity_Pa_s
+from firmware_py.machine.probes import as_built, probe_errors
 
 Floats = NDArray[np.float64]
 
@@ -45,20 +47,21 @@ MEANS_LAG_S: Final = 0.1
 """Mean position and contact voltage are this much older than the speed."""
 READING_AGE_S: Final = 0.05
 """Clearance and power are this much older than the speed."""
-CLEARANCE_NOISE_UM: Final = 0.2
 POSITION_MODEL_UM: Final = 0.1
 """Mean of an orbit against the static position, and the surrogate's own error."""
 ORBIT_CURVATURE: Final = 0.3
 """Error of the modelled shift by an orbit, as a share of its amplitude squared over the
 clearance."""
-RUNOUT_MOST_M: Final = 1e-5
+RUNOUT_ALL_ORDERS: Final = (5.0, 3.0)
+"""Amplitude of all that a probe's runout makes over the greatest of one order (a fraction)."""
 WHIRL_SHARE: Final = 0.15
 """Of the clearance: amplitude beyond the modelled one that is called whirl."""
-RUNOUT_M: Final = 4e-6
-"""Amplitude that is taken for runout, not motion."""
 POWER_MODEL: Final = (0.2, 0.007)
 """Deviation of the modelled power: W, and share."""
-CONTACT_NOISE_V: Final = 0.0015
+CONTACT_MEAN_SHARE: Final = 0.3
+"""Deviation of the mean contact voltage over the noise of its sample."""
+CONTACT_NOISE_V: Final = 0.005
+"""Of a sample, where the channel names no ``noise_rms``."""
 
 CARRIES: Final = 2.5
 """A film whose share ``s`` is filled carries ``s`` to this power: exponent of the load in the
@@ -114,24 +117,25 @@ class Errors:
     """Declared errors of sensors and build as standard deviations (even distributions: half-width
     over root 3)."""
 
-    zero_um: float = 2.0 / _FLAT
-    gain: float = 0.03 / _FLAT
-    clearance_um: float = 2.0 / _FLAT
-    power_W: float = 5.0 / _FLAT
-    oil_C: float = 1.0 / _FLAT
-    viscosity: float = 0.1 / _FLAT
+    zero_um: float
+    gain: float
+    clearance_um: float
+    power_W: float
+    oil_C: float
+    viscosity: float
 
     @classmethod
     def of(cls, config: Config) -> Errors:
         """Those of the configuration: what commissioning measured is known better than the
         drawing."""
-        zero_um, gain = (0.5, 0.01) if state_of(config) == "zeroed" else (2.0, 0.03)
+        machine, probes = config.machine, probe_errors(config.machine)
         return cls(
-            zero_um / _FLAT,
-            gain / _FLAT,
-            config.machine.bearing.radial_clearance_error_um / _FLAT,
-            config.machine.rotor.shaft_power_error_W / _FLAT,
-            viscosity=config.machine.lubricant.viscosity_error_share / _FLAT,
+            probes.zero_m / UM / _FLAT,
+            probes.gain_share / _FLAT,
+            machine.bearing.radial_clearance_error_um / _FLAT,
+            machine.rotor.shaft_power_error_W / _FLAT,
+            machine.readings.oil_outlet_error_C / _FLAT,
+            machine.lubricant.viscosity_error_share / _FLAT,
         )
 
     def log_viscosity(self, slope_per_K: float) -> float:
@@ -152,17 +156,20 @@ class Shown:
         Shape (4, 2): equilibria to start from next time.
     reach_m
         How far the modelled orbit goes from its mean.
+    runout_m
+        Most that the probes' runout may add to an amplitude.
     """
 
     values: Floats
     slopes: Floats
     position_m: Floats
     reach_m: float
+    runout_m: float
 
     def whirls(self, measured: Measured) -> bool:
         """Whether the shaft moves far more than the modelled orbit and any runout: means then tell
         nothing at rest."""
-        beyond_m = 0.5 * measured.peak_to_peak_m - RUNOUT_MOST_M - self.reach_m
+        beyond_m = 0.5 * measured.peak_to_peak_m - self.runout_m - self.reach_m
         return beyond_m > WHIRL_SHARE * measured.clearance_m
 
 
@@ -184,6 +191,11 @@ class Instruments:
             config.machine.rotor.windage_W_s3,
             config.machine.contact,
         )
+        runout = as_built(config.machine)
+        self._runout_m = runout.forward_runout_m
+        self._runout_most_m = runout.runout_m * RUNOUT_ALL_ORDERS[0] / RUNOUT_ALL_ORDERS[1]
+        self._clearance_noise_um = config.machine.actuator.position_noise_um
+        self._contact_noise_V = CONTACT_MEAN_SHARE * _contact_noise_V(config.machine)
         to_xy = ChannelMap.from_config(config).to_xy
         probes = np.linalg.inv(to_xy)
         self._gains = np.stack([np.outer(to_xy[:, i], probes[i]) for i in range(2)])
@@ -224,7 +236,8 @@ class Instruments:
         more = self._volt(film_m[0] * math.exp(theta[CONTACT] + _LOG_STEP)).mean()
         slopes[3, CONTACT] = (more - volt[0]) / _LOG_STEP
         way_m = on_the_way[0] - mean[0]
-        return Shown(columns[0], slopes, position, float(np.hypot(*way_m.T).max()))
+        reach_m = float(np.hypot(*way_m.T).max())
+        return Shown(columns[0], slopes, position, reach_m, self._runout_most_m)
 
     def static_film(self, theta: Floats, measured: Measured) -> tuple[float, Floats]:
         """Film (m) at the mean position that the probes report, and its slopes (10,) by the
@@ -261,11 +274,11 @@ class Instruments:
     def noise(self, values: Floats, slopes: Floats, measured: Measured) -> Floats:
         """Covariance (4, 4) of what varies from reading to reading: model, noise, orbit, reported
         clearance."""
-        amplitude_m = max(0.0, 0.5 * measured.peak_to_peak_m - RUNOUT_M)
+        amplitude_m = max(0.0, 0.5 * measured.peak_to_peak_m - self._runout_m)
         curved_um = ORBIT_CURVATURE * amplitude_m**2 / measured.clearance_m / UM
         position = math.hypot(POSITION_MODEL_UM, curved_um)
         volt = math.hypot(
-            CONTACT_NOISE_V,
+            self._contact_noise_V,
             0.0 if self._contact is None else roughness_volt(self._contact, values[3]),
         )
         own = np.array(
@@ -276,7 +289,7 @@ class Instruments:
                 math.hypot(volt, curved_um * slopes[3, CLEARANCE]),
             ]
         )
-        reported = CLEARANCE_NOISE_UM * slopes[:, CLEARANCE]
+        reported = self._clearance_noise_um * slopes[:, CLEARANCE]
         return np.asarray(np.diag(own**2) + np.outer(reported, reported))
 
     def _around(self, theta: Floats, measured: Measured) -> Points:
@@ -302,6 +315,12 @@ class Instruments:
         return (
             np.zeros_like(film_m) if self._contact is None else contact_volt(self._contact, film_m)
         )
+
+
+def _contact_noise_V(machine: Machine) -> float:
+    place = places(machine.channel).of("contact_resistance")
+    noise_V = machine.channel[place].noise_rms if place >= 0 else None
+    return CONTACT_NOISE_V if noise_V is None else noise_V
 
 
 def starved_share(log_filled: float) -> float:

@@ -36,8 +36,6 @@ from firmware_py.brain.orbit import balanced
 from firmware_py.brain.store import Model
 from firmware_py.brain.time_simulation import Motion, simulate
 from firmware_py.brain.unbalance import (
-    RESIDUAL_RUNOUT_M,
-    RUNOUT_PRIOR_M,
     Imbalance,
     ImbalanceFilter,
     ImbalanceState,
@@ -157,10 +155,7 @@ class Predictor:
             config.machine.operating.load_max_N,
         )
         bearing = config.machine.bearing
-        self._imbalance = ImbalanceFilter(
-            config.machine.rotor.unbalance_normal_kg_m,
-            RESIDUAL_RUNOUT_M if self._probes_state == "zeroed" else RUNOUT_PRIOR_M,
-        )
+        self._imbalance = ImbalanceFilter(config.machine)
         self._state = PredictorState(self._synchroniser.state, self._imbalance.state)
         self.candidates_m: Floats = 1e-6 * np.linspace(
             bearing.radial_clearance_min_um, bearing.radial_clearance_max_um, CANDIDATES

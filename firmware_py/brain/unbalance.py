@@ -20,11 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_py.brain.intervals import GROWING_SIGMAS
+from firmware_py.machine import Machine
+from firmware_py.machine.probes import as_built, probe_errors, probe_noise_m
 
-RUNOUT_PRIOR_M: Final = 4e-6
-"""Root mean square of the runout's forward amplitude before anything was seen."""
-RESIDUAL_RUNOUT_M: Final = 3e-7
-"""The same after the slow-roll procedure."""
 UNBALANCE_PRIOR: Final = 0.7
 """Root mean square of a healthy build's unbalance, in normal unbalances."""
 RUNOUT_DRIFT_M_S: Final = 2e-8
@@ -33,9 +31,9 @@ UNBALANCE_DRIFT: Final = 0.02
 RATE_DRIFT: Final = 0.2
 """Random walks per root second of the unbalance and of its rate, in normal unbalances: faults
 grow."""
-NOISE_M: Final = 2e-7
-GAIN_ERROR: Final = 0.03
-"""Error of the model's response and of the probes' gain."""
+FIRST_ORDER_NOISE: Final = 2.0
+"""Deviation of a window's forward first order over the noise of a probe's sample: orders beside
+it, and the mark."""
 
 Complexes = NDArray[np.complex128]
 
@@ -76,14 +74,17 @@ class ImbalanceFilter:
 
     Parameters
     ----------
-    normal_kg_m
-        Unbalance of a healthy machine: scale of the prior and of the drifts.
-    runout_m
-        Deviation of the runout before anything was seen.
+    machine
+        Its probes: the runout before anything was seen, and noise.  Its unbalance when healthy:
+        scale of the prior and of the drifts.  The probes' gain as built stands for the error of the
+        model's response too.
     """
 
-    def __init__(self, normal_kg_m: float, runout_m: float = RUNOUT_PRIOR_M) -> None:
-        self._normal_kg_m = max(normal_kg_m, 1e-7)
+    def __init__(self, machine: Machine) -> None:
+        self._normal_kg_m = max(machine.rotor.unbalance_normal_kg_m, 1e-7)
+        self._noise_m = FIRST_ORDER_NOISE * probe_noise_m(machine)
+        self._gain_share = as_built(machine).gain_share
+        runout_m = probe_errors(machine).forward_runout_m
         prior = np.diag([runout_m**2, UNBALANCE_PRIOR**2, 0.0]).astype(np.complex128)
         self.state = ImbalanceState(np.zeros(3, np.complex128), prior)
 
@@ -139,8 +140,8 @@ class ImbalanceFilter:
         innovation = forward_m - complex(row @ mean)
         variance = (
             float((row @ prior @ row.conj()).real)
-            + NOISE_M**2
-            + (GAIN_ERROR * abs(row[1] * mean[1])) ** 2
+            + self._noise_m**2
+            + (self._gain_share * abs(row[1] * mean[1])) ** 2
         )
         gain = prior @ row.conj() / variance
         state.mean = mean + gain * innovation

@@ -12,6 +12,7 @@ from firmware_py.config.convert import Found
 from firmware_py.config.instances import PROBES, places
 from firmware_py.config.schema import Config
 from firmware_py.machine import FastChannel
+from firmware_py.machine.probes import ZEROED, error_of
 from firmware_py.records import CHANNELS
 
 SCALE_FACTOR_MAX: Final = 10.0
@@ -36,6 +37,9 @@ CREST_FACTOR: Final = 2.0
 """Peak over rms of a housing that shakes; of a sine 1.4."""
 
 DISPLACEMENTS: Final = (0, 1)
+
+ERRORS_OF_PROBES: Final = ("zero_error", "gain_error_share", "runout_m")
+"""Each has another value after the zero and slow-roll procedure, under ``zeroed_``."""
 
 
 def _names(config: Config) -> Iterator[Found]:
@@ -160,6 +164,25 @@ def _probes(config: Config) -> Iterator[Found]:
         )
 
 
+def _probe_errors(config: Config) -> Iterator[Found]:
+    """The zero and slow-roll procedure leaves less than there was, and only probes have it."""
+    for i, channel in enumerate(config.machine.channel):
+        kind = signals.fast_kind(channel.name, channel.kind)
+        for key in ERRORS_OF_PROBES:
+            zeroed = ZEROED + key
+            if kind is not None and kind.name == "displacement":
+                left, built = error_of(channel, zeroed), error_of(channel, key)
+                if left > built:
+                    cause = f"above {key} ({built:g}), which the zero procedure lessens; lower it"
+                    yield f"machine.channel[{i}].{zeroed}", left, cause
+                continue
+            for own in (zeroed, key) if key == "runout_m" else (zeroed,):
+                value = getattr(channel, own)
+                if kind is not None and value is not None:
+                    cause = f"a figure of displacement probes, this shows {kind.name}; remove it"
+                    yield f"machine.channel[{i}].{own}", value, cause
+
+
 def _displacement_seen(config: Config) -> Iterator[Found]:
     """The probes see the shaft wherever it may be, and the danger limit before they clip."""
     b, danger_um = config.machine.bearing, config.limits.displacement_danger_um
@@ -264,6 +287,6 @@ def _readings(config: Config) -> Iterator[Found]:
 
 
 CHANNEL_CHECKS: Final = (
-    _names, _kinds, _units, _scales, _readings, _ok_ranges, _probes,
+    _names, _kinds, _units, _scales, _readings, _ok_ranges, _probes, _probe_errors,
     _displacement_seen, _acceleration_seen, _slow_channels_seen,
 )  # fmt: skip

@@ -22,14 +22,8 @@ from firmware_py.guard.motion import DISPLACEMENTS, WINDOW_S
 from firmware_py.guard.oil_estimate import OilEstimator, OilInterval, OilState, Steady
 from firmware_py.machine.film import ECCENTRICITY_MAX, KNOTS, static_film
 from firmware_py.machine.groove import Groove
-from firmware_py.machine.lubricant import COLD_C, ViscosityTable
-
-ZERO_ERROR_M: Final = 2e-6
-GAIN_ERROR: Final = 0.03
-ZEROED_ERROR_M: Final = 0.5e-6
-ZEROED_GAIN_ERROR: Final = 0.01
-"""Of each probe, before and after the zero and slow-roll procedure, where the configuration says
-that it was done."""
+from firmware_py.machine.lubricant import CredibleOil, coldest_outlet_C
+from firmware_py.machine.probes import probe_errors
 
 ORBIT_SHARE_MAX: Final = 0.6
 """Above this share of the clearance (peak to peak) the mean of the orbit is no static
@@ -93,22 +87,21 @@ class LoadEstimator:
         self._offset_m = bearing.radial_clearance_offset_um * 1e-6
         self._error_m = bearing.radial_clearance_error_um * 1e-6
         self._turned = bearing.attitude_error_deg * pi / 180.0
-        zeroed = all(config.machine.channel[i].zeroed for i in DISPLACEMENTS)
-        self._zero_m = ZEROED_ERROR_M if zeroed else ZERO_ERROR_M
-        self._gain = ZEROED_GAIN_ERROR if zeroed else GAIN_ERROR
+        errors = probe_errors(config.machine)
+        self._zero_m, self._gain = errors.zero_m, errors.gain_share
         self._probes = [_direction(config.machine.channel[i].angle_deg) for i in DISPLACEMENTS]
         (c0, s0), (c1, s1) = self._probes
         self._spread = sqrt(2.0 / (1.0 - abs(c0 * c1 + s0 * s1)))
         self._places = [self._seen_by(*probe) for probe in self._probes]
         self._viscosity, self._oil = (
-            ViscosityTable(config.machine.lubricant),
+            CredibleOil(config.machine),
             OilEstimator(config, self._film),
         )
         self._inlet_min_C, self._hottest_C = (
             config.machine.lubricant.inlet_min_C,
             config.machine.lubricant.film_max_C,
         )
-        self._coldest_C = self._inlet_min_C - COLD_C
+        self._coldest_C = coldest_outlet_C(config.machine)
         self._groove = Groove(config.machine)
         self._declared_N = self._groove.film_loads_N
         self.state = LoadState(self._oil.unknown())

@@ -13,7 +13,7 @@ import msgspec
 
 from firmware_py.config import Config
 from firmware_py.machine.film import StaticFilm
-from firmware_py.machine.lubricant import ViscosityTable
+from firmware_py.machine.lubricant import CredibleOil
 
 WINDAGE_ERROR: Final = 0.1
 """Of the windage, as a share of it."""
@@ -125,7 +125,7 @@ class OilEstimator:
     """
 
     def __init__(self, config: Config, film: StaticFilm) -> None:
-        self._film, self._law = film, ViscosityTable(config.machine.lubricant)
+        self._film, self._law = film, CredibleOil(config.machine)
         self._windage_W_s3, self._power_error_W = (
             config.machine.rotor.windage_W_s3,
             config.machine.rotor.shaft_power_error_W,

@@ -17,7 +17,7 @@ import msgspec
 from firmware_py.config import Config
 from firmware_py.guard.alarm import QUIET_NS, AlarmState, Notice
 from firmware_py.guard.readings import Seen
-from firmware_py.machine.lubricant import COLD_C
+from firmware_py.machine.lubricant import coldest_outlet_C
 from firmware_py.records import Alarm, Severity
 
 GAP_NS: Final = 250_000_000
@@ -195,7 +195,7 @@ def _watches(config: Config) -> list[Watch]:
     """Every limit of the oil, in the order in which it is judged."""
     feed, oil = config.machine.feed, config.machine.lubricant
     low_bar, hot_C = config.oil_pressure_limits_bar, config.oil_outlet_limits_C
-    alert, danger, coldest_C = Severity.ALERT, Severity.DANGER, oil.inlet_min_C - COLD_C
+    alert, danger, coldest_C = Severity.ALERT, Severity.DANGER, coldest_outlet_C(config.machine)
     return [
         Watch(
             "oil_pressure_low_alert",

@@ -65,18 +65,13 @@ import numpy as np
 
 from firmware_py.config import Config
 from firmware_py.guard.alarm import Notice
-from firmware_py.guard.load_estimate import (
-    GAIN_ERROR,
-    ORBIT_SHARE_MAX,
-    ZERO_ERROR_M,
-    ZEROED_ERROR_M,
-    ZEROED_GAIN_ERROR,
-)
+from firmware_py.guard.load_estimate import ORBIT_SHARE_MAX
 from firmware_py.guard.motion import DISPLACEMENTS, probes_to_xy
 from firmware_py.guard.tally import BAD, counted
 from firmware_py.machine.film import KNOTS, static_film
 from firmware_py.machine.groove import Groove
-from firmware_py.machine.lubricant import ViscosityTable
+from firmware_py.machine.lubricant import CredibleOil
+from firmware_py.machine.probes import are_zeroed, probe_errors
 from firmware_py.records import Alarm, Block, ChannelCause, Quality, Severity, cause_of
 
 WINDOW_S: Final = 1.0
@@ -100,10 +95,6 @@ LOAD_SHARE: Final = 0.05
 """Allowed for beyond the declared loads."""
 JUDGED: Final = (ChannelCause.OK, ChannelCause.INTERMITTENT)
 """Causes of a channel with which a block may be judged, if the block itself is clean."""
-RUNOUT_M: Final = 6e-6
-RUNOUT_ROLLED_M: Final = 0.5e-6
-"""Runout of a probe in one order, before and after slow roll; the latter beside what the
-configuration names."""
 FLAT_SHARE: Final = 0.5
 """Of the orbit's amplitude times runout: what runout makes of a flat orbit."""
 COPIED: Final = 0.98
@@ -220,12 +211,11 @@ class PairCheck:
         self._to_xy = probes_to_xy(probes[0].angle_deg, probes[1].angle_deg)
         (xa, xb), (ya, yb) = self._to_xy
         self._turned_over = xa * yb - xb * ya
-        zeroed = self._zeroed = all(p.zeroed for p in probes)
-        self._zero_m = ZEROED_ERROR_M if zeroed else ZERO_ERROR_M
-        self._gain = ZEROED_GAIN_ERROR if zeroed else GAIN_ERROR
-        self._runout_m = (
-            max(p.slow_roll_um for p in probes) * 1e-6 + RUNOUT_ROLLED_M if zeroed else RUNOUT_M
-        )
+        zeroed = self._zeroed = are_zeroed(config.machine)
+        errors = probe_errors(config.machine)
+        self._zero_m, self._gain = errors.zero_m, errors.gain_share
+        rolled_m = max(p.slow_roll_um for p in probes) * 1e-6
+        self._runout_m = rolled_m + errors.runout_m if zeroed else errors.runout_m
         self._offset_m, self._error_m = (
             b.radial_clearance_offset_um * 1e-6,
             b.radial_clearance_error_um * 1e-6,
@@ -244,7 +234,7 @@ class PairCheck:
         self._loads_N = (low_N * (1.0 - LOAD_SHARE), high_N * (1.0 + LOAD_SHARE))
         self._film, self._oil = (
             static_film(b.journal_radius_m, b.length_m),
-            ViscosityTable(config.machine.lubricant),
+            CredibleOil(config.machine),
         )
         self._coldest_C = (
             200.0

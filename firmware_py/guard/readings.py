@@ -31,7 +31,7 @@ from firmware_py.config import Config
 from firmware_py.config.instances import places
 from firmware_py.guard.alarm import AlarmState, Notice
 from firmware_py.guard.tally import Tally
-from firmware_py.machine.lubricant import COLD_C, ViscosityTable
+from firmware_py.machine.lubricant import CredibleOil, coldest_outlet_C
 from firmware_py.records import (
     Alarm,
     Block,
@@ -44,16 +44,8 @@ from firmware_py.records import (
 
 OIL, CLEARANCE, POWER, PRESSURE = "oil_outlet", "clearance_actual", "shaft_power", "pressure_actual"
 
-CLEARANCE_NOISE_UM: Final = 3.0
-"""Two readings of a clearance at rest may differ by so much: 0.2 um rms of noise, backlash, an end
-stop that gives."""
-
 RATE_MARGIN: Final = 3.0
 """The actuator may be so much faster than declared: what it declares is the least that it does."""
-
-OIL_NOISE_C: Final = 2.0
-"""Two readings of one temperature may differ by so much: a thermometer of 0.5 degC a step, and
-pick-up."""
 
 POWER_MARGIN: Final = 10.0
 """The torque meter also shows what accelerates the rotor and what a rub takes: so many times the
@@ -176,7 +168,7 @@ class Readings:
         self._age_max_ns, self._clean_ns = round(r.age_max_ms * 1e6), round(r.clean_s * 1e9)
         self._clearances_um = b.radial_clearance_min_um, b.radial_clearance_max_um
         self._safe_um = config.machine.actuator.safe_radial_clearance_um
-        self._coldest_C = config.machine.lubricant.inlet_min_C - COLD_C
+        self._coldest_C = coldest_outlet_C(config.machine)
         self._supply = places(config.machine.channel).of(SUPPLY)
         channel = config.machine.channel[self._supply]
         self._supply_scale, self._supply_offset = channel.scale, channel.offset
@@ -191,16 +183,16 @@ class Readings:
                 r.oil_outlet_min_C,
                 r.oil_outlet_max_C,
                 r.oil_outlet_rate_C_s,
-                OIL_NOISE_C,
+                r.oil_outlet_scatter_C,
             ),
             CLEARANCE: Row(
                 "clearance_actual_um",
                 "um",
                 "bearing.radial_clearance_min_um .. radial_clearance_max_um",
-                self._clearances_um[0] - CLEARANCE_NOISE_UM,
-                self._clearances_um[1] + CLEARANCE_NOISE_UM,
+                self._clearances_um[0] - r.clearance_scatter_um,
+                self._clearances_um[1] + r.clearance_scatter_um,
                 RATE_MARGIN * config.machine.actuator.rate_um_s,
-                CLEARANCE_NOISE_UM,
+                r.clearance_scatter_um,
             ),
             POWER: Row("shaft_power_W", "W", "readings.shaft_power_max_W", -most_W, most_W),
             PRESSURE: Row("pressure_actual_bar", "bar", "readings.pressure_max_bar", 0.0, most_bar),
@@ -509,7 +501,7 @@ def power_max_W(config: Config) -> float:
     petroff_m4 = (
         2.0 * pi * b.journal_radius_m * b.journal_radius_m * b.journal_radius_m * b.length_m
     )
-    oil = ViscosityTable(config.machine.lubricant)
+    oil = CredibleOil(config.machine)
     thickest = oil.law(config.machine.lubricant.inlet_min_C) * oil.thickest
     film_W = petroff_m4 * thickest * w * w / (b.radial_clearance_min_um * 1e-6)
     wind_W = config.machine.rotor.windage_W_s3 * w * w * w

@@ -33,7 +33,7 @@ import msgspec
 from firmware_py.config import Config
 from firmware_py.machine.film import LENGTH_OVER_DIAMETER_MAX, static_film
 from firmware_py.machine.groove import Groove
-from firmware_py.machine.lubricant import ViscosityTable
+from firmware_py.machine.lubricant import CredibleOil
 
 GRID_M: Final = 1e-6
 WHIRL_GRADE: Final = 0.45
@@ -134,7 +134,7 @@ class Shield:
             b.radial_clearance_error_um * 1e-6,
         )
         self._oil = config.machine.lubricant
-        self._viscosity = ViscosityTable(config.machine.lubricant)
+        self._viscosity = CredibleOil(config.machine)
         self._safe_m = a.safe_radial_clearance_um * 1e-6
         self._rate_m_s = a.rate_um_s * 1e-6
         self._delay_s = a.time_to_live_ms * 1e-3 + a.time_constant_s

@@ -10,15 +10,13 @@ from functools import cache
 from math import floor, isnan, nan
 from typing import Final
 
-from firmware_py.machine.schema import Lubricant
+from firmware_py.machine.schema import Lubricant, Machine
 
 COLDEST_C: Final = -40
 HOTTEST_C: Final = 200
-TEMPERATURE_ERROR_C: Final = 1.0
-"""Of the thermometer in the outlet."""
-
-COLD_C: Final = TEMPERATURE_ERROR_C + 1.0
-"""An outlet so far below the coldest declared inlet is outside the declared range."""
+COLD_C: Final = 1.0
+"""An outlet colder than the coldest declared inlet by this beside the thermometer's error is
+outside the declared range."""
 
 
 def decay(exponent: float) -> float:
@@ -32,15 +30,7 @@ def decay(exponent: float) -> float:
 
 
 class ViscosityTable:
-    """``mu = mu_40 exp(-k (T - 40))``, linear between whole degrees, and what an oil may differ
-    from it.
-
-    Attributes
-    ----------
-    thinnest, thickest
-        Viscosity of any credible batch at any credible temperature over the law's at the reading:
-        the batch, and the thermometer; film that is colder than its outlet is not in them.
-    """
+    """``mu = mu_40 exp(-k (T - 40))``, linear between whole degrees."""
 
     def __init__(self, lubricant: Lubricant) -> None:
         per_degree = decay(lubricant.viscosity_slope_per_K)
@@ -49,9 +39,6 @@ class ViscosityTable:
             values.append(values[-1] * per_degree)
         scale = lubricant.viscosity_at_40C_Pa_s / values[40 - COLDEST_C]
         self._values = [value * scale for value in values]
-        reading = decay(lubricant.viscosity_slope_per_K * TEMPERATURE_ERROR_C)
-        self.thinnest = (1.0 - lubricant.viscosity_error_share) * reading
-        self.thickest = (1.0 + lubricant.viscosity_error_share) / reading
 
     def law(self, temperature_C: float) -> float:
         """Viscosity (Pa s) of the law; at most ``k^2 / 8`` of it above, for the curve is hollow."""
@@ -59,6 +46,29 @@ class ViscosityTable:
         i = min(floor(place), HOTTEST_C - COLDEST_C - 1)
         part = place - i
         return self._values[i] + part * (self._values[i + 1] - self._values[i])
+
+
+class CredibleOil(ViscosityTable):
+    """The law, and by how much an oil may differ from it.
+
+    Attributes
+    ----------
+    thinnest, thickest
+        Viscosity of any credible batch at any credible temperature over the law's at the reading:
+        the batch, and the thermometer; film that is colder than its outlet is not in them.
+    """
+
+    def __init__(self, machine: Machine) -> None:
+        oil = machine.lubricant
+        super().__init__(oil)
+        reading = decay(oil.viscosity_slope_per_K * machine.readings.oil_outlet_error_C)
+        self.thinnest = (1.0 - oil.viscosity_error_share) * reading
+        self.thickest = (1.0 + oil.viscosity_error_share) / reading
+
+
+def coldest_outlet_C(machine: Machine) -> float:
+    """An outlet below this is outside the declared range."""
+    return machine.lubricant.inlet_min_C - (machine.readings.oil_outlet_error_C + COLD_C)
 
 
 @cache

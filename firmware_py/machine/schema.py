@@ -223,6 +223,13 @@ class FastChannel(MachineTable, frozen=True):
     """Its phase: the argument of the complex amplitude counted from the mark."""
     zeroed: bool = False
     """The zero and slow-roll procedure was done: the smaller errors after it hold."""
+    zeroed_zero_error: Annotated[float, Meta(ge=0.0, le=1e-3)] | None = None
+    zeroed_gain_error_share: Share | None = None
+    zeroed_runout_m: Annotated[float, Meta(ge=0.0, le=1e-3)] | None = None
+    """Of a displacement probe: zero, gain and amplitude of one order that it leaves.  None: those
+    of :data:`firmware_py.machine.probes.TYPICAL`, as of the three below."""
+    runout_m: Annotated[float, Meta(ge=0.0, le=1e-3)] | None = None
+    """Greatest runout of a displacement probe in one order, amplitude, before the procedure."""
     kind: OptionalWord = ""
     """One of :data:`firmware_py.signals.FAST`; empty: that of the standard channel of this name."""
     wire_scale: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.0
@@ -236,7 +243,7 @@ class FastChannel(MachineTable, frozen=True):
     bandwidth_hz: Annotated[float, Meta(ge=0.1, le=1e6)] | None = None
     gain_error_share: Share | None = None
     zero_error: Annotated[float, Meta(ge=0.0, le=1e5)] | None = None
-    """Noise, bandwidth, and errors of gain and zero as it is built; None: not known."""
+    """Noise, bandwidth, and errors of gain and zero as it is built (SI); None: not known."""
 
 
 class SlowChannel(MachineTable, frozen=True):
@@ -269,6 +276,13 @@ class SlowReadings(MachineTable, frozen=True):
     """0: twice ``feed.pressure_max_bar``."""
     pressure_mismatch_bar: Annotated[float, Meta(ge=0.01, le=10)] = 0.3
     """The reading and the channel ``supply_pressure`` may differ by so much."""
+    oil_outlet_error_C: Annotated[float, Meta(ge=0.0, le=10.0)] = 1.0
+    """Error of the thermometer in the outlet."""
+    oil_outlet_scatter_C: Annotated[float, Meta(ge=0.0, le=50.0)] = 2.0
+    """Two readings of one temperature may differ by so much: its step, and pick-up."""
+    clearance_scatter_um: Annotated[float, Meta(ge=0.05, le=100.0)] = 3.0
+    """Two readings of a clearance at rest may differ by so much: noise, backlash, an end stop that
+    gives."""
 
 
 class Machine(Section, frozen=True):

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_py.config import Config
-from firmware_py.guard.load_estimate import ZEROED_ERROR_M, ZEROED_GAIN_ERROR
 from firmware_py.guard.motion import DISPLACEMENTS
+from firmware_py.machine.probes import after_zeroing
 from sim_hil.build import Build
 from sim_hil.control_task import OBSERVATIONS, Episode
 from sim_hil.rigs import RigData, RotorData
@@ -52,8 +52,8 @@ class Commissioned:
         The guard's.
     gain, zero_m
         What is left of the errors of both displacement probes, over those of the build: shown less
-        ``zero_m``, over ``gain``, is the shaft within :data:`ZEROED_ERROR_M` and
-        :data:`ZEROED_GAIN_ERROR`; shape (2,) each.
+        ``zero_m``, over ``gain``, is the shaft within what the zero procedure
+        leaves (:func:`~firmware_py.machine.probes.after_zeroing`); shape (2,) each.
     power_zero_W
         What the torque meter showed at rest, to :data:`POWER_ERROR_W`.
     """
@@ -93,8 +93,9 @@ class Commissioned:
             msgspec.structs.replace(c, zeroed=c.zeroed or i in DISPLACEMENTS)
             for i, c in enumerate(config.machine.channel)
         ]
-        gain = build.gain[:2] * (1.0 + ZEROED_GAIN_ERROR * np.array(probes[:2]))
-        zero_m = build.zero[:2] + ZEROED_ERROR_M * np.array(probes[2:])
+        left = after_zeroing(config.machine)
+        gain = build.gain[:2] * (1.0 + left.gain_share * np.array(probes[:2]))
+        zero_m = build.zero[:2] + left.zero_m * np.array(probes[2:])
         known = config.replaced(bearing=bearing, rotor=rotor, channel=channel)
         return cls(known, gain, zero_m, episode.power_error_W + POWER_ERROR_W * power)
 

@@ -23,9 +23,8 @@ from numpy.typing import NDArray
 from firmware_py.acquire.orders import analyse
 from firmware_py.acquire.windows import ChannelMap, iter_windows
 from firmware_py.brain.intervals import REGIMES
-from firmware_py.brain.unbalance import RESIDUAL_RUNOUT_M
 from firmware_py.config import Config
-from firmware_py.guard.load_estimate import ZEROED_ERROR_M, ZEROED_GAIN_ERROR
+from firmware_py.machine.probes import after_zeroing
 from firmware_py.records import Block, Quality, RigReading, RigStatus
 from models.prediction.truth import damping_ratio
 from sim_hil.build import Build
@@ -316,12 +315,13 @@ def after_procedure(config: Config, rig: RigData, build: Build, rng: np.random.G
     device's own order analysis); zero and gain are set as if by a bump test, which this rig cannot
     play: the true ones, missed by what is left.
     """
+    left = after_zeroing(config.machine)
     vectors = slow_roll_vectors(rig, build, int(rng.integers(2**31)))
-    vectors = vectors + RESIDUAL_RUNOUT_M * np.exp(2j * np.pi * rng.random(2)) * rng.random(2)
+    vectors = vectors + left.forward_runout_m * np.exp(2j * np.pi * rng.random(2)) * rng.random(2)
     channels = []
     for i, channel in enumerate(config.machine.channel[:2]):
-        gain = build.gain[i] * (1.0 + ZEROED_GAIN_ERROR * float(rng.uniform(-1, 1)))
-        zero = build.zero[i] + ZEROED_ERROR_M * float(rng.uniform(-1, 1))
+        gain = build.gain[i] * (1.0 + left.gain_share * float(rng.uniform(-1, 1)))
+        zero = build.zero[i] + left.zero_m * float(rng.uniform(-1, 1))
         channels.append(
             changed(
                 channel,

@@ -113,7 +113,7 @@ def test_what_commissioning_measured_is_where_the_estimate_begins() -> None:
     assert (
         found[1].covariance[CLEARANCE, CLEARANCE] < 0.1 * found[0].covariance[CLEARANCE, CLEARANCE]
     )
-    assert Errors.of(lifted).clearance_um < Errors.of(CONFIG).clearance_um == Errors().clearance_um
+    assert Errors.of(lifted).clearance_um < Errors.of(CONFIG).clearance_um == 2.0 / math.sqrt(3.0)
 
 
 def test_intervals_cover_the_truth_about_as_often_as_they_say() -> None:
@@ -136,7 +136,7 @@ def test_intervals_cover_the_truth_about_as_often_as_they_say() -> None:
 def fisher(case: tuple[float, float, float, float]) -> dict[str, np.ndarray]:
     return information(
         Instruments(FILM, CONFIG),
-        Errors(),
+        Errors.of(CONFIG),
         CONFIG.machine.lubricant.viscosity_slope_per_K,
         CONTACT.film_error_share,
         case[1],
@@ -429,7 +429,7 @@ def test_outlook_orders_and_truth() -> None:
 
 def test_runout_and_unbalance_are_told_apart_once_the_speed_has_moved() -> None:
     runout, unbalance = 6e-6 * np.exp(1j), 2e-5 * np.exp(-2j)
-    f = ImbalanceFilter(1.7e-5)
+    f = ImbalanceFilter(CONFIG.machine)
     gains = {
         rpm: 0.5
         * complex(1, 0)
@@ -450,7 +450,7 @@ def test_runout_and_unbalance_are_told_apart_once_the_speed_has_moved() -> None:
 
 
 def test_a_growing_unbalance_is_not_taken_for_runout() -> None:
-    f = ImbalanceFilter(1.7e-5)
+    f = ImbalanceFilter(CONFIG.machine)
     gain = 0.5 + 0.1j
     for gain in (0.2 + 0j, 0.5 + 0.1j):
         for i in range(40):

@@ -10,7 +10,7 @@ import numpy as np
 
 from firmware_py.config import Config
 from firmware_py.guard.load_estimate import LoadEstimator, Look
-from firmware_py.machine.lubricant import ViscosityTable
+from firmware_py.machine.lubricant import CredibleOil
 from sim_hil.build import Build
 from sim_hil.duty import Duty
 from sim_hil.machine import Machine
@@ -52,7 +52,7 @@ def learnt(seed: int, kind: str) -> Learnt:
     rng = np.random.default_rng([seed, 77])
     recording = _recording(seed, kind, rng)
     x, y = recording.counts[:, 0] * 1e-8, recording.counts[:, 1] * 1e-8
-    loads, law = LoadEstimator(config()), ViscosityTable(config().machine.lubricant)
+    loads, law = LoadEstimator(config()), CredibleOil(config().machine)
     column = {name: recording.truth[:, i] for i, name in enumerate(TRUTH_COLUMNS)}
     looks = oil_excluded = load_excluded = 0
     for i in range(WINDOW + LOOK, len(x), LOOK):

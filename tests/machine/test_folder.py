@@ -20,6 +20,7 @@ ADDED = (
     "diametral_inertia_kg_m2", "polar_inertia_kg_m2", "coupling_to_cg_m", "bearing_to_cg_m",
     "coupling_stiffness_N_m", "coupling_damping_N_s_m", "backlash_um", "position_noise_um",
     "range_low", "range_high", "noise_rms", "bandwidth_hz", "gain_error_share", "zero_error",
+    "runout_m", "zeroed_gain_error_share", "zeroed_zero_error", "zeroed_runout_m",
 )  # fmt: skip
 """Figures that the first schema did not know."""
 

@@ -7,9 +7,10 @@ from math import exp
 import pytest
 
 from firmware_py.config import SHIPPED, load
-from firmware_py.machine.lubricant import ViscosityTable, decay, viscosity_Pa_s
+from firmware_py.machine.lubricant import CredibleOil, ViscosityTable, decay, viscosity_Pa_s
 
-OIL = load(SHIPPED / "bench")[0].machine.lubricant
+BENCH = load(SHIPPED / "bench")[0].machine
+OIL = BENCH.lubricant
 
 
 def exact(temperature_C: float) -> float:
@@ -29,6 +30,6 @@ def test_the_table_is_the_law(temperature: float) -> None:
 
 
 def test_the_credible_oils_are_every_batch_at_every_temperature_of_the_reading() -> None:
-    table, law = ViscosityTable(OIL), exact(41.0)
+    table, law = CredibleOil(BENCH), exact(41.0)
     ends = [exact(41.0 + error) * batch / law for error in (-1, 1) for batch in (0.9, 1.1)]
     assert (table.thinnest, table.thickest) == pytest.approx((min(ends), max(ends)))
