@@ -22,7 +22,14 @@ from firmware_py.brain.diagnosis import CLASSES, WINDOWS, Answer, Diagnoser, for
 from firmware_py.brain.normal import NormalError
 from firmware_py.brain.store import HEADS, Model
 from firmware_py.config import Config
-from firmware_py.machine import ContactCircuit, FastChannel, JournalBearing, Lubricant
+from firmware_py.machine import (
+    ContactCircuit,
+    FastChannel,
+    JournalBearing,
+    Lubricant,
+    RotorDrawing,
+    SlowReadings,
+)
 from firmware_py.machine.values import MachineTable
 from firmware_py.records import (
     COMMISSION_ACTIONS,
@@ -59,6 +66,8 @@ SHAPING: Final[dict[type, tuple[str, ...]]] = {
         "viscosity_at_40C_Pa_s", "viscosity_slope_per_K", "inlet_min_C", "inlet_max_C", "film_max_C",
         "viscosity_error_share", "film_at_outlet", "thermal_capacity_J_K", "cooling_W_K",
     ),
+    RotorDrawing: ("mass_at_bearing_kg", "windage_W_s3", "shaft_power_error_W"),
+    SlowReadings: ("oil_outlet_error_C",),
 }  # fmt: skip
 """Figures of the machine on which features depend: with others a learned state is another
 machine's."""
@@ -289,7 +298,7 @@ def belonging(model: Model, config: Config) -> Belonging:
     shaped = (
         [_figures(channel) for channel in m.channel],
         config.sampling,
-        *(_figures(table) for table in (m.bearing, m.contact, m.lubricant)),
+        *(_figures(table) for table in (m.bearing, m.contact, m.lubricant, m.rotor, m.readings)),
     )
     return Belonging(
         model.sha256,

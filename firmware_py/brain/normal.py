@@ -234,6 +234,14 @@ def first_order_distance(normal: Normal, point: Floats, first_order_m: complex) 
     }
 
 
+EXPLAINED: Final = {
+    "configuration": " (other figures of sampling, channels, bearing, lubricant, contact circuit, "
+    "the rotor's mass, windage and power error or the oil thermometer's error; or a version whose "
+    "features did not rest on all of these)"
+}
+"""What a difference in a field of :class:`~firmware_py.records.Belonging` means."""
+
+
 def check_belongs(normal: Normal, device: Belonging) -> None:
     """Refuse the state of another model, feature set, rig or configuration.
 
@@ -244,7 +252,7 @@ def check_belongs(normal: Normal, device: Belonging) -> None:
     """
     found, now = msgspec.structs.asdict(normal.belongs), msgspec.structs.asdict(device)
     wrong = [
-        f"{what} {found[what][:12]!r}, this device has {now[what][:12]!r}"
+        f"{what} {found[what][:12]!r}, this device has {now[what][:12]!r}{EXPLAINED.get(what, '')}"
         for what in found
         if found[what] != now[what]
     ]

@@ -12,8 +12,11 @@ import pytest
 from firmware_py.brain.commissioning import belonging
 from firmware_py.brain.core import BrainCore
 from firmware_py.brain.diagnosis import Diagnoser
+from firmware_py.brain.normal import NormalError, check_belongs
+from firmware_py.config import parse
 from firmware_py.records import (
     Alarm,
+    Baseline,
     BrainSnapshot,
     BrainStep,
     CommandReply,
@@ -26,6 +29,7 @@ from firmware_py.records import (
     RoomRecord,
     WindowRecord,
 )
+from tests.first_schema import BENCH as FIRST_SCHEMA
 
 from .machine import CONFIG, Machine, models
 from .test_brain_core import feed, guard_state, of
@@ -179,13 +183,40 @@ def test_another_configuration_of_the_sensors_is_another_machine() -> None:
     turned = msgspec.structs.replace(CONFIG.machine.channel[0], angle_deg=44.0)
     changed = CONFIG.replaced(channel=[turned, *CONFIG.machine.channel[1:]])
     assert belonging(classifier, CONFIG) == belonging(classifier, CONFIG)
-    # that of a state learned under the first schema
-    assert belonging(classifier, CONFIG).configuration == "5118c5a62935"
+    # that of a state learned from a file of the first schema
+    assert belonging(classifier, parse(FIRST_SCHEMA)[0]) == belonging(classifier, CONFIG)
     drawn = msgspec.structs.replace(CONFIG.machine.bearing, assumed=("length_m",))
     assert belonging(classifier, CONFIG.replaced(bearing=drawn)) == belonging(classifier, CONFIG)
     assert (
         belonging(classifier, changed).configuration != belonging(classifier, CONFIG).configuration
     )
+
+
+@pytest.mark.parametrize(
+    ("table", "figure", "value"),
+    [
+        ("rotor", "mass_kg", 6.5),
+        ("rotor", "effective_mass_at_bearing_kg", 1.8),
+        ("rotor", "windage_W_s3", 6e-9),
+        ("rotor", "shaft_power_error_W", 1.0),
+        ("readings", "oil_outlet_error_C", 0.5),
+    ],
+)
+def test_a_state_learned_with_other_figures_of_the_film_check_is_refused(
+    table: str, figure: str, value: float
+) -> None:
+    classifier = models(fleet=True).classifier
+    assert classifier is not None
+    other = msgspec.structs.replace(getattr(CONFIG.machine, table), **{figure: value})
+    learned = belonging(classifier, CONFIG.replaced(**{table: other}))
+    normal = Normal(
+        learned, 1.0, 24, 6, {}, [3.0, 5.0], [1.2, 1.1], [1.0, 1.1], [0.0] * 4,
+        Baseline([6.5, 6e-5, 0.3], [0.5, 2e-5, 0.2], [(1.0, -2.0)] * 5, 0.2),
+    )  # fmt: skip
+    with pytest.raises(NormalError, match="learned with configuration") as refusal:
+        check_belongs(normal, belonging(classifier, CONFIG))
+    assert "mass, windage and power error" in str(refusal.value)
+    assert "commission again" in str(refusal.value)
 
 
 @pytest.mark.parametrize(
