@@ -7,6 +7,7 @@ out is taken from :data:`TYPICAL`.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from typing import Final, NamedTuple
 
 from firmware_py.machine.schema import FastChannel, Machine
@@ -50,6 +51,17 @@ class Typical(NamedTuple):
 
 TYPICAL: Final = Typical()
 
+FIGURES: Final[Mapping[str, Callable[[FastChannel], float | None]]] = {
+    "zero_error": lambda probe: probe.zero_error,
+    "gain_error_share": lambda probe: probe.gain_error_share,
+    "runout_m": lambda probe: probe.runout_m,
+    "zeroed_zero_error": lambda probe: probe.zeroed_zero_error,
+    "zeroed_gain_error_share": lambda probe: probe.zeroed_gain_error_share,
+    "zeroed_runout_m": lambda probe: probe.zeroed_runout_m,
+    "noise_rms": lambda probe: probe.noise_rms,
+}
+"""Where a probe has each figure."""
+
 
 def are_zeroed(machine: Machine) -> bool:
     """Whether the zero and slow-roll procedure was done on both probes."""
@@ -91,7 +103,7 @@ def probe_noise_m(machine: Machine) -> float:
 def error_of(probe: FastChannel, key: str) -> float:
     """The figure ``key`` of one probe, SI: as the rig folder has it, else :data:`TYPICAL`; after
     the procedure no more than before it."""
-    found = getattr(probe, key)
+    found = FIGURES[key](probe)
     if found is not None:
         return float(found)
     typical = float(getattr(TYPICAL, key))
