@@ -16,7 +16,7 @@ from sim_hil.duty import Duty
 from sim_hil.machine import Machine
 from sim_hil.rigs import load_rig
 from sim_hil.rotor.parameters import TRUTH_COLUMNS, Floats
-from sim_hil.runs import Recording, recording_of, run
+from sim_hil.runs import SimulatedRecording, recording_of, run
 
 from .scripted_node import bench
 
@@ -81,7 +81,7 @@ def learnt(seed: int, kind: str) -> Learnt:
     return Learnt(int(looks), int(oil_excluded), int(load_excluded))
 
 
-def _recording(seed: int, kind: str, rng: np.random.Generator) -> Recording:
+def _recording(seed: int, kind: str, rng: np.random.Generator) -> SimulatedRecording:
     """What the device receives of it, with readings of the instant at which they are sent."""
     rig = load_rig("bench")
     narrow, wide = (40.0, 70.0), (70.0, 120.0)
