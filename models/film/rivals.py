@@ -55,7 +55,7 @@ class TrainedBearing:
         nominal = rig.bearing.clearance_nominal_m
         return cls(
             clearances_m or (nominal, nominal),
-            rig.oil.viscosity_Pa_s,
+            rig.oil.viscosity_at(rig.oil.inlet_C),
             speed_rpm * np.pi / 30.0,
             rig.bearing.radius_m,
             rig.bearing.length_m,

@@ -199,7 +199,7 @@ def reynolds(rig: RigData, case: TrajectoryCase, turns: int) -> tuple[Floats, fl
             radius_m=b.radius_m,
             length_m=b.length_m,
             clearance_m=c,
-            viscosity_Pa_s=rig.oil.viscosity_Pa_s,
+            viscosity_Pa_s=rig.oil.viscosity_at(rig.oil.inlet_C),
             speed_rad_s=omega,
             grid=GRID,
         ).force_N
@@ -215,7 +215,7 @@ def reynolds(rig: RigData, case: TrajectoryCase, turns: int) -> tuple[Floats, fl
         length_m=b.length_m,
         clearance_m=c,
         speed_rad_s=omega0,
-        viscosity_Pa_s=rig.oil.viscosity_Pa_s,
+        viscosity_Pa_s=rig.oil.viscosity_at(rig.oil.inlet_C),
         grid=GRID,
     ).position_m
     tilt = position / (rig.rotor.bearing_to_cg_m + rig.rotor.coupling_to_cg_m)
