@@ -147,14 +147,14 @@ def test_a_new_kind_is_one_row(monkeypatch: pytest.MonkeyPatch) -> None:
     assert '(0.1,0) [-3276.8|3276.7] "um/m"' in text
     assert "Humidity of the hall" in text
     guard = GuardCore(made, codec_for(made), 1)
-    assert {"gauge"} <= set(guard._protection.state.not_ok)
+    assert {"gauge"} <= set(guard.stages.protection.state.not_ok)
     node = NodeState(1, 2, 0, 0, 0, 50.0, 1.0, True, 0, 0, 0, 0)
     values = {
         row.name: SlowValue(140.0 if row.name == "hall_humidity" else 1.0, 0, 0)
         for row in slow_signals(made)
     }
     reading = RigReading(0, 0, 0, RigStatus(1, 2, 1.0, 40.0, 50.0, 1.0), node, values)
-    notices = guard._more.step([reading], 5)
+    notices = guard.stages.more.step([reading], 5)
     assert [notice.name for notice in notices] == ["hall_humidity_not_ok"]
     assert "outside 0 .. 100" in notices[0].text
     shown = Instances(made).readings(reading)

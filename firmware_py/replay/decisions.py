@@ -13,7 +13,8 @@ from typing import Any
 import msgspec
 
 from firmware_py.config import Config
-from firmware_py.guard.core import CoreState, GuardCore
+from firmware_py.guard.core import GuardCore
+from firmware_py.guard.state import CoreState
 from firmware_py.recording import TOPICS, Recording, RecordingError, decode_exact
 from firmware_py.records import Cycle, CycleRecord, Decision, DeviceHeartbeat, Snapshot
 from firmware_py.replay.compare import where

@@ -9,6 +9,7 @@ from struct import pack, unpack
 
 import pytest
 
+from firmware_py.guard import facts
 from firmware_py.guard.budget import (
     CYCLE_US,
     EVENTS_PER_CYCLE,
@@ -18,6 +19,7 @@ from firmware_py.guard.budget import (
     bounded,
 )
 from firmware_py.guard.outbox import Outbox
+from firmware_py.guard.state import Stages
 from firmware_py.records import (
     Advice,
     Command,
@@ -213,27 +215,38 @@ def test_a_fault_costs_no_more_than_being_armed() -> None:
     assert max(ratio("samples gone"), ratio("link down")) < 1.2 * armed
 
 
+def counted_looks(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """The times at which the shield is asked from now on."""
+    looks: list[int] = []
+    look = facts.look_around
+
+    def counting(g: Stages, now_ns: int) -> None:
+        looks.append(now_ns)
+        look(g, now_ns)
+
+    monkeypatch.setattr(facts, "look_around", counting)
+    return looks
+
+
 @pytest.mark.parametrize(
     "prepare", [samples_gone, link_down, node_gone, brain_gone, tripped, nothing]
 )
 def test_the_shield_works_at_most_every_20_ms_and_for_commands_that_are_sent(
-    prepare: Callable[[Bench], None],
+    prepare: Callable[[Bench], None], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     b = working()
     prepare(b)
-    looks = []
-    look = b.core._look_around
-    b.core._look_around = lambda now_ns: (looks.append(now_ns), look(now_ns))[1]  # type: ignore[method-assign]
+    looks = counted_looks(monkeypatch)
     sent = sum(f.frame_id == 0x060 for d in b.run(1.0) for f in d.frames_out)
     assert len(looks) <= 51 + sent
     assert sent or len(looks) <= 51
 
 
-def test_requests_do_not_make_the_shield_work_nor_fill_the_bus() -> None:
+def test_requests_do_not_make_the_shield_work_nor_fill_the_bus(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     b = working()
-    looks = []
-    look = b.core._look_around
-    b.core._look_around = lambda now_ns: (looks.append(now_ns), look(now_ns))[1]  # type: ignore[method-assign]
+    looks = counted_looks(monkeypatch)
     frames, states = 0, 0
     for k in range(1000):
         decision = b.cycle([CommandRequest(k, "mode", None, 1 + k % 2)])

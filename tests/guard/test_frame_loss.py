@@ -5,7 +5,8 @@ from collections.abc import Callable
 import msgspec
 import pytest
 
-from firmware_py.guard.core import CoreState
+from firmware_py.guard import report
+from firmware_py.guard.state import CoreState
 from firmware_py.records import RawFrame, SampleFrame, Severity
 
 from .scripted_node import Bench, working
@@ -30,7 +31,7 @@ def losing(b: Bench, lose: Callable[[int], bool]) -> None:
 
 
 def alarms(b: Bench) -> dict[str, str]:
-    return {alarm.name: alarm.text for alarm in b.core._standing()}
+    return {alarm.name: alarm.text for alarm in report.standing(b.core.stages)}
 
 
 @pytest.mark.parametrize(
@@ -55,7 +56,7 @@ def test_losses_that_go_on_are_an_alarm_and_cost_authority_when_they_are_many(
     losing(b, lose)
     b.run(3.0)
     assert ("frames_lost" in alarms(b)) is alarm
-    assert b.core._arming.state.authority.held is acts
+    assert b.core.stages.arming.state.authority.held is acts
     assert b.names().count("frames_lost") == alarm
     if alarm:
         assert all(

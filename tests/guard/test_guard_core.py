@@ -1,7 +1,8 @@
 import msgspec
 import pytest
 
-from firmware_py.guard.core import SHIELD_PERIOD_NS, GuardCore
+from firmware_py.guard.core import GuardCore
+from firmware_py.guard.facts import SHIELD_PERIOD_NS
 from firmware_py.records import (
     ArmState,
     Command,
@@ -130,7 +131,7 @@ def test_every_command_rests_on_an_interval_of_its_own_cycle() -> None:
     for _ in range(1000):
         if sent([b.cycle()], Command):
             commands += 1
-            assert b.core._memory.shield_due_ns == b.now_ns + SHIELD_PERIOD_NS
+            assert b.core.stages.memory.shield_due_ns == b.now_ns + SHIELD_PERIOD_NS
     assert commands >= 30
 
 

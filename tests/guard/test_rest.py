@@ -2,6 +2,8 @@
 
 import pytest
 
+from firmware_py.guard import report
+
 from .scripted_node import Bench
 
 
@@ -17,7 +19,7 @@ def at_rest(how: str) -> Bench:
 
 
 def standing(b: Bench) -> dict[str, str]:
-    return {alarm.name: alarm.text for alarm in b.core._standing()}
+    return {alarm.name: alarm.text for alarm in report.standing(b.core.stages)}
 
 
 @pytest.mark.parametrize("how", ["stopped", "switched on"])

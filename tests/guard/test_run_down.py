@@ -10,6 +10,7 @@ from math import pi
 import pytest
 
 from firmware_py.acquire.speed import SpeedState
+from firmware_py.guard import facts, report
 from firmware_py.guard.motion import Motion
 from firmware_py.guard.rest import Rest
 
@@ -24,7 +25,7 @@ def _running(rpm: float) -> Bench:
     b = Bench()
     b.node.speed_rpm = rpm
     b.run(1.2)
-    assert b.core._acquire.speed.known
+    assert b.core.stages.acquire.speed.known
     b.events.clear()
     return b
 
@@ -41,12 +42,12 @@ def cut(b: Bench) -> None:
 
 def told(b: Bench) -> tuple[float, bool]:
     """Speed (rpm) and whether it is known."""
-    speed = b.core._acquire.speed
+    speed = b.core.stages.acquire.speed
     return speed.speed_rad_s * 30 / pi, speed.known
 
 
 def sure_of_rest(b: Bench) -> bool:
-    return b.core._acquire.speed.surely_below(b.core._turning_rad_s)
+    return b.core.stages.acquire.speed.surely_below(b.core.stages.turning_rad_s)
 
 
 def seize(b: Bench) -> None:
@@ -71,7 +72,7 @@ def test_a_hard_stop_is_unknown_at_first_and_then_told_as_standing_and_counted(
     assert told(b) == (0.0, True)
     assert b.names().count("hard_stop") == 1
     assert b.core.counters["hard_stops"] == 1
-    assert "mark_lost" not in [alarm.name for alarm in b.core._standing()]
+    assert "mark_lost" not in [alarm.name for alarm in report.standing(b.core.stages)]
     assert sure_of_rest(b)
     b.node.pressure_bar = 0.0
     b.run(1.5)
@@ -176,23 +177,23 @@ def test_the_speed_told_while_the_mark_stays_away_never_widens_the_envelope() ->
     b.node.amplitude_um, b.node.mean_um = 1.0, (-5.0, -5.0)
     b.ramp_to(11_000.0)
     b.run(1.5)
-    b.core._look_around(b.now_ns)
-    before = b.core._memory.interval_m
-    level_m = b.core._vibration.state.level_m
+    facts.look_around(b.core.stages, b.now_ns)
+    before = b.core.stages.memory.interval_m
+    level_m = b.core.stages.vibration.state.level_m
     assert before is not None
     assert level_m > 0.0
     cut(b)
     lowest_rpm = 11_000.0
     for _ in range(30):
         b.cycle()
-        b.core._look_around(b.now_ns)
-        if b.core._acquire.speed.known:
+        facts.look_around(b.core.stages, b.now_ns)
+        if b.core.stages.acquire.speed.known:
             lowest_rpm = min(lowest_rpm, told(b)[0])
-            found = b.core._memory.interval_m
+            found = b.core.stages.memory.interval_m
             assert found is None or (found[0] >= before[0] - 1e-7 and found[1] <= before[1] + 1e-7)
     assert 5400.0 < lowest_rpm < 8000.0, "it was told lower, for less than a turn"
-    assert b.core._memory.interval_m is None
-    assert b.core._vibration.state.level_m == level_m, "what it vibrated is not forgotten"
+    assert b.core.stages.memory.interval_m is None
+    assert b.core.stages.vibration.state.level_m == level_m, "what it vibrated is not forgotten"
 
 
 def test_a_run_down_is_told_between_the_marks_and_costs_no_alarm() -> None:

@@ -181,7 +181,7 @@ def test_a_set_point_holds_while_a_person_swings_it() -> None:
 
 def test_a_snapshot_carries_the_way_and_an_old_one_may_lack_it() -> None:
     b = working()
-    arming = b.core._arming
+    arming = b.core.stages.arming
     taken = arming.state
     assert isinstance(taken.slew, SlewState)
     assert taken.slew.clearance.value == 70.0

@@ -30,7 +30,7 @@ def state(b: Bench) -> GuardState:
 
 
 def told_rpm(b: Bench) -> float:
-    return b.core._acquire.speed.speed_rad_s * 30 / pi
+    return b.core.stages.acquire.speed.speed_rad_s * 30 / pi
 
 
 @cache
@@ -151,7 +151,7 @@ def test_one_false_edge_is_believed_again_after_its_time_and_not_before() -> Non
     b.node.amplitude_um = 0.6  # too small to be evidence: the speed came back to its course
     b.run(CLEAN_S - 1.0)
     assert not state(b).authority
-    assert b.core._speed_check.state.cause == "ramp"
+    assert b.core.stages.speed_check.state.cause == "ramp"
     b.run(4.0)
     assert "speed_plausible" in b.names()
     assert state(b).authority
@@ -276,7 +276,7 @@ def test_a_mark_that_is_dead_from_the_start_is_no_standing_shaft() -> None:
     b.node._mark_tick -= 60_000_000
     mark_stops(b.node)
     b.run(3.5)
-    assert not b.core._acquire.speed.known
+    assert not b.core.stages.acquire.speed.known
     assert "mark_lost" in [a.name for a in state(b).alarms]
 
 
@@ -285,7 +285,7 @@ def test_a_shaft_that_stood_and_swings_is_doubted() -> None:
     b.node.speed_rpm = 0.0
     b.node._mark_tick -= 60_000_000
     b.run(2.0)
-    assert (told_rpm(b), b.core._acquire.speed.known) == (0.0, True)
+    assert (told_rpm(b), b.core.stages.acquire.speed.known) == (0.0, True)
     mark_stops(b.node)
     b.node.speed_rpm = 6000.0
     b.run(2.6)
@@ -299,7 +299,7 @@ def test_a_standing_shaft_that_is_moved_once_stands() -> None:
     b.node.speed_rpm, b.node.amplitude_um = 0.0, 0.0
     b.node._mark_tick -= 60_000_000
     b.run(2.0)
-    assert b.core._acquire.speed.known, "quiet for 1.5 s"
+    assert b.core.stages.acquire.speed.known, "quiet for 1.5 s"
     b.events.clear()
     b.node.mean_um = (-40.0, -30.0)
     b.run(2.0)

@@ -180,7 +180,7 @@ def test_a_failsafe_says_its_figures_and_the_next_step(
     act(b)
     b.run(7.0 if b.node.speed_rpm == 0.0 else 0.5)
     told = next(event.text for event in reversed(b.events) if event.name == name)
-    text = "; ".join([told, *b.core._arming.state.authority.reasons])
+    text = "; ".join([told, *b.core.stages.arming.state.authority.reasons])
     assert all(words in text for words in said), text
 
 

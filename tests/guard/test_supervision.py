@@ -6,7 +6,8 @@ from random import Random
 import msgspec
 import pytest
 
-from firmware_py.guard.core import CoreState, GuardCore
+from firmware_py.guard.core import GuardCore
+from firmware_py.guard.state import CoreState
 from firmware_py.guard.supervision.following import Following, Quantity
 from firmware_py.guard.supervision.recent import Span, extremes, note
 from firmware_py.records import ArmState, DeviceHeartbeat, GuardState, NodeState

@@ -158,7 +158,7 @@ def test_a_ninth_channel_and_more_readings_go_through_the_whole_device(tmp_path:
     state = flight.newest(GuardState)
     assert [alarm.name for alarm in state.alarms] == ["coupling_temperature_not_ok"]
     assert "absent" in state.alarms[0].text
-    assert {"acc_pump_alert", "acc_pump_danger"} <= set(flight.guard._protection.state.alarms)
+    assert {"acc_pump_alert", "acc_pump_danger"} <= set(flight.guard.stages.protection.state.alarms)
 
     assert "acc_pump" in view.features.channel
     shown = view.instances.readings(view.reading)

@@ -1,0 +1,62 @@
+"""Requests of people: each is answered, accepted or with all reasons why not."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from firmware_py.guard.alarm import Notice
+from firmware_py.guard.failsafe import Situation
+from firmware_py.guard.state import Stages
+from firmware_py.records import CommandReply, CommandRequest, Severity
+
+
+class Answered(NamedTuple):
+    """Replies to the requests of one cycle, and what is told of them."""
+
+    replies: list[CommandReply]
+    notices: list[Notice]
+
+
+def answer(g: Stages, commands: list[CommandRequest], situation: Situation) -> Answered:
+    """Answer every request; disarm goes first."""
+    replies, notices = list[CommandReply](), list[Notice]()
+    for request in sorted(commands, key=lambda c: c.verb != "disarm"):
+        if request.verb == "reset":
+            reply, told = _reset(g, request, situation)
+        elif request.verb == "announce":
+            reply, told = _announce(g, request, situation.now_ns)
+        else:
+            reply, told = g.arming.request(request, situation)
+            if request.verb == "arm" and reply.accepted:
+                g.permit.reset()
+        replies.append(reply)
+        notices += told
+    return Answered(replies, notices)
+
+
+def _reset(
+    g: Stages, request: CommandRequest, situation: Situation
+) -> tuple[CommandReply, list[Notice]]:
+    """Unlatch what no longer stands."""
+    left = g.protection.reset() + g.oil.reset() + g.speed_high.reset(g.acquire.speed.lost)
+    notices = g.speed_check.reset()
+    g.arming.reset(left)
+    g.permit.reset()
+    g.supervision.reset()
+    situation.tripped = g.tripped
+    text = f"reset from {request.origin}: {len(left)} trips left"
+    return CommandReply(request.seq, not left, left), [
+        *notices,
+        Notice(Severity.INFO, "command", text),
+    ]
+
+
+def _announce(g: Stages, request: CommandRequest, now_ns: int) -> tuple[CommandReply, list[Notice]]:
+    """Take a ramp that is told ahead."""
+    refused = g.announcements.request(request, now_ns)
+    reply = CommandReply(request.seq, not refused, refused)
+    if refused:
+        return reply, []
+    ramps = len(g.announcements.state)
+    text = f"announce accepted from {request.origin}: {ramps} ramps ahead"
+    return reply, [Notice(Severity.INFO, "command", text)]

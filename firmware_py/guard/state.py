@@ -1,0 +1,213 @@
+"""The guard's state: one tree, a field a stage; and the stages that hold it."""
+
+from __future__ import annotations
+
+from math import pi
+from typing import Final
+
+import msgspec
+
+from firmware_py.acquire.stage import Acquire, AcquireState
+from firmware_py.config import Config
+from firmware_py.guard.announcements import Announced, Announcements
+from firmware_py.guard.arming import Arming, ArmingState
+from firmware_py.guard.condition import Condition, ConditionState
+from firmware_py.guard.frame_loss import FrameLoss, FrameLossState
+from firmware_py.guard.load_estimate import LoadEstimator, LoadInterval, LoadState
+from firmware_py.guard.more_readings import MoreReadings
+from firmware_py.guard.oil_protection import OilProtection, OilProtectionState
+from firmware_py.guard.pair import PairCheck, PairState
+from firmware_py.guard.permit import Permit, PermitState, Start
+from firmware_py.guard.protection import Protection, ProtectionState
+from firmware_py.guard.readings import Readings, ReadingsState
+from firmware_py.guard.rest import Rest, RestState
+from firmware_py.guard.shield import Shield
+from firmware_py.guard.speaker import Codec, Speaker, SpeakerState
+from firmware_py.guard.speed_check import SpeedCheck, SpeedCheckState
+from firmware_py.guard.speed_high import NAME as SPEED_HIGH
+from firmware_py.guard.speed_high import SpeedHigh, SpeedHighState
+from firmware_py.guard.supervision import Supervision, SupervisionState
+from firmware_py.guard.target import Target
+from firmware_py.guard.telling import Telling, Told
+from firmware_py.guard.vibration_hold import VibrationHold, VibrationHoldState
+from firmware_py.records import Advice
+
+NEVER_NS: Final = -(1 << 62)
+
+
+class MemoryState(msgspec.Struct):
+    """What the core itself remembers between cycles."""
+
+    target: Target
+    load: LoadInterval
+    last_ns: int = NEVER_NS
+    advice: Advice | None = None
+    interval_m: tuple[float, float] | None = None
+    shield_due_ns: int = 0
+    state_due_ns: int = 0
+    state_ns: int = 0
+    foreign_command_ns: int = NEVER_NS
+    foreign_heartbeat_ns: int = NEVER_NS
+    link_up: bool = True
+    gate_connected: bool = False
+    brain_connected: bool = False
+    state_seq: int = 0
+    event_seq: int = 0
+    cycle_gaps: int = 0
+    advices_ahead: int = 0
+    node_reasons: list[str] = []
+    vibration_high: bool = False
+    vibration_um: tuple[float, float] = (0.0, 0.0)
+    link_fault: str = ""
+    link_fault_ns: int = 0
+
+
+class CoreState(msgspec.Struct):
+    """The whole guard (for snapshots)."""
+
+    acquire: AcquireState
+    protection: ProtectionState
+    arming: ArmingState
+    speaker: SpeakerState
+    memory: MemoryState
+    announced: list[Announced]
+    load: LoadState
+    permit: PermitState = msgspec.field(default_factory=PermitState)
+    unwritable: ConditionState = msgspec.field(default_factory=ConditionState)
+    telling: dict[str, Told] = {}
+    readings: ReadingsState | None = None
+    oil: OilProtectionState | None = None
+    speed_check: SpeedCheckState = msgspec.field(default_factory=SpeedCheckState)
+    speed_high: SpeedHighState = msgspec.field(default_factory=SpeedHighState)
+    supervision: SupervisionState | None = None
+    pair: PairState = msgspec.field(default_factory=PairState)
+    vibration: VibrationHoldState = msgspec.field(default_factory=VibrationHoldState)
+    frame_loss: FrameLossState = msgspec.field(default_factory=FrameLossState)
+    rest: RestState = msgspec.field(default_factory=RestState)
+    more: dict[str, ConditionState] = {}
+
+
+class Stages:
+    """Every stage of the guard, its memory, and the figures of the configuration that the wiring
+    needs.
+
+    Parameters
+    ----------
+    config, codec, session, latched, start, timers
+        See :class:`firmware_py.guard.core.GuardCore`.
+    """
+
+    def __init__(
+        self,
+        config: Config,
+        codec: Codec,
+        session: int,
+        latched: list[str] | None = None,
+        start: Start | None = None,
+        timers: dict[str, int] | None = None,
+    ) -> None:
+        self.config = config
+        self.session = session
+        self.ttl_ns = config.machine.actuator.time_to_live_ms * 1_000_000
+        self.fresh_ns = round(config.sampling.fresh_age_ms * 1e6)
+        self.speeds = (
+            config.machine.operating.speed_min_rpm * pi / 30,
+            config.machine.operating.speed_max_rpm * pi / 30,
+        )
+        self.speeds_rpm = (
+            config.machine.operating.speed_min_rpm,
+            config.machine.operating.speed_max_rpm,
+        )
+        self.turning_rad_s = config.limits.min_speed_rpm * pi / 30
+        self.acquire = Acquire(config, codec)
+        names = latched or []
+        self.oil = OilProtection(config, names)
+        self.speed_high = SpeedHigh(config, SPEED_HIGH in names)
+        self.speed_check, self.rest = SpeedCheck(config), Rest()
+        self.protection = Protection(
+            config,
+            [name for name in names if name != SPEED_HIGH and name not in self.oil.state.alarms],
+        )
+        self.readings = Readings(config)
+        for stage in (self.protection, self.oil):
+            stage.resume(timers or {})
+        self.permit = Permit(config.drive, start or Start())
+        self.unwritable = Condition("trip_file_unwritable", "trip_file_written")
+        self.arming = Arming(config)
+        self.speaker = Speaker(config, codec, session)
+        self.shield = Shield(config)
+        self.supervision = Supervision(config, session)
+        self.load = LoadEstimator(config)
+        self.pair, self.vibration = PairCheck(config), VibrationHold()
+        self.frame_loss = FrameLoss(config)
+        self.more = MoreReadings(config)
+        self.announcements = Announcements(config, self.shield.lead_s)
+        self.telling = Telling()
+        self.memory = MemoryState(self.arming.safe, self.load.declared())
+
+    @property
+    def state(self) -> CoreState:
+        """The whole guard."""
+        return CoreState(
+            self.acquire.state,
+            self.protection.state,
+            self.arming.state,
+            self.speaker.state,
+            self.memory,
+            self.announcements.state,
+            self.load.state,
+            self.permit.state,
+            self.unwritable.state,
+            self.telling.state,
+            self.readings.state,
+            self.oil.state,
+            self.speed_check.state,
+            self.speed_high.state,
+            self.supervision.state,
+            self.pair.state,
+            self.vibration.state,
+            self.frame_loss.state,
+            self.rest.state,
+            self.more.state,
+        )
+
+    @state.setter
+    def state(self, state: CoreState) -> None:
+        self.acquire.state, self.protection.state = state.acquire, state.protection
+        self.arming.state, self.speaker.state, self.memory = (
+            state.arming,
+            state.speaker,
+            state.memory,
+        )
+        self.announcements.state, self.load.state = state.announced, state.load
+        self.permit.state, self.unwritable.state = state.permit, state.unwritable
+        self.telling.state = state.telling
+        if state.readings is not None:
+            self.readings.restore(state.readings)
+        self.oil.state = state.oil or self.oil.state
+        self.speed_check.state, self.speed_high.state = state.speed_check, state.speed_high
+        if state.supervision is not None:  # a recording of a device that had none
+            self.supervision.state = state.supervision
+        self.pair.restore(state.pair)
+        self.vibration.state = state.vibration
+        self.frame_loss.state, self.rest.state = state.frame_loss, state.rest
+        self.more.state = state.more
+
+    @property
+    def tripped(self) -> list[str]:
+        """Names of latched danger alarms."""
+        return self.protection.tripped + self.oil.tripped + self.speed_high.tripped
+
+    def away(self, now_ns: int) -> bool:
+        """Whether the guard was not called for longer than a command lives."""
+        last_ns = self.memory.last_ns
+        return last_ns != NEVER_NS and now_ns - last_ns > self.ttl_ns
+
+    def fresh(self, now_ns: int) -> bool:
+        """Whether the newest samples are new enough to act on."""
+        return self.acquire.sample_age_ns(now_ns) < self.fresh_ns
+
+    @property
+    def turning(self) -> bool:
+        """Whether the shaft may turn."""
+        return not self.acquire.speed.surely_below(self.turning_rad_s)
