@@ -48,7 +48,7 @@ def _plain(value: Any) -> Any:
         return _stored(value)
     if isinstance(value, complex):
         return (value.real, value.imag)
-    raise NotImplementedError(f"{type(value).__name__} cannot be part of a stage's state")
+    raise TypeError(f"{type(value).__name__} cannot be part of a stage's state")
 
 
 def _stored(array: NDArray[Any]) -> _Array:
