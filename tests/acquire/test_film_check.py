@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -226,4 +227,35 @@ def test_power_of_a_healthy_rig_is_explained_within_two_percent(
     window = [w for w in windows if not w.quality & Quality.NO_MARK][-1]
     excess = fc.film_check(window, analyse(window), BENCH)[2]
     drag = window.shaft_power_W
-    assert abs(excess) * math.hypot(3.0, fc._oil_spread(BENCH.lubricant) * drag) < 0.02 * drag + 0.2
+    assert abs(excess) * math.hypot(3.0, fc._oil_spread(BENCH) * drag) < 0.02 * drag + 0.2
+
+
+@pytest.mark.parametrize(
+    ("table", "key", "factor"),
+    [
+        ("bearing", "journal_radius_m", 1.5),
+        ("bearing", "length_m", 1.5),
+        ("bearing", "radial_clearance_error_um", 2.0),
+        ("lubricant", "viscosity_at_40C_Pa_s", 2.0),
+        ("lubricant", "viscosity_slope_per_K", 1.5),
+        ("lubricant", "viscosity_error_share", 2.0),
+        ("rotor", "effective_mass_at_bearing_kg", 2.0),
+        ("rotor", "windage_W_s3", 100.0),
+        ("rotor", "shaft_power_error_W", 2.0),
+        ("contact", "circuit_V", 1.5),
+        ("contact", "circuit_ohm", 2.0),
+        ("contact", "film_ohm_per_m", 2.0),
+    ],
+)
+def test_another_machine_is_judged_with_its_own_figures(
+    table: str, key: str, factor: float
+) -> None:
+    window, orders = ideal(RATIO)
+    window = replace(window, shaft_power_W=window.shaft_power_W + 20.0)
+    part = getattr(BENCH, table)
+    present = getattr(part, key) or ROTOR.mass_at_bearing_kg
+    changed = msgspec.structs.replace(part, **{key: factor * present})
+    other = msgspec.structs.replace(BENCH, **{table: changed})
+    assert not np.allclose(
+        fc.film_check(window, orders, BENCH), fc.film_check(window, orders, other), rtol=1e-4
+    )
