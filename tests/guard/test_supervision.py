@@ -550,12 +550,12 @@ def test_a_snapshot_carries_the_supervision_and_an_old_one_may_lack_it() -> None
     taken = b.core.snapshot(b.seq, b.now_ns)
     other = GuardCore(b.config, CanCodec(), SESSION)
     other.restore(taken)
-    assert list(other._supervision.doubts) == ["clearance_not_following"]
+    assert list(other.stages.supervision.doubts) == ["clearance_not_following"]
     old = msgspec.msgpack.decode(taken.state, type=CoreState)
     old.supervision = None
     fresh = GuardCore(b.config, CanCodec(), SESSION)
     fresh.restore(msgspec.structs.replace(taken, state=msgspec.msgpack.encode(old)))
-    assert fresh._supervision.doubts == {}
+    assert fresh.stages.supervision.doubts == {}
 
 
 def test_the_window_of_targets_keeps_what_was_valid_in_it() -> None:
