@@ -79,4 +79,4 @@ def _result(process: subprocess.Popen[str]) -> dict[str, Any]:
         return found
     except (subprocess.TimeoutExpired, ValueError):
         process.kill()
-        return {"failed": (complaint if process.returncode else "no answer in time").strip()[-300:]}
+        return {"failed": (complaint if process.returncode else "no answer in time").strip()[-900:]}

@@ -2,7 +2,7 @@
 
 ``python -m sim_hil.demo.reaction --config FILE --runtime-dir DIR`` is a signal generator in the
 place of rig, node and gate.  Each trial arms the guard at a wide clearance, lets the shaft
-displacement jump past the danger limit in one frame, and waits for the command that carries the
+displacement move past the danger limit within one frame, and waits for the command that carries the
 safe clearance.  The time counts from the frame's own sending, just before it reaches the guard's
 socket, to the command's arrival here; the configured danger delay is part of it.
 """
@@ -51,8 +51,9 @@ PRIORITY: Final = 20
 TURN_US: Final = 20_000
 RADIUS_COUNTS: Final = 300
 CENTRE_COUNTS: Final = (0, -2000)
-JUMP_COUNTS: Final = 15_000
-"""150 um: past any danger limit, within the channel's range."""
+JUMP_COUNTS: Final = 6_000
+"""60 um over the samples of one frame: past the danger limit at the wide clearance, within the
+bearing there, and no faster than a shaft can move."""
 
 WIDE_UM: Final = 80.0
 GIVE_UP_S: Final = 15.0
@@ -78,6 +79,8 @@ class Generator:
     command: Command | None = None
     command_ns: int = 0
     replies: list[CommandReply] = field(default_factory=list)
+    told: list[str] = field(default_factory=list)
+    _shift: int = 0
     _frames: int = 0
     _slow: int = 0
     _requests: int = 0
@@ -126,8 +129,10 @@ class Generator:
         self._link.send(self._codec.encode(message, time.monotonic_ns()))
 
     def _samples(self) -> SampleFrame:
-        first, shift = self._tick_us, JUMP_COUNTS if self.jumped else 0
-        rows = b"".join(self._row(first + i * self._period_us, shift) for i in range(3))
+        first, start = self._tick_us, self._shift
+        self._shift = JUMP_COUNTS if self.jumped else 0
+        shifts = [start + (self._shift - start) * (i + 1) // 3 for i in range(3)]
+        rows = b"".join(self._row(first + i * self._period_us, at) for i, at in enumerate(shifts))
         turns = first // TURN_US
         return SampleFrame(
             self._frames & 0xFFFF,
@@ -142,7 +147,8 @@ class Generator:
         angle = 2 * math.pi * (at_us % TURN_US) / TURN_US
         x = CENTRE_COUNTS[0] + shift + round(RADIUS_COUNTS * math.cos(angle))
         y = CENTRE_COUNTS[1] + shift + round(RADIUS_COUNTS * math.sin(angle))
-        return struct.pack("<8h", x, y, *(random.randint(-20, 20) for _ in range(4)), 1000, 18000)
+        noise = [random.randint(-20, 20) for _ in range(6)]
+        return struct.pack("<8h", x, y, *noise[:4], 1000 + noise[4], 18000 + noise[5])
 
     def _receive(self, now_ns: int) -> None:
         messages: list[WireMessage | Rejected] = []
@@ -158,6 +164,7 @@ class Generator:
                 self.replies.append(record)
             elif isinstance(record, Event):
                 self._gate.send(EventAck(record.seq))
+                self.told.append(f"{record.name}: {record.text}")
 
     def _send_slow(self) -> None:
         """Status and node state 20 times a second, node info once."""
@@ -234,7 +241,10 @@ def _until(generator: Generator, holds: Callable[[], bool], what: str) -> None:
     give_up = time.monotonic() + GIVE_UP_S
     while not holds():
         if time.monotonic() > give_up:
-            raise ReactionError(f"{what} did not come within {GIVE_UP_S:g} s; see the guard's log")
+            raise ReactionError(
+                f"{what} did not come within {GIVE_UP_S:g} s; the guard said last: "
+                f"{'; '.join(generator.told[-3:])}"
+            )
         generator.tick()
 
 

@@ -91,6 +91,9 @@ TERMS: Final[dict[str, Callable[[Outcome], bool]]] = {
         for kill in o.kills
     ),
     "no trip": lambda o: not o.trips,
+    "latencies measured": lambda o: (
+        not any(isinstance(found, dict) and "failed" in found for found in o.latency.values())
+    ),
 }
 """``ok`` is the conjunction of these; ``failed_terms`` names those that do not hold."""
 
@@ -177,8 +180,22 @@ def summary(result: dict[str, Any]) -> list[str]:
     )
     lines += [_kill_line(kill) for kill in result["kills"]]
     lines += [f"trip      at {trip['t_s']:.1f} s: {trip['text']}" for trip in result["trips"]]
+    lines += _latency_lines(result["latency_ms"])
     verdict = "all held" if result["ok"] else "did not hold: " + "; ".join(result["failed_terms"])
     return [*lines, f"verdict   {verdict}"]
+
+
+def _latency_lines(latency: dict[str, Any]) -> list[str]:
+    """The guard's reaction, where it was measured or failed to be."""
+    reaction = latency["exceedance_to_safe"]
+    if reaction is None:
+        return []
+    if "failed" in reaction:
+        return [f"reaction  not measured: {reaction['failed'].splitlines()[-1]}"]
+    return [
+        f"reaction  from danger to the safe command in {reaction['p50']:.1f} ms, at most "
+        f"{reaction['max']:.1f} in {reaction['trials']} trials without the delay"
+    ]
 
 
 def _saving(actual_W: float, other_W: float) -> str:
