@@ -8,7 +8,7 @@ keep_compiled()  # before anything imports numba
 
 if TYPE_CHECKING:
     from .duty import Duty
-    from .film import Equilibrium, Feed, FilmForce, equilibrium, film_force
+    from .film import Equilibrium, FeedPatch, FilmForce, equilibrium, film_force
     from .response import PowerMap, Trajectory, power_map, simulate
     from .rigs import RigData, load_rig
     from .rotor.modes import Modes, Support, modes
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Duty",
     "Equilibrium",
-    "Feed",
+    "FeedPatch",
     "FilmForce",
     "Modes",
     "PowerMap",
@@ -34,7 +34,7 @@ __all__ = [
 _HOMES = {
     "Duty": ".duty",
     "Equilibrium": ".film",
-    "Feed": ".film",
+    "FeedPatch": ".film",
     "FilmForce": ".film",
     "Modes": ".rotor.modes",
     "PowerMap": ".response",

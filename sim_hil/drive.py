@@ -20,7 +20,7 @@ stop."""
 HEARTBEAT_LIMIT_DEFAULT_S: Final = 3.0
 
 
-class Drive:
+class SimulatedDrive:
     """Speed and load over time.
 
     Parameters

@@ -15,7 +15,7 @@ from firmware_py.records import (
     Rejected,
     WireMessage,
 )
-from sim_hil.drive import Drive
+from sim_hil.drive import SimulatedDrive
 from sim_hil.duty import RAD_S_PER_RPM
 from sim_hil.follower import COUNTERS, TICKS, Follower
 
@@ -35,7 +35,7 @@ class DriveLink:
         Of its commands.
     """
 
-    def __init__(self, drive: Drive, time_to_live_ms: int) -> None:
+    def __init__(self, drive: SimulatedDrive, time_to_live_ms: int) -> None:
         self.time_to_live_ms = time_to_live_ms
         self.speed_rpm, self.load_N = SPEED_RPM, LOAD_N
         self._drive = drive

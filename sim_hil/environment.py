@@ -33,7 +33,7 @@ from sim_hil.control_task import (
 )
 from sim_hil.duty import Duty
 from sim_hil.faults.machine import WEAR_M
-from sim_hil.machine import Batch, Machine
+from sim_hil.machine import Batch, SimulatedMachine
 from sim_hil.rigs import RigData, load_rig
 from sim_hil.rotor.parameters import TRUTH_COLUMNS, Floats
 from sim_hil.runs import run
@@ -100,7 +100,7 @@ class RotorEnv(gymnasium.Env[Observation, Observation]):
             self._fixed_build,
         )
         e = self.episode
-        self._machine = Machine(
+        self._machine = SimulatedMachine(
             self.rig,
             e.build,
             int(self.np_random.integers(2**31)),

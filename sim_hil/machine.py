@@ -73,7 +73,7 @@ class Batch:
     """``n`` sampling instants: counts (n, 8), truth (n, 14, see ``TRUTH_COLUMNS``), marks (n,).
 
     ``marks`` holds the time of a once-per-turn edge from the start of the sampling period, s, else
-    -1. ``counts`` and the truth differ by the delay of the anti-alias filter (``Machine.delay_s``).
+    -1. ``counts`` and the truth differ by the delay of the anti-alias filter (``SimulatedMachine.delay_s``).
     """
 
     counts: Counts
@@ -82,7 +82,7 @@ class Batch:
 
 
 @dataclass(frozen=True)
-class Readings:
+class TrueReadings:
     """Slow quantities as they are, without reading errors."""
 
     clearance_m: float
@@ -91,7 +91,7 @@ class Readings:
     oil_C: float
 
 
-class Machine:
+class SimulatedMachine:
     """A rotor rig without its wires.
 
     Parameters
@@ -183,10 +183,10 @@ class Machine:
         """Present unbalance at the bearing."""
         return self._plant.shaft.unbalance
 
-    def readings(self) -> Readings:
+    def readings(self) -> TrueReadings:
         """Slow quantities now."""
         scalar = self._state.scalar
-        return Readings(
+        return TrueReadings(
             float(scalar[CLEARANCE]),
             float(scalar[PRESSURE]),
             float(scalar[POWER]),

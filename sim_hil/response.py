@@ -27,7 +27,7 @@ from sim_hil.rotor.network_law import RawNetworkLaw, ReducedNetworkLaw
 from sim_hil.rotor.parameters import Floats, Plant, State, new_state
 from sim_hil.rotor.rigid import COLUMNS, RENEW_STEPS, advance_rotor
 
-Schedule = float | Callable[[float], float]
+PlayedSchedule = float | Callable[[float], float]
 """A constant, or a function of the time in seconds."""
 Force = (
     Literal["direct", "table", "linear"]
@@ -122,13 +122,13 @@ def simulate(
     rig: RigData,
     duty: Duty,
     *,
-    clearance: Schedule,
+    clearance: PlayedSchedule,
     dt_s: float = STEP_S,
     force: Force = "table",
     seed: int = 0,
     seconds: float | None = None,
     thermal: bool = True,
-    pressure: Schedule | None = None,
+    pressure: PlayedSchedule | None = None,
     rate_hz: float = 5000.0,
     build: Build | None = None,
     inlet_C: float | None = None,
@@ -304,7 +304,7 @@ def equilibrium_at(
     return StaticStart(found.position_m, turned[0], turned[1], load_N)
 
 
-def _over(schedule: Schedule, time_s: Floats) -> Floats:
+def _over(schedule: PlayedSchedule, time_s: Floats) -> Floats:
     """A schedule at the given times, read every `COMMAND_S`."""
     if not callable(schedule):
         return np.full(time_s.size, schedule)
@@ -315,7 +315,7 @@ def _over(schedule: Schedule, time_s: Floats) -> Floats:
 
 
 def _targets(
-    rig: RigData, clearance: Schedule, pressure: Schedule | None, time_s: Floats
+    rig: RigData, clearance: PlayedSchedule, pressure: PlayedSchedule | None, time_s: Floats
 ) -> Floats:
     """Clearance, m, and supply pressure, Pa, that the actuator is to follow, shape (n, 2)."""
     supply = rig.supply.nominal_Pa if pressure is None else pressure

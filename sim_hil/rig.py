@@ -29,12 +29,12 @@ from firmware_py.records import (
 from firmware_py.wire.fields import SampleFlag
 from firmware_py.wire.link import Codec
 from sim_hil.build import Build
-from sim_hil.drive import HEARTBEAT_LIMIT_DEFAULT_S, Drive
+from sim_hil.drive import HEARTBEAT_LIMIT_DEFAULT_S, SimulatedDrive
 from sim_hil.drive_link import DriveLink
 from sim_hil.duty import RAD_S_PER_RPM, Duty
 from sim_hil.faults import ACTUATOR_FAULTS, NODE_FAULTS, FaultSet, check_fault
 from sim_hil.faults.actuator import Reach, reached
-from sim_hil.machine import Batch, Machine, Readings
+from sim_hil.machine import Batch, SimulatedMachine, TrueReadings
 from sim_hil.node import Node, NodeLimits
 from sim_hil.rigs import RigData
 from sim_hil.rotor.assembly import PRESSURE_TIME_CONSTANT_S
@@ -91,7 +91,7 @@ class Rig:
     heartbeat_limit_s
         How long the device may be silent before it does.
     fed
-        Whether the supply pressure acts in the film (``Machine``).
+        Whether the supply pressure acts in the film (``SimulatedMachine``).
 
     Attributes
     ----------
@@ -117,13 +117,13 @@ class Rig:
         self._rng = np.random.default_rng([seed, 2])
         self._codec, self._layout = codec, codec.layout
         self.node = Node(limits)
-        self.drive = Drive(
+        self.drive = SimulatedDrive(
             rig.drive,
             duty or Duty.hold(rig.start_rpm, rig.start_load_N),
             coast_on_silence=coast_on_silence,
             heartbeat_limit_s=heartbeat_limit_s,
         )
-        self.machine = Machine(
+        self.machine = SimulatedMachine(
             rig, Build.nominal(rig) if build is None else build, seed, rate_hz=rate_hz,
             clearance_m=limits.boot_clearance_um * 1e-6, pressure_Pa=limits.boot_pressure_bar * 1e5, fed=fed,
         )  # fmt: skip
@@ -341,7 +341,7 @@ class Rig:
             load_max_N=self._drive_link.load_N[1],
         )
 
-    def _status(self, now: Readings) -> RigStatus:
+    def _status(self, now: TrueReadings) -> RigStatus:
         noise_m = self.machine.rig.actuator.position_noise_rms_m
         clearance_m = now.clearance_m + noise_m * float(self._rng.standard_normal())
         power_W = sum(self._power_W) / len(self._power_W)
@@ -355,7 +355,7 @@ class Rig:
             pressure_actual_bar=max(0.0, now.pressure_Pa * 1e-5),
         )
 
-    def _state(self, now: Readings) -> NodeState:
+    def _state(self, now: TrueReadings) -> NodeState:
         there = abs(now.clearance_m - self.node.clearance_um * 1e-6) <= ARRIVED_M
         there &= abs(now.pressure_Pa - self.node.pressure_bar * 1e5) <= ARRIVED_PA
         return self.node.state(self._count(NodeState), self._tick, there)

@@ -13,8 +13,8 @@ import numpy as np
 
 from sim_hil.build import Build
 from sim_hil.duty import Duty
-from sim_hil.machine import Batch, Machine
-from sim_hil.response import Schedule
+from sim_hil.machine import Batch, SimulatedMachine
+from sim_hil.response import PlayedSchedule
 from sim_hil.rigs import RigData
 from sim_hil.rotor.parameters import TRUTH_COLUMNS, Floats
 from sim_hil.sensors.chain import Counts
@@ -23,17 +23,17 @@ CONTROL_S = 0.02
 """The targets of the actuator are read this often, as the node reads its commands."""
 
 
-def _value(schedule: Schedule, time_s: float) -> float:
+def _value(schedule: PlayedSchedule, time_s: float) -> float:
     return schedule(time_s) if callable(schedule) else schedule
 
 
 def run(
-    machine: Machine,
+    machine: SimulatedMachine,
     duty: Duty,
     seconds: float,
     *,
-    clearance: Schedule,
-    pressure: Schedule | None = None,
+    clearance: PlayedSchedule,
+    pressure: PlayedSchedule | None = None,
     start_s: float = 0.0,
 ) -> Batch:
     """Advance ``machine`` through ``duty`` from ``start_s`` of the duty on.
@@ -41,7 +41,7 @@ def run(
     Parameters
     ----------
     clearance, pressure
-        Targets, m and Pa, as :data:`Schedule` over the duty's time; pressure is nominal when None.
+        Targets, m and Pa, as :data:`PlayedSchedule` over the duty's time; pressure is nominal when None.
     """
     supply = machine.rig.supply.nominal_Pa if pressure is None else pressure
     period = machine.period_s
@@ -94,9 +94,9 @@ def record(
     duty: Duty,
     seconds: float,
     *,
-    clearance: Schedule,
+    clearance: PlayedSchedule,
     seed: int,
-    pressure: Schedule | None = None,
+    pressure: PlayedSchedule | None = None,
     faults: Mapping[str, float] | None = None,
     rate_hz: int = 5000,
     inlet_C: float | None = None,
@@ -104,7 +104,7 @@ def record(
 ) -> SimulatedRecording:
     """Measure ``seconds`` of a machine after it has run for ``settle_s`` healthy and as long with
     ``faults``."""
-    machine = Machine(
+    machine = SimulatedMachine(
         rig,
         build,
         seed,
@@ -122,7 +122,9 @@ def record(
     return recording_of(machine, batch, np.random.default_rng([seed, 1]))
 
 
-def recording_of(machine: Machine, batch: Batch, rng: np.random.Generator) -> SimulatedRecording:
+def recording_of(
+    machine: SimulatedMachine, batch: Batch, rng: np.random.Generator
+) -> SimulatedRecording:
     """Put samples, marks and status of a run on one time axis."""
     period = machine.period_s
     start = np.arange(len(batch.counts), dtype=np.float64) * period

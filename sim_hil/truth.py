@@ -8,7 +8,7 @@ from typing import Final
 import msgspec
 import numpy as np
 
-from sim_hil.machine import Machine
+from sim_hil.machine import SimulatedMachine
 from sim_hil.rigs import RigData
 from sim_hil.rotor.parameters import TRUTH_COLUMNS, Floats
 
@@ -49,7 +49,7 @@ def pump_power_W(rig: RigData, truth: Floats) -> Floats:
 class TruthKeeper:
     """Collects truth rows into :class:`RigTruth` entries (the oldest are dropped after an hour)."""
 
-    def __init__(self, machine: Machine) -> None:
+    def __init__(self, machine: SimulatedMachine) -> None:
         self._machine = machine
         self._recent: list[Floats] = []
         self.entries: deque[RigTruth] = deque(maxlen=TRUTH_KEPT)

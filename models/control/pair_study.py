@@ -30,7 +30,7 @@ from firmware_py.guard.shield import Shield
 from firmware_py.records import Block
 from sim_hil.build import Build
 from sim_hil.duty import Duty
-from sim_hil.machine import Machine
+from sim_hil.machine import SimulatedMachine
 from sim_hil.rigs import load_rig
 from sim_hil.rotor.parameters import TRUTH_COLUMNS, Floats
 
@@ -91,7 +91,7 @@ class GuardedBuild:
         self._rest = rest
         if rest:
             self._duty = Duty((0.0,), (0.0,), self._duty.load_N[:1])
-        self._machine = Machine(
+        self._machine = SimulatedMachine(
             rig, Build.draw(rig, self._rng), seed, rate_hz=RATE_HZ, clearance_m=self._safe_m
         )
         self._pressure_Pa = rig.supply.nominal_Pa

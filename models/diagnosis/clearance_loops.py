@@ -14,7 +14,7 @@ from firmware_py.acquire.windows import ChannelMap
 from firmware_py.guard.load_estimate import LoadEstimator, Look
 from firmware_py.guard.shield import Shield
 from sim_hil.duty import Duty
-from sim_hil.machine import Batch, Machine
+from sim_hil.machine import Batch, SimulatedMachine
 from sim_hil.rigs import RigData
 from sim_hil.rotor.parameters import TRUTH_COLUMNS
 from sim_hil.runs import run
@@ -31,7 +31,9 @@ class Loop(Protocol):
 
     start_m: float
 
-    def run(self, machine: Machine, duty: Duty, seconds: float, pressure_Pa: float) -> Batch:
+    def run(
+        self, machine: SimulatedMachine, duty: Duty, seconds: float, pressure_Pa: float
+    ) -> Batch:
         """What the machine did."""
 
 
@@ -51,7 +53,9 @@ class OpenLoop:
         self._chosen_m = chosen_m
         self.start_m = float(chosen_m[0])
 
-    def run(self, machine: Machine, duty: Duty, seconds: float, pressure_Pa: float) -> Batch:
+    def run(
+        self, machine: SimulatedMachine, duty: Duty, seconds: float, pressure_Pa: float
+    ) -> Batch:
         """As :class:`Loop`."""
 
         def clearance(time_s: float) -> float:
@@ -74,7 +78,9 @@ class AgentLoop:
         self._channels, self._wish = ChannelMap.wire(), wish
         self.start_m = config.machine.actuator.safe_radial_clearance_um * 1e-6
 
-    def run(self, machine: Machine, duty: Duty, seconds: float, pressure_Pa: float) -> Batch:
+    def run(
+        self, machine: SimulatedMachine, duty: Duty, seconds: float, pressure_Pa: float
+    ) -> Batch:
         """As :class:`Loop`."""
         batches, target_m = [], self.start_m
         for step in range(round(seconds / STEP_S)):
@@ -92,7 +98,9 @@ class AgentLoop:
             )
         )
 
-    def _choose(self, machine: Machine, batch: Batch, now_s: float, speed_rad_s: float) -> float:
+    def _choose(
+        self, machine: SimulatedMachine, batch: Batch, now_s: float, speed_rad_s: float
+    ) -> float:
         shaft = self._channels.to_si(batch.counts)[:, :2]
         (x, y), swing = shaft.mean(axis=0).tolist(), float(np.ptp(shaft, axis=0).max())
         seen, power_W = machine.readings(), float(batch.truth[:, _POWER].mean())

@@ -15,7 +15,7 @@ from models.diagnosis.clearance_loops import LOOPS, Loop, loop_of
 from sim_hil.build import Build
 from sim_hil.duty import Duty
 from sim_hil.faults.machine import RUB_GAP_M
-from sim_hil.machine import Batch, Machine
+from sim_hil.machine import Batch, SimulatedMachine
 from sim_hil.rigs import RigData, load_rig
 from sim_hil.rotor.assembly import RUB_CLEARANCE_M
 from sim_hil.rotor.parameters import TRUTH_COLUMNS
@@ -169,7 +169,7 @@ def _record(
     pressure = float(rng.uniform(rig.supply.min_Pa, rig.supply.max_Pa))
     loop = loop_of(loop_kind, rig, plan.seconds, rng)
     seed = int(rng.integers(2**31))
-    machine = Machine(
+    machine = SimulatedMachine(
         rig,
         build,
         seed,
@@ -201,7 +201,7 @@ def _record(
 
 
 def _settle(
-    machine: Machine, duty: Duty, loop: Loop, pressure: float, case: RecordingCase
+    machine: SimulatedMachine, duty: Duty, loop: Loop, pressure: float, case: RecordingCase
 ) -> Floats:
     """Run healthy, then as long with the faults; where the rig takes the shaft to have run healthy
     (2,), m."""

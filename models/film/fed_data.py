@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.film.parallel import each
-from sim_hil.film import Feed, FilmForce, film_force
+from sim_hil.film import FeedPatch, FilmForce, film_force
 
 Floats = NDArray[np.float64]
 
@@ -69,7 +69,9 @@ def fed_film(state: Floats, grid: tuple[int, int]) -> FilmForce:
     """Reynolds film with ambient rupture and one groove at a state ``(11,)``
     (``fed_network.FED_STATE``)."""
     x, y, vx, vy, omega, c, mu, radius, length, supply, angle = (float(number) for number in state)
-    groove = Feed("groove", angle, float(GROOVE_WIDTH_RAD), GROOVE_LENGTH_SHARE * length, supply)
+    groove = FeedPatch(
+        "groove", angle, float(GROOVE_WIDTH_RAD), GROOVE_LENGTH_SHARE * length, supply
+    )
     return film_force(
         [x, y],
         [vx, vy],

@@ -30,7 +30,7 @@ from models.prediction.truth import damping_ratio
 from sim_hil.build import Build
 from sim_hil.duty import RAD_S_PER_RPM, Duty
 from sim_hil.faults.machine import STARVED_SHARE, WEAR_M, worn_bore
-from sim_hil.machine import Batch, Machine
+from sim_hil.machine import Batch, SimulatedMachine
 from sim_hil.rigs import RigData
 from sim_hil.runs import SimulatedRecording, recording_of, run
 
@@ -180,7 +180,7 @@ def _feasible(
 def play(rig: RigData, episode: ForecastEpisode, rate_hz: int = 5000) -> SimulatedRecording:
     """What the device would receive, and the truth; faults grow linearly from :data:`FAULT_START_S`
     on."""
-    machine = Machine(
+    machine = SimulatedMachine(
         rig,
         episode.build,
         episode.seed,
@@ -337,7 +337,7 @@ def after_procedure(config: Config, rig: RigData, build: Build, rng: np.random.G
 
 def slow_roll_vectors(rig: RigData, build: Build, seed: int) -> NDArray[np.complex128]:
     """Complex first orders (2,) of the two probes (m) of a machine at slow roll."""
-    machine = Machine(rig, build, seed)
+    machine = SimulatedMachine(rig, build, seed)
     duty = Duty.hold(SLOW_ROLL_RPM, SLOW_ROLL_LOAD_N)
     run(machine, duty, 0.5, clearance=rig.bearing.clearance_nominal_m)
     recording = recording_of(

@@ -19,7 +19,7 @@ from sim_hil.duty import RAD_S_PER_RPM, Duty
 from sim_hil.film.table import FilmTable
 from sim_hil.fleet import STEP_S as FLEET_STEP_S
 from sim_hil.fleet import advance_fleet, records
-from sim_hil.machine import Batch, Machine
+from sim_hil.machine import Batch, SimulatedMachine
 from sim_hil.response import equilibrium_at
 from sim_hil.rigs import RigData, load_rig
 from sim_hil.rotor.assembly import assemble
@@ -113,7 +113,7 @@ def orbit(force: str, rpm: float) -> ReadyRotor:
 def whole_rig(seconds: float) -> Callable[[], Batch]:
     """A call that runs the machine of the rig `bench` for `seconds`, with sensors at 5 kHz."""
     rig = _bench()
-    machine = Machine(rig, Build.nominal(rig), seed=0)
+    machine = SimulatedMachine(rig, Build.nominal(rig), seed=0)
     drive = np.tile([RPM * RAD_S_PER_RPM, LOAD_N], (round(seconds / machine.period_s) + 1, 1))
     return lambda: machine.advance(drive, CLEARANCE_M, rig.supply.nominal_Pa)
 

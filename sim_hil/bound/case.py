@@ -12,7 +12,7 @@ import numpy as np
 from sim_hil.bound.limits import ORBIT_SHARE, BoundLimits, orbit_share
 from sim_hil.build import Build
 from sim_hil.duty import Duty
-from sim_hil.response import SAMPLES_PER_TURN, Schedule, Trajectory, simulate
+from sim_hil.response import SAMPLES_PER_TURN, PlayedSchedule, Trajectory, simulate
 from sim_hil.rigs import RigData
 from sim_hil.rotor.parameters import Floats
 from sim_hil.rotor.rigid import COLUMNS
@@ -171,7 +171,7 @@ class BoundCase:
         return gather(run, self.limits)
 
 
-def _schedule(values: Floats, target: Callable[[float], float]) -> Schedule:
+def _schedule(values: Floats, target: Callable[[float], float]) -> PlayedSchedule:
     """A plan's target for a run that settles first; one that never changes is a number, which is
     sooner read."""
     return float(values[0]) if values.size == 1 else partial(_delayed, target)

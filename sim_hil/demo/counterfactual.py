@@ -20,7 +20,7 @@ from sim_hil.build import Build
 from sim_hil.demo.observer import StoryTruth
 from sim_hil.demo.setting import Setting
 from sim_hil.duty import Duty
-from sim_hil.machine import Machine
+from sim_hil.machine import SimulatedMachine
 from sim_hil.rigs import RigData
 from sim_hil.rotor.parameters import TRUTH_COLUMNS, Floats
 from sim_hil.runs import run
@@ -63,7 +63,7 @@ class _Rerun:
     def at(self, clearance_um: float) -> FixedClearanceRun:
         """Mean power and feasibility with the clearance held at ``clearance_um``."""
         clearance_m = clearance_um * 1e-6
-        machine = Machine(self.rig, self.build, self.seed, clearance_m=clearance_m)
+        machine = SimulatedMachine(self.rig, self.build, self.seed, clearance_m=clearance_m)
         run(
             machine,
             Duty.hold(self.duty.speed_rpm[0], self.duty.load_N[0]),

@@ -4,7 +4,7 @@ coefficients."""
 from .equilibrium import Equilibria, Equilibrium, equilibrium
 from .force import film_force
 from .records import (
-    Feed,
+    FeedPatch,
     FilmError,
     FilmForce,
     FilmMemory,
@@ -16,7 +16,7 @@ from .thermal import ThermalEquilibrium, thermal_equilibrium
 __all__ = [
     "Equilibria",
     "Equilibrium",
-    "Feed",
+    "FeedPatch",
     "FilmError",
     "FilmForce",
     "FilmMemory",

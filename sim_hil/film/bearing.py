@@ -6,7 +6,7 @@ from typing import get_args
 
 import numpy as np
 
-from .records import Couette, Feed, FilmArguments, FilmError, FilmMemory, Inlet, Rupture
+from .records import Couette, FeedPatch, FilmArguments, FilmError, FilmMemory, Inlet, Rupture
 
 DEFAULT_GRID = (160, 20)
 _THIN_FILM_LIMIT = 0.1
@@ -23,7 +23,7 @@ class Bearing:
     speed_rad_s: float
     rupture: Rupture = "reynolds"
     inlet: Inlet = "periodic"
-    feed: Sequence[Feed] = ()
+    feed: Sequence[FeedPatch] = ()
     end_pressure_Pa: tuple[float, float] = (0.0, 0.0)
     cavitation_pressure_Pa: float = 0.0
     couette: Couette = "full"

@@ -21,7 +21,7 @@ from .bearing import Bearing
 from .fed_kernel import FedLaw, fed_force
 from .force import pressure_force, side_flow
 from .pressure import SolvedFilm, unsolved_film
-from .records import Feed, FilmError, FilmNotConverged, Floats
+from .records import FeedPatch, FilmError, FilmNotConverged, Floats
 from .solver import solve_pressure
 from .spline import line_coefficients, ring_coefficients
 from .table import FilmTable
@@ -66,7 +66,7 @@ class FedTable:
         alpha = np.pi * np.arange(cells[1] + 1) / cells[1]
         gamma = 2 * np.pi * np.arange(cells[2]) / cells[2]
         tau = np.arange(cells[3] + 1) / cells[3]
-        groove = Feed("groove", 0.0, width_rad, 2 * length_over_diameter * length_share, 1.0)
+        groove = FeedPatch("groove", 0.0, width_rad, 2 * length_over_diameter * length_share, 1.0)
         bearing = Bearing(
             radius_m=1.0,
             length_m=2 * length_over_diameter,

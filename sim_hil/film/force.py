@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from . import solver
 from .bearing import DEFAULT_GRID, Bearing
 from .pressure import SolvedFilm, solve_film
-from .records import Couette, Feed, FilmError, FilmForce, FilmMemory, Floats, Inlet, Rupture
+from .records import Couette, FeedPatch, FilmError, FilmForce, FilmMemory, Floats, Inlet, Rupture
 
 
 def film_force(
@@ -23,7 +23,7 @@ def film_force(
     speed_rad_s: float,
     rupture: Rupture = "reynolds",
     inlet: Inlet = "periodic",
-    feed: Sequence[Feed] = (),
+    feed: Sequence[FeedPatch] = (),
     end_pressure_Pa: tuple[float, float] = (0.0, 0.0),
     cavitation_pressure_Pa: float = 0.0,
     couette: Couette = "full",

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .equilibrium import equilibrium
-from .records import Feed, FilmArguments
+from .records import FeedPatch, FilmArguments
 
 _RADIUS_M, _LENGTH_M, _SPEED, _VISCOSITY, _CLEARANCE_M = 0.02, 0.02, 600.0, 0.01, 60e-6
 """Of no consequence but the shape: the answers have no dimension."""
@@ -68,7 +68,7 @@ def groove_load(eccentricity_ratio: float, pressure_share: float, area_share: fl
     near_N = equilibrium(eccentricity_ratio=eccentricity_ratio, **film).load_N
     load_N = near_N / (1.0 + 0.25 * per_load)
     pressure_N = per_load * load_N
-    groove = Feed(
+    groove = FeedPatch(
         "groove", 0.5 * np.pi, _WIDTH_RAD, _LENGTH_SHARE * _LENGTH_M, pressure_N / PROJECTED_M2
     )
     with_groove: FilmArguments = {**film, "feed": (groove,)}

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from .records import Feed, FilmError, Floats
+from .records import FeedPatch, FilmError, Floats
 
 # The flow is singular at the corners of a port (pressure as r^(2/3)): cells there are this much
 # thinner than even.
@@ -43,7 +43,7 @@ def build_mesh(
     *,
     radius_m: float,
     length_m: float,
-    feed: Sequence[Feed],
+    feed: Sequence[FeedPatch],
     end_pressure_Pa: tuple[float, float],
     nodes: tuple[int, int],
     hmax_rad: float,
@@ -92,7 +92,7 @@ def build_mesh(
     )
 
 
-def _port_extent(feed: Feed, radius_m: float, length_m: float) -> tuple[float, float, float]:
+def _port_extent(feed: FeedPatch, radius_m: float, length_m: float) -> tuple[float, float, float]:
     """Centre angle, width (rad) and half length (radii) of the rectangle that stands for the
     port."""
     values = (feed.angle_rad, feed.width_rad, feed.length_m, feed.pressure_Pa)
@@ -189,7 +189,7 @@ def _fixed_pressures(
     theta: Floats,
     z: Floats,
     ports: list[tuple[float, float, float]],
-    feed: Sequence[Feed],
+    feed: Sequence[FeedPatch],
     end_pressure_Pa: tuple[float, float],
     hmax_rad: float,
     inlet_Pa: float | None,

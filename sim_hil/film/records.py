@@ -30,7 +30,7 @@ class FilmNotConverged(FilmError):
 
 
 @dataclass(frozen=True)
-class Feed:
+class FeedPatch:
     """A supply port centred on the middle plane, held at its supply pressure.
 
     Parameters
@@ -61,7 +61,7 @@ class FilmRules(TypedDict, total=False):
     length_m: Required[float]
     rupture: Rupture
     inlet: Inlet
-    feed: Sequence[Feed]
+    feed: Sequence[FeedPatch]
     end_pressure_Pa: tuple[float, float]
     cavitation_pressure_Pa: float
     couette: Couette

@@ -15,14 +15,14 @@ import math
 from sim_hil.film.table_kernel import EPS_TABLE
 from sim_hil.jit import inlined
 from sim_hil.rotor.film_law import Forces, Law, film_law
-from sim_hil.rotor.parameters import FLOW, OIL, POWER, PRESSURE, FilmParameters, Floats, OilState
+from sim_hil.rotor.parameters import FLOW, OIL, POWER, PRESSURE, FilmOil, FilmParameters, Floats
 
 LEAST_FED = 0.5
 """Share of the film that draws its oil itself from a feed without pressure."""
 
 
 @inlined
-def oil_now(film: FilmParameters, scalar: Floats) -> OilState:
+def oil_now(film: FilmParameters, scalar: Floats) -> FilmOil:
     """The oil at its present temperature and supply."""
     fed = 1.0
     if film.pressure_needed > 0.0:
@@ -30,7 +30,7 @@ def oil_now(film: FilmParameters, scalar: Floats) -> OilState:
     filled = film.share * fed
     law = math.exp(-film.viscosity_slope * (scalar[OIL] - film.reference_C))
     bears = filled * filled * math.sqrt(filled)  # filled^2.5
-    return OilState(film.viscosity * law, filled, bears, scalar[PRESSURE])
+    return FilmOil(film.viscosity * law, filled, bears, scalar[PRESSURE])
 
 
 @inlined
@@ -52,7 +52,7 @@ def gap(film: FilmParameters, ex: float, ey: float, c: float) -> float:
 def bearing_force(
     law: Law,
     film: FilmParameters,
-    oil: OilState,
+    oil: FilmOil,
     ex: float,
     ey: float,
     vx: float,

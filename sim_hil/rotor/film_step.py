@@ -20,7 +20,7 @@ from sim_hil.jit import inlined, kernel
 from sim_hil.rotor.bearing import bearing_force, gap
 from sim_hil.rotor.film_law import Forces, Law
 from sim_hil.rotor.kernel import relative
-from sim_hil.rotor.parameters import Eight, FilmParameters, OilState, Plant, Six, State
+from sim_hil.rotor.parameters import Eight, FilmOil, FilmParameters, Plant, Six, State
 
 THETA = 0.55
 """Share of the new velocity in the film force: 1/2 is centred, a little more damps the stiffest
@@ -35,7 +35,7 @@ _CROSSED_SHARE = 0.5
 def film_slopes(
     law: Law,
     film: FilmParameters,
-    oil: OilState,
+    oil: FilmOil,
     f0: Forces,
     ex: float,
     ey: float,
@@ -87,7 +87,7 @@ def film_reaction(
     omega: float,
     c: float,
     c_rate: float,
-    oil: OilState,
+    oil: FilmOil,
     dt: float,
 ) -> Six:
     """``G`` (xx, xy, yx, yy), N s/m, and ``r`` (x, y), N, of ``dF = G dw + r`` over the step to

@@ -35,8 +35,8 @@ from sim_hil.rotor.parameters import (
     PRESSURE,
     TIME,
     ActuatorParameters,
+    FilmOil,
     Floats,
-    OilState,
     Plant,
     Six,
     State,
@@ -162,7 +162,7 @@ def substep(
     load: float,
     c: float,
     c_rate: float,
-    oil: OilState,
+    oil: FilmOil,
     ambient: Floats,
     dt: float,
 ) -> None:

@@ -97,7 +97,7 @@ class FilmParameters(NamedTuple):
     thermal: float
 
 
-class OilState(NamedTuple):
+class FilmOil(NamedTuple):
     """The oil in the film now: viscosity, Pa s, share of the film that it fills, that bears, and
     supply, Pa."""
 

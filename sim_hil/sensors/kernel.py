@@ -24,8 +24,8 @@ from sim_hil.rotor.parameters import (
     TIME,
     TURNS,
     ContactParameters,
+    FilmOil,
     Floats,
-    OilState,
     Pickup,
     Plant,
     State,
@@ -179,7 +179,7 @@ def advance(
 
 @inlined
 def _write_truth(
-    plant: Plant, st: State, law: Law, drive: Floats, c: float, oil: OilState, row: Floats
+    plant: Plant, st: State, law: Law, drive: Floats, c: float, oil: FilmOil, row: Floats
 ) -> None:
     film, scalar = plant.film, st.scalar
     ex, ey = relative(plant, st.q)

@@ -12,7 +12,7 @@ import numpy as np
 
 from sim_hil.build import Build
 from sim_hil.duty import RAD_S_PER_RPM, Duty
-from sim_hil.film import Feed
+from sim_hil.film import FeedPatch
 from sim_hil.film.fed import FedTable, fed_force
 from sim_hil.film.thermal import thermal_equilibrium
 from sim_hil.response import simulate
@@ -21,7 +21,7 @@ from sim_hil.verify.closed_forms import MU, OMEGA, C, R
 from sim_hil.verify.properties import apart, film_of, states
 from sim_hil.verify.row import ComparisonRow, residual
 
-_GROOVE = partial(Feed, "groove", width_rad=math.radians(20), length_m=0.8 * R)
+_GROOVE = partial(FeedPatch, "groove", width_rad=math.radians(20), length_m=0.8 * R)
 
 
 def feeds() -> Iterator[ComparisonRow]:
@@ -31,7 +31,7 @@ def feeds() -> Iterator[ComparisonRow]:
     `Q = 2 (2 pi R) c^3 p_s / (12 mu a) (1 + 3/2 eps^2)`, a the land on either side.
     """
     width, pressure = 0.2 * R, 1e5
-    ring = Feed("groove", 0.0, 2 * math.pi, width, pressure)
+    ring = FeedPatch("groove", 0.0, 2 * math.pi, width, pressure)
     for eps in (0.0, 0.5):
         film = film_of((0.0, -eps * C), (0.0, 0.0), speed_rad_s=0.0, feed=[ring], grid=(96, 40))
         flow = 4 * math.pi * R * C**3 * pressure / (12 * MU * (R - width) / 2) * (1 + 1.5 * eps**2)

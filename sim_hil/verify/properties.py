@@ -9,7 +9,7 @@ from typing import get_args
 
 import numpy as np
 
-from sim_hil.film import Feed, film_force
+from sim_hil.film import FeedPatch, film_force
 from sim_hil.film.bearing import DEFAULT_GRID
 from sim_hil.film.direct import DirectFilm, direct_force
 from sim_hil.film.records import Floats, Inlet, Rupture
@@ -187,7 +187,7 @@ def _thickness(e: Floats, theta: Floats) -> Floats:
 def flow_balance() -> Iterator[ComparisonRow]:
     """The mass-conserving film loses nothing, neither in all nor along the streamers."""
     e = np.array([0.2, -0.6]) * C
-    groove = Feed("groove", math.pi / 2, math.radians(20), 0.8 * R, 1e5)
+    groove = FeedPatch("groove", math.pi / 2, math.radians(20), 0.8 * R, 1e5)
     film = film_of(e, (0.0, 0.0), rupture="jfo", feed=[groove], fields=True)
     source = "mass conservation (Jakobsson, Floberg, Olsson)"
     yield ComparisonRow(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from sim_hil.film import Equilibrium, Feed, equilibrium
+from sim_hil.film import Equilibrium, FeedPatch, equilibrium
 from sim_hil.verify.closed_forms import MU, OMEGA, C, R
 from sim_hil.verify.row import ComparisonRow, reference
 
@@ -75,7 +75,7 @@ def two_axial_grooves() -> Iterator[ComparisonRow]:
     table = reference("two_axial_grooves_LD05.json")
     for name, book in (("Lund", table["lund"]), ("Someya", table["someya"])):
         width, source, allowed = math.radians(book["groove_deg"]), book["source"], book["tolerance"]
-        grooves = [Feed("groove", angle, width, R, 0.0) for angle in (0.0, math.pi)]
+        grooves = [FeedPatch("groove", angle, width, R, 0.0) for angle in (0.0, math.pi)]
         for sommerfeld, eps, attitude, *coefficients in book["rows"]:
             state = equilibrium(
                 eccentricity_ratio=eps,

@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 
 from sim_hil.build import Build
 from sim_hil.duty import RAD_S_PER_RPM, Duty
-from sim_hil.machine import Machine
+from sim_hil.machine import SimulatedMachine
 from sim_hil.response import Force, Trajectory, equilibrium_at, simulate
 from sim_hil.rigs import RigData, load_rig
 from sim_hil.rotor.assembly import assemble
@@ -174,7 +174,7 @@ def _whole_machine(rpm: float, load: float, clearance: float, dt: float) -> floa
     """Larger peak-to-peak of the two axes, um, over the last half of two seconds of the whole
     machine."""
     rig = _bench()
-    machine = Machine(
+    machine = SimulatedMachine(
         rig, Build.nominal(rig), 0, clearance_m=clearance, thermal=False, max_step_s=dt
     )
     truth = run(machine, Duty.hold(rpm, load), 2.0, clearance=clearance).truth

@@ -23,7 +23,7 @@ from firmware_py.brain.store import load_models
 from firmware_py.records import Diagnosis
 from sim_hil.build import Build
 from sim_hil.duty import Duty
-from sim_hil.machine import Batch, Machine
+from sim_hil.machine import Batch, SimulatedMachine
 from sim_hil.rigs import load_rig
 from sim_hil.runs import recording_of, run
 
@@ -42,7 +42,9 @@ def steady(seconds: float, unbalance: float | None = None) -> Step:
 
 
 def windows(steps: list[Step], seed: int = 3) -> list[Window]:
-    machine = Machine(RIG, Build.of_seed(RIG, seed), seed, rate_hz=5000, clearance_m=CLEARANCE_M)
+    machine = SimulatedMachine(
+        RIG, Build.of_seed(RIG, seed), seed, rate_hz=5000, clearance_m=CLEARANCE_M
+    )
     run(machine, Duty.hold(steps[0][2], 100.0), 0.5, clearance=CLEARANCE_M)
     batches = []
     for seconds, faults, first_rpm, last_rpm in steps:

@@ -13,7 +13,7 @@ from firmware_py.guard.load_estimate import LoadEstimator, Look
 from firmware_py.machine.lubricant import CredibleOil
 from sim_hil.build import Build
 from sim_hil.duty import Duty
-from sim_hil.machine import Machine
+from sim_hil.machine import SimulatedMachine
 from sim_hil.rigs import load_rig
 from sim_hil.rotor.parameters import TRUTH_COLUMNS, Floats
 from sim_hil.runs import SimulatedRecording, recording_of, run
@@ -90,7 +90,7 @@ def _recording(seed: int, kind: str, rng: np.random.Generator) -> SimulatedRecor
     rpm, load_N, at_s = (
         float(rng.uniform(*ends)) for ends in ((7000.0, 12000.0), (60.0, 250.0), (0.7, 1.5))
     )
-    machine = Machine(
+    machine = SimulatedMachine(
         rig,
         Build.of_seed(rig, seed),
         seed,

@@ -14,7 +14,7 @@ from firmware_py.machine.groove import Groove
 from firmware_py.machine.lubricant import viscosity_Pa_s
 from sim_hil.film import equilibrium
 from sim_hil.film.equilibrium import Equilibrium
-from sim_hil.film.records import Feed
+from sim_hil.film.records import FeedPatch
 
 from .scripted_node import bench
 from .test_load_estimate import RPM, look
@@ -38,7 +38,9 @@ def film(
     load_N: float, rpm: float, clearance_m: float, bar: float | None, viscosity: float = 0.01
 ) -> Equilibrium:
     b = bench().machine.bearing
-    feed = () if bar is None else (Feed("groove", 0.5 * pi, pi / 9, 0.8 * b.length_m, 1e5 * bar),)
+    feed = (
+        () if bar is None else (FeedPatch("groove", 0.5 * pi, pi / 9, 0.8 * b.length_m, 1e5 * bar),)
+    )
     return equilibrium(
         load_N=load_N, radius_m=b.journal_radius_m, length_m=b.length_m, clearance_m=clearance_m,
         viscosity_Pa_s=viscosity, speed_rad_s=rpm * RPM, feed=feed,

@@ -12,7 +12,7 @@ only its static columns are compared.
 import numpy as np
 import pytest
 
-from sim_hil.film import Feed, equilibrium
+from sim_hil.film import FeedPatch, equilibrium
 from sim_hil.verify.row import reference
 
 BEARING = {
@@ -28,7 +28,9 @@ LUND, SOMEYA = TABLES["lund"]["rows"], TABLES["someya"]["rows"]
 
 
 def grooved(eps, width_deg):
-    grooves = [Feed("groove", angle, np.radians(width_deg), 0.02, 0.0) for angle in (0.0, np.pi)]
+    grooves = [
+        FeedPatch("groove", angle, np.radians(width_deg), 0.02, 0.0) for angle in (0.0, np.pi)
+    ]
     return equilibrium(eccentricity_ratio=eps, feed=grooves, **BEARING)
 
 

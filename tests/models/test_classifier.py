@@ -69,14 +69,14 @@ def test_every_loop_moves_the_clearance_inside_the_bearing():
     from models.diagnosis.clearance_loops import LOOPS, loop_of
     from sim_hil.build import Build
     from sim_hil.duty import Duty
-    from sim_hil.machine import Machine
+    from sim_hil.machine import SimulatedMachine
     from sim_hil.rigs import load_rig
 
     rig = load_rig("bench")
     moved = {}
     for kind, name in enumerate(LOOPS):
         loop = loop_of(kind, rig, 1.5, np.random.default_rng(1))
-        machine = Machine(rig, Build.nominal(rig), 0, clearance_m=loop.start_m)
+        machine = SimulatedMachine(rig, Build.nominal(rig), 0, clearance_m=loop.start_m)
         batch = loop.run(machine, Duty.hold(3000.0, 100.0), 1.5, 1e5)
         clearance = batch.truth[:, 3]
         assert len(batch.counts) == 7500

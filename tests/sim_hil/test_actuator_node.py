@@ -3,7 +3,7 @@
 import pytest
 
 from firmware_py.records import ArmState, Command, DeviceHeartbeat, Mode, NodeMode, Rejected
-from sim_hil.drive import Drive
+from sim_hil.drive import SimulatedDrive
 from sim_hil.duty import Duty
 from sim_hil.node import Node, NodeLimits
 from sim_hil.rigs import load_rig
@@ -116,8 +116,8 @@ def test_damaged_frames_are_counted_and_forgotten() -> None:
     assert node.state(3, 2**32 + 9, True).tick_us == 9
 
 
-def drive() -> Drive:
-    return Drive(load_rig("bench").drive, Duty.hold(6000, 100))
+def drive() -> SimulatedDrive:
+    return SimulatedDrive(load_rig("bench").drive, Duty.hold(6000, 100))
 
 
 def test_drive_ignores_silence_until_somebody_granted_the_run() -> None:
@@ -135,7 +135,9 @@ def test_drive_coasts_when_its_session_falls_silent(
     d = (
         drive()
         if limit_s is None
-        else Drive(load_rig("bench").drive, Duty.hold(6000, 100), heartbeat_limit_s=limit_s)
+        else SimulatedDrive(
+            load_rig("bench").drive, Duty.hold(6000, 100), heartbeat_limit_s=limit_s
+        )
     )
     silence_us = round((limit_s or 3.0) * 1000) * MS + beyond_us
     d.hear(heartbeat(), 0)
@@ -149,7 +151,7 @@ def test_a_heartbeat_limit_that_protects_nothing_or_stops_everything_is_refused(
     limit_s: float,
 ) -> None:
     with pytest.raises(ValueError, match=r"0\.5 \.\. 5 s"):
-        Drive(load_rig("bench").drive, Duty.hold(6000, 100), heartbeat_limit_s=limit_s)
+        SimulatedDrive(load_rig("bench").drive, Duty.hold(6000, 100), heartbeat_limit_s=limit_s)
 
 
 def test_a_session_that_withdraws_its_permit_stops_the_machine_and_one_that_never_granted_does_not() -> (
@@ -167,7 +169,7 @@ def test_a_session_that_withdraws_its_permit_stops_the_machine_and_one_that_neve
 
 
 def test_drive_may_be_configured_to_run_on() -> None:
-    d = Drive(load_rig("bench").drive, Duty.hold(6000, 100), coast_on_silence=False)
+    d = SimulatedDrive(load_rig("bench").drive, Duty.hold(6000, 100), coast_on_silence=False)
     d.hear(heartbeat(), 0)
     d.watch(6000 * MS)
     assert not d.coasting

@@ -8,9 +8,9 @@ import pytest
 
 from sim_hil.build import Build
 from sim_hil.duty import Duty
-from sim_hil.film import Feed, film_force
+from sim_hil.film import FeedPatch, film_force
 from sim_hil.film.records import FilmError
-from sim_hil.machine import Machine
+from sim_hil.machine import SimulatedMachine
 from sim_hil.response import SimulationError, simulate
 from sim_hil.rigs import load_rig
 from sim_hil.rotor.parameters import TRUTH_COLUMNS, Floats
@@ -22,7 +22,9 @@ SPEED_RAD_S = 100 * math.pi
 
 def settled(fed: bool, supply_Pa: float, speed_rad_s: float = SPEED_RAD_S) -> Floats:
     """Mean truth, after the start, of a machine with no unbalance."""
-    machine = Machine(RIG, Build.nominal(RIG), 1, fed=fed, thermal=False, pressure_Pa=supply_Pa)
+    machine = SimulatedMachine(
+        RIG, Build.nominal(RIG), 1, fed=fed, thermal=False, pressure_Pa=supply_Pa
+    )
     rows = machine.advance(np.tile([speed_rad_s, 100.0], (3001, 1)), 60e-6, supply_Pa).truth
     return np.asarray(rows[-600:].mean(axis=0))
 
@@ -34,7 +36,7 @@ def column(row: Floats, name: str) -> float:
 @pytest.mark.parametrize("supply_Pa", [0.5e5, 3e5])
 def test_the_journal_rests_where_the_fed_film_carries_the_load(supply_Pa: float) -> None:
     row = settled(True, supply_Pa)
-    groove = Feed("groove", math.pi / 2, math.radians(20), 0.016, supply_Pa)
+    groove = FeedPatch("groove", math.pi / 2, math.radians(20), 0.016, supply_Pa)
     film = film_force(
         row[7:9],
         np.zeros(2),
@@ -73,7 +75,7 @@ def test_backward_rotation_is_the_mirror_image() -> None:
 def test_a_rig_without_a_groove_has_no_fed_film() -> None:
     seed = load_rig("seed")
     with pytest.raises(FilmError, match="not one axial groove"):
-        Machine(seed, Build.nominal(seed), 1, fed=True)
+        SimulatedMachine(seed, Build.nominal(seed), 1, fed=True)
 
 
 def test_the_rotor_alone_rests_where_the_machine_does_and_pumps_as_much() -> None:

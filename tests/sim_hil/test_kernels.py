@@ -22,11 +22,11 @@ MACHINE = """
 import hashlib
 from sim_hil.build import Build
 from sim_hil.duty import Duty
-from sim_hil.machine import Machine
+from sim_hil.machine import SimulatedMachine
 from sim_hil.rigs import load_rig
 from sim_hil.runs import run
 rig = load_rig("bench")
-machine = Machine(rig, Build.nominal(rig), 1)
+machine = SimulatedMachine(rig, Build.nominal(rig), 1)
 print(hashlib.sha256(run(machine, Duty.hold(6000.0, 60.0), 0.3, clearance=60e-6).truth.tobytes()).hexdigest())
 """
 ROTOR_ON_FED_FILM_FIRST = """

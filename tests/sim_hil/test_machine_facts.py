@@ -7,7 +7,7 @@ import pytest
 
 from sim_hil.build import Build
 from sim_hil.duty import Duty
-from sim_hil.machine import MAX_STEP_S, Machine
+from sim_hil.machine import MAX_STEP_S, SimulatedMachine
 from sim_hil.rigs import RigData, load_rig
 from sim_hil.rotor.parameters import TRUTH_COLUMNS
 from sim_hil.runs import run
@@ -31,7 +31,7 @@ class Follow:
         build: Build | None = None,
         dt_s: float = MAX_STEP_S,
     ) -> None:
-        machine = Machine(
+        machine = SimulatedMachine(
             rig,
             Build.nominal(rig) if build is None else build,
             0,

@@ -16,7 +16,7 @@ from sim_hil.faults import (
     check_fault,
 )
 from sim_hil.faults.machine import loosen, worn_bore
-from sim_hil.machine import Machine
+from sim_hil.machine import SimulatedMachine
 from sim_hil.rigs import load_rig
 from sim_hil.rotor.assembly import assemble
 from sim_hil.rotor.parameters import Floats
@@ -273,7 +273,7 @@ def test_healthy_end_of_every_severity_is_nearly_healthy(name: str) -> None:
     ],
 )
 def test_sensor_faults_change_their_channel_alone(kind: str, check: object) -> None:
-    healthy, faulty = (Machine(RIG, BUILD, 3) for _ in range(2))
+    healthy, faulty = (SimulatedMachine(RIG, BUILD, 3) for _ in range(2))
     faulty.inject(f"sensor_{kind}:acc_bearing_vertical", 1.0)
     duty = Duty.hold(9000, 100)
     a, b = (units(run(m, duty, 1.0, clearance=60e-6).counts) for m in (healthy, faulty))
@@ -283,7 +283,7 @@ def test_sensor_faults_change_their_channel_alone(kind: str, check: object) -> N
 
 
 def test_runout_of_a_probe_is_a_dent_once_a_turn() -> None:
-    healthy, dented = (Machine(RIG, BUILD, 3) for _ in range(2))
+    healthy, dented = (SimulatedMachine(RIG, BUILD, 3) for _ in range(2))
     dented.inject("sensor_runout:disp_x", 0.4)
     duty = Duty.hold(1500, 100)
     a, b = (units(run(m, duty, 1.0, clearance=60e-6).counts) for m in (healthy, dented))
@@ -311,7 +311,7 @@ def test_unknown_names_and_severities_are_refused() -> None:
 
 
 def test_healed_machine_is_the_healthy_one() -> None:
-    machine = Machine(RIG, BUILD, 1)
+    machine = SimulatedMachine(RIG, BUILD, 1)
     machine.inject("wear", 1.0)
     machine.heal()
     assert machine.faults == {}

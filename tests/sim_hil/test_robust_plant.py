@@ -18,7 +18,7 @@ from sim_hil.faults import FaultSet
 from sim_hil.film.direct import DirectFilm, direct_force
 from sim_hil.film.table import FilmTable
 from sim_hil.film.table_kernel import CONTACT_STIFFNESS_N_M, EPS_TABLE, table_force
-from sim_hil.machine import Machine, MachineError
+from sim_hil.machine import MachineError, SimulatedMachine
 from sim_hil.rigs import NoCone, load_rig
 from sim_hil.rotor.assembly import AssemblyError
 from sim_hil.rotor.parameters import TRUTH_COLUMNS, Floats
@@ -43,7 +43,7 @@ class Truth(NamedTuple):
 
 
 def drive_through(
-    machine: Machine,
+    machine: SimulatedMachine,
     seconds: float,
     load_N: float,
     rpm: Callable[[float], float],
@@ -74,7 +74,7 @@ def hold(
     seed: int = 1,
     faults: FaultSet | None = None,
 ) -> Truth:
-    machine = Machine(RIG, Build.of_seed(RIG, seed), seed, clearance_m=clearance_m)
+    machine = SimulatedMachine(RIG, Build.of_seed(RIG, seed), seed, clearance_m=clearance_m)
     for name, severity in (faults or {}).items():
         machine.inject(name, severity)
     return drive_through(machine, seconds, load_N, lambda _: rpm, lambda _: clearance_m)
@@ -96,14 +96,14 @@ def test_standstill_ends_on_the_asperities_at_rest(seed: int, load_N: float) -> 
 def test_standstill_carries_the_load_at_any_step() -> None:
     depth = []
     for step_s in (40e-6, 10e-6):
-        machine = Machine(RIG, Build.nominal(RIG), 1, clearance_m=40e-6, max_step_s=step_s)
+        machine = SimulatedMachine(RIG, Build.nominal(RIG), 1, clearance_m=40e-6, max_step_s=step_s)
         truth = drive_through(machine, 1.0, 900.0, lambda _: 0.0, lambda _: 40e-6)
         depth.append(float(truth.eccentricity_m[-1]))
     assert depth[0] == pytest.approx(depth[1], abs=1e-9)
 
 
 def test_coast_to_standstill_and_up_again_returns_to_where_it_was() -> None:
-    machine = Machine(RIG, Build.of_seed(RIG, 1), 1, clearance_m=50e-6, thermal=False)
+    machine = SimulatedMachine(RIG, Build.of_seed(RIG, 1), 1, clearance_m=50e-6, thermal=False)
     truth = drive_through(
         machine,
         4.0,
@@ -123,7 +123,7 @@ def test_reversal_mirrors_the_power() -> None:
     assert backward.power_W[-1000:].mean() == pytest.approx(
         forward.power_W[-1000:].mean(), rel=0.01
     )
-    machine = Machine(RIG, Build.of_seed(RIG, 1), 1)
+    machine = SimulatedMachine(RIG, Build.of_seed(RIG, 1), 1)
     truth = drive_through(machine, 1.5, 100.0, lambda s: 6000 * (1 - 2 * s), lambda _: 60e-6)
     assert truth.beyond_film_m() < 0
     assert truth.power_W.min() >= 0
@@ -170,7 +170,7 @@ def test_faults_at_their_worst_under_three_times_the_load(faults: FaultSet, rpm:
 
 
 def test_clearance_steps_at_the_rate_limit() -> None:
-    machine = Machine(RIG, Build.of_seed(RIG, 1), 1, clearance_m=160e-6)
+    machine = SimulatedMachine(RIG, Build.of_seed(RIG, 1), 1, clearance_m=160e-6)
     truth = drive_through(
         machine, 3.0, MAX_LOAD_N, lambda _: 3000.0, lambda s: 40e-6 if s < 0.8 else 160e-6
     )
@@ -238,7 +238,7 @@ def test_the_rig_survives_a_trip_to_standstill_and_a_new_start() -> None:
 def test_bad_input_is_refused_by_name(
     speed: float, load_N: float, clearance_m: float, pressure_Pa: float, named: str
 ) -> None:
-    machine = Machine(RIG, Build.nominal(RIG), 1)
+    machine = SimulatedMachine(RIG, Build.nominal(RIG), 1)
     with pytest.raises(MachineError, match=named):
         machine.advance(np.tile([speed, load_N], (11, 1)), clearance_m, pressure_Pa)
 
@@ -246,13 +246,13 @@ def test_bad_input_is_refused_by_name(
 @pytest.mark.parametrize("step_s", [0.0, -1e-6, 60e-6, 100e-6, 200e-6, math.nan])
 def test_a_step_beyond_the_verified_one_is_refused(step_s: float) -> None:
     with pytest.raises(MachineError, match="max_step_s"):
-        Machine(RIG, Build.nominal(RIG), 1, max_step_s=step_s)
+        SimulatedMachine(RIG, Build.nominal(RIG), 1, max_step_s=step_s)
 
 
 @pytest.mark.parametrize("rate_hz", [0, -5000, 500, 3000, 44100])
 def test_a_rate_without_whole_microseconds_is_refused(rate_hz: int) -> None:
     with pytest.raises(MachineError, match="rate_hz"):
-        Machine(RIG, Build.nominal(RIG), 1, rate_hz=rate_hz)
+        SimulatedMachine(RIG, Build.nominal(RIG), 1, rate_hz=rate_hz)
 
 
 @pytest.mark.parametrize(
@@ -268,23 +268,23 @@ def test_a_rate_without_whole_microseconds_is_refused(rate_hz: int) -> None:
 def test_an_absurd_rotor_is_refused(changed: dict[str, float], named: str) -> None:
     rig = dataclasses.replace(RIG, rotor=dataclasses.replace(RIG.rotor, **changed))
     with pytest.raises(AssemblyError, match=named):
-        Machine(rig, Build.nominal(rig), 1)
+        SimulatedMachine(rig, Build.nominal(rig), 1)
 
 
 def test_absurd_oil_clearance_and_start_are_refused() -> None:
     thin = dataclasses.replace(RIG, oil=dataclasses.replace(RIG.oil, viscosity_Pa_s=0.0))
     with pytest.raises(AssemblyError, match=r"film\.viscosity"):
-        Machine(thin, Build.nominal(thin), 1)
+        SimulatedMachine(thin, Build.nominal(thin), 1)
     with pytest.raises(AssemblyError, match="must leave a gap"):
-        Machine(RIG, dataclasses.replace(Build.nominal(RIG), clearance_error_m=-50e-6), 1)
+        SimulatedMachine(RIG, dataclasses.replace(Build.nominal(RIG), clearance_error_m=-50e-6), 1)
     with pytest.raises(AssemblyError, match=r"film\.inlet_C"):
-        Machine(RIG, Build.nominal(RIG), 1, inlet_C=math.nan)
+        SimulatedMachine(RIG, Build.nominal(RIG), 1, inlet_C=math.nan)
     with pytest.raises(MachineError, match="clearance = 500 um"):
-        Machine(RIG, Build.nominal(RIG), 1, clearance_m=500e-6)
+        SimulatedMachine(RIG, Build.nominal(RIG), 1, clearance_m=500e-6)
     with pytest.raises(MachineError, match="pressure"):
-        Machine(RIG, Build.nominal(RIG), 1, pressure_Pa=-1.0)
+        SimulatedMachine(RIG, Build.nominal(RIG), 1, pressure_Pa=-1.0)
     with pytest.raises(MachineError, match="drive of shape"):
-        Machine(RIG, Build.nominal(RIG), 1).advance(np.zeros(5), 60e-6, 1e5)
+        SimulatedMachine(RIG, Build.nominal(RIG), 1).advance(np.zeros(5), 60e-6, 1e5)
 
 
 def test_the_cone_shifts_by_the_clearance_over_the_tangent() -> None:

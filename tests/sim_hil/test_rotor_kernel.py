@@ -17,7 +17,7 @@ from sim_hil.rotor.parameters import (
     CLEARANCE,
     OIL,
     PRESSURE,
-    OilState,
+    FilmOil,
     Plant,
     State,
     new_state,
@@ -57,7 +57,7 @@ def one_step(
         load,
         60e-6,
         0.0,
-        OilState(1e-15 * film.viscosity, 1.0, 1.0, 0.0),
+        FilmOil(1e-15 * film.viscosity, 1.0, 1.0, 0.0),
         np.zeros(4),
         dt,
     )
@@ -221,7 +221,7 @@ def test_narrow_film_bears_less_shears_less_and_sheds_less() -> None:
     full, half = (
         np.array(
             bearing_force(
-                TABLE, film, OilState(0.01, s, s**2.5, 0.0), 1e-5, -3e-5, 0.0, 0.0, 600.0, 6e-5, 0.0
+                TABLE, film, FilmOil(0.01, s, s**2.5, 0.0), 1e-5, -3e-5, 0.0, 0.0, 600.0, 6e-5, 0.0
             )
         )
         for s in (1.0, 0.5)

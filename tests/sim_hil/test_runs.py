@@ -5,7 +5,7 @@ import pytest
 
 from sim_hil.build import Build
 from sim_hil.duty import Duty
-from sim_hil.machine import Machine
+from sim_hil.machine import SimulatedMachine
 from sim_hil.rigs import load_rig
 from sim_hil.rotor.parameters import TRUTH_COLUMNS
 from sim_hil.runs import record, run
@@ -52,7 +52,7 @@ def test_recording_repeats() -> None:
 
 
 def followed(duty: Duty, **faults: float) -> dict[str, np.ndarray]:
-    machine = Machine(RIG, Build.nominal(RIG), 0, clearance_m=60e-6)
+    machine = SimulatedMachine(RIG, Build.nominal(RIG), 0, clearance_m=60e-6)
     for name, severity in faults.items():
         machine.inject(name, severity)
     return dict(

@@ -9,7 +9,7 @@ from scipy.signal import freqz
 
 from sim_hil.build import Build
 from sim_hil.duty import Duty
-from sim_hil.machine import Machine
+from sim_hil.machine import SimulatedMachine
 from sim_hil.rigs import load_rig
 from sim_hil.rotor.assembly import contact_parameters
 from sim_hil.rotor.parameters import TRUTH_COLUMNS, Floats
@@ -38,7 +38,9 @@ def tone(hz: float, rate_hz: int) -> Floats:
     shaken = msgspec.structs.replace(
         RIG.excitation, line_hz=hz, line_force_N=3000.0, tooth_force_N=0.0
     )
-    machine = Machine(dataclasses.replace(RIG, excitation=shaken), NOMINAL, 1, rate_hz=rate_hz)
+    machine = SimulatedMachine(
+        dataclasses.replace(RIG, excitation=shaken), NOMINAL, 1, rate_hz=rate_hz
+    )
     counts = run(machine, Duty.hold(3000, 100), 1.2, clearance=60e-6).counts
     return units(counts)[-rate_hz:, 4]
 
@@ -139,7 +141,7 @@ def test_marks_come_once_per_turn_at_the_speed() -> None:
 
 
 def test_marks_follow_a_run_up_and_stop_with_the_rotor() -> None:
-    machine = Machine(RIG, NOMINAL, 1)
+    machine = SimulatedMachine(RIG, NOMINAL, 1)
     batch = run(machine, Duty((0.0, 1.0), (600.0, 0.0), (100.0, 100.0)), 1.5, clearance=60e-6)
     edges = np.flatnonzero(batch.marks >= 0)
     assert len(edges) in (4, 5, 6)
@@ -163,7 +165,7 @@ def test_runout_is_seen_by_the_probe_only() -> None:
 def test_machine_repeats_bit_for_bit_and_differs_by_seed() -> None:
     duty = Duty((0.0, 0.3), (3000.0, 6000.0), (50.0, 200.0))
     first, again, other = (
-        run(Machine(RIG, NOMINAL, s), duty, 0.3, clearance=70e-6) for s in (5, 5, 6)
+        run(SimulatedMachine(RIG, NOMINAL, s), duty, 0.3, clearance=70e-6) for s in (5, 5, 6)
     )
     np.testing.assert_array_equal(first.counts, again.counts)
     np.testing.assert_array_equal(first.truth, again.truth)
@@ -173,7 +175,7 @@ def test_machine_repeats_bit_for_bit_and_differs_by_seed() -> None:
 
 def test_calls_of_any_length_give_the_same_samples() -> None:
     drive = Duty.hold(6000, 100).at(np.arange(601) / 5000)
-    whole = Machine(RIG, NOMINAL, 5).advance(drive, 60e-6, 1e5)
-    pieces = Machine(RIG, NOMINAL, 5)
+    whole = SimulatedMachine(RIG, NOMINAL, 5).advance(drive, 60e-6, 1e5)
+    pieces = SimulatedMachine(RIG, NOMINAL, 5)
     counts = [pieces.advance(drive[i : i + 8], 60e-6, 1e5).counts for i in range(0, 595, 7)]
     np.testing.assert_array_equal(np.concatenate(counts), whole.counts[:595])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sim_hil.film import Feed, FilmError, FilmMemory, equilibrium, film_force
+from sim_hil.film import FeedPatch, FilmError, FilmMemory, equilibrium, film_force
 
 C = 60e-6
 OIL = {
@@ -13,7 +13,7 @@ OIL = {
     "viscosity_Pa_s": 0.01,
     "speed_rad_s": 300.0,
 }
-GROOVE = Feed("groove", np.pi / 2, np.radians(20), 0.016, 1e5)
+GROOVE = FeedPatch("groove", np.pi / 2, np.radians(20), 0.016, 1e5)
 E, REST = np.array([0.24, -0.55]) * C, (0.0, 0.0)
 MIRROR = np.array([-1.0, 1.0])
 FED = OIL | {"rupture": "jfo", "feed": [GROOVE], "grid": (96, 12)}

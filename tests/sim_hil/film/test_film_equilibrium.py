@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sim_hil.film import Feed, FilmError, equilibrium, film_force
+from sim_hil.film import FeedPatch, FilmError, equilibrium, film_force
 
 C = 60e-6
 OIL = {
@@ -14,7 +14,7 @@ OIL = {
     "speed_rad_s": 300.0,
 }
 COARSE = OIL | {"grid": (96, 12)}
-GROOVE = Feed("groove", np.pi / 2, np.radians(20), 0.016, 1e5)
+GROOVE = FeedPatch("groove", np.pi / 2, np.radians(20), 0.016, 1e5)
 
 
 @pytest.mark.parametrize("load", [0.1, 30.0, 300.0, 10000.0])
@@ -111,7 +111,7 @@ def test_coefficients_do_not_show_the_grid():
 def test_a_load_beyond_the_film_is_refused():
     still = COARSE | {
         "speed_rad_s": 0.0,
-        "feed": [Feed("groove", -np.pi / 2, np.radians(20), 0.016, 1e4)],
+        "feed": [FeedPatch("groove", -np.pi / 2, np.radians(20), 0.016, 1e4)],
     }
     with pytest.raises(FilmError, match=r"no equilibrium found for a load of 1e\+06 N"):
         equilibrium(load_N=1e6, **still)

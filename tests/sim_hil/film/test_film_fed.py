@@ -4,7 +4,7 @@ not seen."""
 import numpy as np
 import pytest
 
-from sim_hil.film import Feed, FilmError, film_force
+from sim_hil.film import FeedPatch, FilmError, film_force
 from sim_hil.film.fed import FedTable, fed_force
 from sim_hil.film.table_kernel import EPS_TABLE, contact_force, table_force
 
@@ -17,7 +17,7 @@ E, V = np.array([0.3, -0.4]) * C, np.array([1e-3, -5e-4])
 
 
 def solved(e, v, c, mu, omega, supply):
-    groove = Feed("groove", np.pi / 2, WIDTH, SHARE * L, supply)
+    groove = FeedPatch("groove", np.pi / 2, WIDTH, SHARE * L, supply)
     return film_force(
         e,
         v,

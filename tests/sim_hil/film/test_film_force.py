@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sim_hil.film import Feed, FilmError, JournalOutsideClearance, film_force
+from sim_hil.film import FeedPatch, FilmError, JournalOutsideClearance, film_force
 
 C = 60e-6
 OIL = {
@@ -13,7 +13,7 @@ OIL = {
     "viscosity_Pa_s": 0.01,
     "speed_rad_s": 300.0,
 }
-GROOVE = Feed("groove", np.pi / 2, np.radians(20), 0.016, 1e5)
+GROOVE = FeedPatch("groove", np.pi / 2, np.radians(20), 0.016, 1e5)
 E, V = np.array([0.5, -0.4]) * C, np.array([1e-3, 2e-3])
 RULES = ["full", "gumbel", "reynolds"]
 MIRROR = np.array([-1.0, 1.0])
@@ -29,7 +29,7 @@ def turned(vector, angle):
 def test_rotation_symmetry(rupture, inlet, fed):
     rules = OIL | {"rupture": rupture, "inlet": inlet}
     groove = [GROOVE] if fed else []
-    moved = [Feed("groove", np.pi / 2 + 1.1, np.radians(20), 0.016, 1e5)] if fed else []
+    moved = [FeedPatch("groove", np.pi / 2 + 1.1, np.radians(20), 0.016, 1e5)] if fed else []
     one = film_force(E, V, feed=groove, **rules)
     two = film_force(turned(E, 1.1), turned(V, 1.1), feed=moved, **rules)
     np.testing.assert_allclose(two.force_N, turned(one.force_N, 1.1), rtol=1e-9)
@@ -132,7 +132,7 @@ def test_default_grid_is_converged_with_a_feed(rupture, eps):
 
 def test_groove_over_the_whole_length_presses_over_the_whole_length():
     rules = OIL | {"speed_rad_s": 0.0, "rupture": "full"}
-    groove = Feed("groove", np.pi / 2, np.radians(60), 0.02, 1e5)
+    groove = FeedPatch("groove", np.pi / 2, np.radians(60), 0.02, 1e5)
     film = film_force((0.0, 0.0), (0.0, 0.0), feed=[groove], fields=True, **rules)
     middle = np.abs(film.theta_rad - np.pi / 2) < np.radians(29)
     np.testing.assert_array_equal(film.pressure_Pa[middle], 1e5)
@@ -168,7 +168,7 @@ def test_feed_pressure_reaches_the_film_and_pushes():
     assert film.max_pressure_Pa == pytest.approx(1e5)
     assert film.force_N[1] < 0
     assert abs(film.force_N[0]) < 1e-9 * abs(film.force_N[1])
-    orifice = Feed("orifice", np.pi / 2, np.radians(20), 0.016, 1e5)
+    orifice = FeedPatch("orifice", np.pi / 2, np.radians(20), 0.016, 1e5)
     assert (
         0.6
         < film_force((0.0, 0.0), (0.0, 0.0), feed=[orifice], **still).force_N[1] / film.force_N[1]
@@ -230,9 +230,9 @@ def test_batches_broadcast():
         ({"rupture": "other"}, "rupture = 'other'"),
         ({"cavitation_pressure_Pa": 1e5}, "above a feed or end pressure"),
         ({"grid": (4, 4)}, "grid"),
-        ({"feed": [Feed("groove", 0.0, 0.0, 0.01, 1e5)]}, "width must be"),
-        ({"feed": [Feed("slot", 0.0, 0.1, 0.01, 1e5)]}, "feed kind 'slot'"),
-        ({"feed": [Feed("groove", 0.0, 0.1, float("nan"), 1e5)]}, "finite"),
+        ({"feed": [FeedPatch("groove", 0.0, 0.0, 0.01, 1e5)]}, "width must be"),
+        ({"feed": [FeedPatch("slot", 0.0, 0.1, 0.01, 1e5)]}, "feed kind 'slot'"),
+        ({"feed": [FeedPatch("groove", 0.0, 0.1, float("nan"), 1e5)]}, "finite"),
     ],
 )
 def test_absurd_parameters_are_refused(change, message):
