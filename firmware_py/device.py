@@ -12,7 +12,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable
 from typing import Final, Protocol
 
-from firmware_py.guard.budget import bounded
+from firmware_py.guard.process.budget import bounded
 from firmware_py.records import (
     Advice,
     CommandReply,

@@ -17,7 +17,7 @@ CHECKS_ONLY = ("config/checks", "config/verify", "config/convert")
 """Modules that judge a configuration: what only they read changes nothing."""
 
 GENERATED = "firmware_py/wire/mav_dialect.py"
-FOR_TESTS = "firmware_py/guard/budget.py"
+FOR_TESTS = "firmware_py/guard/process/budget.py"
 """A table of budgets, which the tests hold the code against."""
 
 CONSENTS = {"zenoh.insecure_network"}

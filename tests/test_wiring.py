@@ -20,7 +20,7 @@ from firmware_py.gate.normal_file import NormalFile
 from firmware_py.gate.telemetry import Telemetry
 from firmware_py.guard.core import GuardCore
 from firmware_py.guard.loop import Guard
-from firmware_py.guard.memory import Memory
+from firmware_py.guard.process.memory import Memory
 from firmware_py.records import (
     BRAIN_VERBS,
     VERBS,

@@ -25,7 +25,7 @@ from firmware_py.config.checks_network import DATAGRAM, Address, parse_endpoint
 from firmware_py.gate import keys, session
 from firmware_py.gate.loop import recordings_dir
 from firmware_py.guard.core import GuardCore
-from firmware_py.guard.shield import Shield
+from firmware_py.guard.envelope.shield import Shield
 from firmware_py.launch import SERVICE_RUNTIME
 from firmware_py.wire.link import codec_for
 

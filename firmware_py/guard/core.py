@@ -7,11 +7,11 @@ import msgspec
 from firmware_py.acquire.stage import AcquireOutput
 from firmware_py.config import Config
 from firmware_py.guard import facts, judging, report, requests, surroundings
-from firmware_py.guard.alarm import Notice
-from firmware_py.guard.authority import is_ahead
-from firmware_py.guard.failsafe import Situation
-from firmware_py.guard.permit import Start
-from firmware_py.guard.speaker import Codec
+from firmware_py.guard.alarms.alarm import Notice
+from firmware_py.guard.authority.failsafe import Situation
+from firmware_py.guard.authority.model_authority import is_ahead
+from firmware_py.guard.authority.speaker import Codec
+from firmware_py.guard.protection.permit import Start
 from firmware_py.guard.state import NEVER_NS, CoreState, Stages
 from firmware_py.records import ArmState, CommandReply, Cycle, Decision, Mode, RawFrame, Snapshot
 
@@ -23,7 +23,7 @@ class GuardCore:
     ----------
     config
         The whole configuration (its safe value checked by
-        :func:`firmware_py.guard.shield.check_safe`).
+        :func:`firmware_py.guard.envelope.shield.check_safe`).
     codec
         Codec of the configured link.
     session

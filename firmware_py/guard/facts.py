@@ -5,10 +5,10 @@ from __future__ import annotations
 from math import pi
 from typing import Final
 
-from firmware_py.guard.failsafe import Situation
-from firmware_py.guard.load_estimate import Look
-from firmware_py.guard.readings import OIL
-from firmware_py.guard.shield import PERIOD_S
+from firmware_py.guard.authority.failsafe import Situation
+from firmware_py.guard.envelope.load_estimate import Look
+from firmware_py.guard.envelope.shield import PERIOD_S
+from firmware_py.guard.plausibility.readings import OIL
 from firmware_py.guard.state import Stages
 from firmware_py.guard.surroundings import FOREIGN_HOLD_NS
 from firmware_py.records import Cycle

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from firmware_py.acquire.stage import AcquireOutput
-from firmware_py.guard.alarm import Notice
-from firmware_py.guard.failsafe import Situation, node_reasons
-from firmware_py.guard.pair import NO_FACTS
-from firmware_py.guard.permit import PermitFacts
-from firmware_py.guard.readings import CLEARANCE, PRESSURE
+from firmware_py.guard.alarms.alarm import Notice
+from firmware_py.guard.authority.failsafe import Situation, node_reasons
+from firmware_py.guard.plausibility.pair import NO_FACTS
+from firmware_py.guard.plausibility.readings import CLEARANCE, PRESSURE
+from firmware_py.guard.protection.permit import PermitFacts
 from firmware_py.guard.state import Stages
 from firmware_py.guard.supervision import Heard, Measured
 from firmware_py.records import ArmState, Block

@@ -16,11 +16,11 @@ import msgspec
 from firmware_py import launch
 from firmware_py.clock import Clock, MonotonicClock
 from firmware_py.config import Config
-from firmware_py.guard.budget import EVENTS_PER_CYCLE, ROOM_LIMITS, bounded
 from firmware_py.guard.core import GuardCore
-from firmware_py.guard.memory import Memory, complain
-from firmware_py.guard.outbox import Outbox
-from firmware_py.guard.timing import Grid, Lateness
+from firmware_py.guard.process.budget import EVENTS_PER_CYCLE, ROOM_LIMITS, bounded
+from firmware_py.guard.process.memory import Memory, complain
+from firmware_py.guard.process.outbox import Outbox
+from firmware_py.guard.process.timing import Grid, Lateness
 from firmware_py.notify import Notifier, from_environment
 from firmware_py.records import (
     Advice,

@@ -5,8 +5,8 @@ from __future__ import annotations
 from math import pi
 from typing import Final
 
-from firmware_py.guard.alarm import Notice
-from firmware_py.guard.protection import zone
+from firmware_py.guard.alarms.alarm import Notice
+from firmware_py.guard.protection.vibration import zone
 from firmware_py.guard.state import Stages
 from firmware_py.records import Alarm, Event, GuardState, NodeMode, Severity
 

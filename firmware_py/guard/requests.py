@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from firmware_py.guard.alarm import Notice
-from firmware_py.guard.failsafe import Situation
+from firmware_py.guard.alarms.alarm import Notice
+from firmware_py.guard.authority.failsafe import Situation
 from firmware_py.guard.state import Stages
 from firmware_py.records import CommandReply, CommandRequest, Severity
 

@@ -9,27 +9,27 @@ import msgspec
 
 from firmware_py.acquire.stage import Acquire, AcquireState
 from firmware_py.config import Config
-from firmware_py.guard.announcements import Announced, Announcements
-from firmware_py.guard.arming import Arming, ArmingState
-from firmware_py.guard.condition import Condition, ConditionState
-from firmware_py.guard.frame_loss import FrameLoss, FrameLossState
-from firmware_py.guard.load_estimate import LoadEstimator, LoadInterval, LoadState
-from firmware_py.guard.more_readings import MoreReadings
-from firmware_py.guard.oil_protection import OilProtection, OilProtectionState
-from firmware_py.guard.pair import PairCheck, PairState
-from firmware_py.guard.permit import Permit, PermitState, Start
-from firmware_py.guard.protection import Protection, ProtectionState
-from firmware_py.guard.readings import Readings, ReadingsState
-from firmware_py.guard.rest import Rest, RestState
-from firmware_py.guard.shield import Shield
-from firmware_py.guard.speaker import Codec, Speaker, SpeakerState
-from firmware_py.guard.speed_check import SpeedCheck, SpeedCheckState
-from firmware_py.guard.speed_high import NAME as SPEED_HIGH
-from firmware_py.guard.speed_high import SpeedHigh, SpeedHighState
+from firmware_py.guard.alarms.condition import Condition, ConditionState
+from firmware_py.guard.alarms.telling import Telling, Told
+from firmware_py.guard.authority.arming import Arming, ArmingState
+from firmware_py.guard.authority.speaker import Codec, Speaker, SpeakerState
+from firmware_py.guard.envelope.announcements import Announced, Announcements
+from firmware_py.guard.envelope.load_estimate import LoadEstimator, LoadInterval, LoadState
+from firmware_py.guard.envelope.shield import Shield
+from firmware_py.guard.envelope.target import Target
+from firmware_py.guard.envelope.vibration_hold import VibrationHold, VibrationHoldState
+from firmware_py.guard.plausibility.frame_loss import FrameLoss, FrameLossState
+from firmware_py.guard.plausibility.more_readings import MoreReadings
+from firmware_py.guard.plausibility.pair import PairCheck, PairState
+from firmware_py.guard.plausibility.readings import Readings, ReadingsState
+from firmware_py.guard.plausibility.rest import Rest, RestState
+from firmware_py.guard.plausibility.speed_check import SpeedCheck, SpeedCheckState
+from firmware_py.guard.protection.oil import OilProtection, OilProtectionState
+from firmware_py.guard.protection.permit import Permit, PermitState, Start
+from firmware_py.guard.protection.speed_high import NAME as SPEED_HIGH
+from firmware_py.guard.protection.speed_high import SpeedHigh, SpeedHighState
+from firmware_py.guard.protection.vibration import Protection, ProtectionState
 from firmware_py.guard.supervision import Supervision, SupervisionState
-from firmware_py.guard.target import Target
-from firmware_py.guard.telling import Telling, Told
-from firmware_py.guard.vibration_hold import VibrationHold, VibrationHoldState
 from firmware_py.records import Advice
 
 NEVER_NS: Final = -(1 << 62)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from firmware_py.acquire.stage import AcquireOutput
-from firmware_py.guard.alarm import Notice
+from firmware_py.guard.alarms.alarm import Notice
 from firmware_py.guard.state import Stages
 from firmware_py.records import Command, Cycle, Severity
 

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_py.config import Config
-from firmware_py.guard.motion import DISPLACEMENTS
+from firmware_py.guard.measurement.motion import DISPLACEMENTS
 from firmware_py.machine.probes import after_zeroing
 from sim_hil.build import Build
 from sim_hil.control_task import OBSERVATIONS, Episode

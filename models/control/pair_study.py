@@ -23,10 +23,10 @@ import numpy as np
 
 from firmware_py.acquire.channel_ok import ChannelOk
 from firmware_py.config import SHIPPED, Config, load
-from firmware_py.guard.load_estimate import LoadEstimator, Look
-from firmware_py.guard.motion import MotionMeter
-from firmware_py.guard.pair import KINDS, PairCheck
-from firmware_py.guard.shield import Shield
+from firmware_py.guard.envelope.load_estimate import LoadEstimator, Look
+from firmware_py.guard.envelope.shield import Shield
+from firmware_py.guard.measurement.motion import MotionMeter
+from firmware_py.guard.plausibility.pair import KINDS, PairCheck
 from firmware_py.records import Block
 from sim_hil.build import Build
 from sim_hil.duty import Duty

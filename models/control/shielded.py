@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from firmware_py import config as configuration
 from firmware_py.config import Config
-from firmware_py.guard.load_estimate import LoadEstimator, Look
-from firmware_py.guard.shield import Ramp, Shield
+from firmware_py.guard.envelope.load_estimate import LoadEstimator, Look
+from firmware_py.guard.envelope.shield import Ramp, Shield
 from models.control.commissioned import Commissioned
 from sim_hil.control_task import CONTROL_S, OBSERVATIONS, Episode, actions_of, targets
 from sim_hil.duty import RAD_S_PER_RPM, Duty

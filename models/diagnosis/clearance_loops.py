@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from firmware_py import config as configuration
 from firmware_py.acquire.windows import ChannelMap
-from firmware_py.guard.load_estimate import LoadEstimator, Look
-from firmware_py.guard.shield import Shield
+from firmware_py.guard.envelope.load_estimate import LoadEstimator, Look
+from firmware_py.guard.envelope.shield import Shield
 from sim_hil.duty import Duty
 from sim_hil.machine import Batch, SimulatedMachine
 from sim_hil.rigs import RigData

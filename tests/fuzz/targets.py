@@ -30,7 +30,7 @@ from firmware_py.gate.normal_file import NormalFile
 from firmware_py.gate.station import GroundStation
 from firmware_py.gate.view import DeviceState, View
 from firmware_py.guard.core import GuardCore
-from firmware_py.guard.memory import Memory
+from firmware_py.guard.process.memory import Memory
 from firmware_py.records import (
     BRAIN_VERBS,
     VERBS,

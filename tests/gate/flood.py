@@ -30,8 +30,8 @@ import zenoh
 
 from firmware_py.gate import session
 from firmware_py.gate.client import Client, NoAnswerError
-from firmware_py.guard.budget import ROOM_LIMITS
 from firmware_py.guard.loop import real_time
+from firmware_py.guard.process.budget import ROOM_LIMITS
 from firmware_py.records import (
     ArmState,
     Block,

@@ -12,7 +12,7 @@ import msgspec
 
 from firmware_py.config import SHIPPED, Config, load
 from firmware_py.guard.core import GuardCore
-from firmware_py.guard.permit import Start
+from firmware_py.guard.protection.permit import Start
 from firmware_py.records import (
     Advice,
     Command,

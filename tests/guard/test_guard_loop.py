@@ -13,9 +13,9 @@ import pytest
 from firmware_py.clock import SimClock
 from firmware_py.guard.core import GuardCore
 from firmware_py.guard.loop import Guard, run
-from firmware_py.guard.memory import Memory
-from firmware_py.guard.outbox import Outbox
-from firmware_py.guard.timing import Grid, Lateness
+from firmware_py.guard.process.memory import Memory
+from firmware_py.guard.process.outbox import Outbox
+from firmware_py.guard.process.timing import Grid, Lateness
 from firmware_py.notify import Notifier
 from firmware_py.records import (
     Advice,

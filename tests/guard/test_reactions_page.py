@@ -19,14 +19,14 @@ from firmware_py.gate.core import Gate
 from firmware_py.gate.losses import Losses
 from firmware_py.gate.queries import QUESTIONS
 from firmware_py.gate.view import View
-from firmware_py.guard.alarm import AlarmState
-from firmware_py.guard.condition import Condition
+from firmware_py.guard.alarms.alarm import AlarmState
+from firmware_py.guard.alarms.condition import Condition
+from firmware_py.guard.authority.failsafe import FAILSAFES
 from firmware_py.guard.core import GuardCore
-from firmware_py.guard.failsafe import FAILSAFES
-from firmware_py.guard.pair import KINDS
-from firmware_py.guard.permit import ROWS, UNREADABLE
-from firmware_py.guard.speed_check import NAME as SPEED_IMPLAUSIBLE
-from firmware_py.guard.speed_high import NAME as SPEED_HIGH
+from firmware_py.guard.plausibility.pair import KINDS
+from firmware_py.guard.plausibility.speed_check import NAME as SPEED_IMPLAUSIBLE
+from firmware_py.guard.protection.permit import ROWS, UNREADABLE
+from firmware_py.guard.protection.speed_high import NAME as SPEED_HIGH
 from firmware_py.guard.supervision.standing import Supervised
 from firmware_py.records import Advice, CommissionState, Cycle
 from firmware_py.wire.codec import CanCodec

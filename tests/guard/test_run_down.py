@@ -11,8 +11,8 @@ import pytest
 
 from firmware_py.acquire.speed import SpeedState
 from firmware_py.guard import facts, report
-from firmware_py.guard.motion import Motion
-from firmware_py.guard.rest import Rest
+from firmware_py.guard.measurement.motion import Motion
+from firmware_py.guard.plausibility.rest import Rest
 
 from .scripted_node import MS, Bench, working
 

@@ -8,9 +8,9 @@ import pytest
 from firmware_py.brain.measurement import Errors
 from firmware_py.brain.unbalance import ImbalanceFilter
 from firmware_py.config import SHIPPED, Config, load
-from firmware_py.guard.load_estimate import LoadEstimator
-from firmware_py.guard.pair import PairCheck
-from firmware_py.guard.readings import Readings
+from firmware_py.guard.envelope.load_estimate import LoadEstimator
+from firmware_py.guard.plausibility.pair import PairCheck
+from firmware_py.guard.plausibility.readings import Readings
 from firmware_py.machine import FastChannel
 from firmware_py.machine.lubricant import CredibleOil, coldest_outlet_C
 from firmware_py.machine.probes import after_zeroing, as_built, probe_errors, probe_noise_m

@@ -7,11 +7,11 @@ from typing import Final, NamedTuple
 import msgspec
 
 from firmware_py.config import Config
-from firmware_py.guard.alarm import Notice
+from firmware_py.guard.alarms.alarm import Notice
+from firmware_py.guard.envelope.target import Target
 from firmware_py.guard.supervision.following import Following, FollowingState, Quantity
 from firmware_py.guard.supervision.node_watch import NodeWatch, NodeWatchState, Surroundings
 from firmware_py.guard.supervision.standing import Supervised
-from firmware_py.guard.target import Target
 from firmware_py.machine import ClearanceActuator
 from firmware_py.records import Alarm, NodeInfo, NodeState
 

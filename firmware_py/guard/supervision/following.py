@@ -7,7 +7,7 @@ faster than the slowest admissible actuator (:data:`SLOWEST_SHARE` of the declar
 allowed delay).  A measurement outside the band by more than the tolerance is a following error.  It
 becomes an alarm when it lasts, when it is gross, when the actuator moves too slowly, or when it
 comes again and again.  Time in error adds up where good readings, or none, come between
-(:mod:`~firmware_py.guard.tally`).  The same test sees movement that nobody commanded: without a command the
+(:mod:`~firmware_py.guard.alarms.tally`).  The same test sees movement that nobody commanded: without a command the
 target is the boot value.
 """
 
@@ -17,10 +17,10 @@ from typing import Final
 
 import msgspec
 
-from firmware_py.guard.alarm import Notice
+from firmware_py.guard.alarms.alarm import Notice
+from firmware_py.guard.alarms.tally import Tally
 from firmware_py.guard.supervision.recent import Span, extremes, note
 from firmware_py.guard.supervision.standing import Supervised
-from firmware_py.guard.tally import Tally
 
 SLOWEST_SHARE: Final = 0.9
 """An actuator that moves at less than this share of its declared rate falls out of the band."""

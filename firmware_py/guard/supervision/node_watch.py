@@ -8,10 +8,10 @@ from typing import Final, NamedTuple
 import msgspec
 
 from firmware_py.config import Config
-from firmware_py.guard.alarm import Notice
+from firmware_py.guard.alarms.alarm import Notice
+from firmware_py.guard.envelope.target import Target
 from firmware_py.guard.supervision.recent import ENTRIES, Span, extremes, note
 from firmware_py.guard.supervision.standing import Confirmation, Supervised
-from firmware_py.guard.target import Target
 from firmware_py.records import NodeMode, NodeState
 
 LATENCY_NS: Final = 250_000_000

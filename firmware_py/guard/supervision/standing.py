@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import msgspec
 
-from firmware_py.guard.alarm import Notice
-from firmware_py.guard.tally import BAD, counted
+from firmware_py.guard.alarms.alarm import Notice
+from firmware_py.guard.alarms.tally import BAD, counted
 from firmware_py.records import Alarm, Severity
 
 

@@ -1,0 +1,1 @@
+"""What every alarm is made of: limit, standing condition, weight of evidence, rate of events."""

@@ -1,0 +1,1 @@
+"""Who may move the actuator, where to and how fast: table of failsafes, arming, command."""

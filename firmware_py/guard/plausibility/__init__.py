@@ -1,0 +1,1 @@
+"""Which inputs may be believed: readings, probe pair, marks, standstill, lost frames."""

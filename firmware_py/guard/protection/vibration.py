@@ -1,0 +1,361 @@
+"""Alarms and trips after the vocabulary of API 670 (5th edition; no conformity is claimed).
+
+Displacement and acceleration, alert and danger, channel OK.
+
+Danger with its delay latches and trips; alert does not latch.  A channel that is not OK raises an
+alarm with its cause; one that is open or stuck leaves the vote, one that saturates counts as at
+least the end of its range, of the others what is good counts
+(:mod:`firmware_py.acquire.channel_ok`).  Timers hold while nothing can be said.
+
+The displacement set points are capped by a share of the *smaller* of reported and commanded radial
+clearance: a vibration that was harmless in a wide bearing is not in a narrow one.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+from typing import Final
+
+import msgspec
+
+from firmware_py.config import Config
+from firmware_py.guard.alarms.alarm import QUIET_NS, AlarmState, Notice
+from firmware_py.guard.measurement.motion import (
+    DISPLACEMENTS,
+    BlockSums,
+    Motion,
+    MotionMeter,
+    watched,
+)
+from firmware_py.guard.protection.permit import UNREADABLE, UNREADABLE_TEXT
+from firmware_py.records import N_CHANNELS, Alarm, Block, ChannelCause, Severity, cause_of
+
+ZONES: Final = (("A", 4800.0), ("B", 9000.0), ("C", 13200.0))
+"""Zone boundaries ``k / sqrt(rpm)`` um peak-to-peak, by analogy with ISO 20816 / ISO 7919."""
+
+QUIET: Final = Motion(False, (0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0)
+
+
+OUT_OF_VOTE: Final = frozenset({ChannelCause.OPEN, ChannelCause.STUCK})
+UNKNOWN: Final = "not OK"
+CAUSES: Final = {
+    ChannelCause.OPEN: "is open: at the end of its range without an alternating part; its trip is "
+    "defeated",
+    ChannelCause.STUCK: "is stuck: it does not move by one count; its trip is defeated",
+    ChannelCause.INTERMITTENT: "is intermittent: it steps, drops out or touches the end of its "
+    "range out of step with "
+    "the shaft; what is clean still counts, and it is OK after 30 s without",
+    ChannelCause.SATURATED: "is saturated: it touches the end of its range in step with the shaft "
+    "and counts as that",
+    ChannelCause.BEYOND: "lies beyond its range; it counts as measured",
+}
+
+
+class ProtectionState(msgspec.Struct):
+    """Alarms by name, channels that are not OK or saturated, the window of the last turn and what
+    it said."""
+
+    alarms: dict[str, AlarmState]
+    not_ok: dict[str, AlarmState]
+    window: list[BlockSums]
+    motion: Motion = QUIET
+    saturated: dict[str, AlarmState] = {}
+    causes: list[int] = msgspec.field(default_factory=lambda: [0] * N_CHANNELS)
+
+
+def zone(peak_to_peak_um: float, speed_rpm: float) -> str:
+    """Vibration zone ``A`` .. ``D`` of a peak-to-peak displacement; empty at standstill."""
+    if not speed_rpm > 0.0:
+        return ""
+    for letter, constant in ZONES:
+        if peak_to_peak_um * sqrt(speed_rpm) <= constant:
+            return letter
+    return "D"
+
+
+class Protection:
+    """Alarms of the displacements and accelerations, and the OK flags of all channels.
+
+    Parameters
+    ----------
+    config
+        Limits, channels and sampling.
+    latched
+        Names of danger alarms that stood latched when the guard last ended.
+    """
+
+    def __init__(self, config: Config, latched: list[str]) -> None:
+        lim = config.limits
+        self._limits = lim
+        self._delays_ns = (round(lim.alert_delay_s * 1e9), round(lim.danger_delay_s * 1e9))
+        self._meter = MotionMeter(config)
+        self._names = [channel.name for channel in config.machine.channel]
+        self._watched = watched(config.machine.channel)
+        alarms = {}
+        for i in self._watched:
+            for severity in (Severity.ALERT, Severity.DANGER):
+                name = f"{self._names[i]}_{severity.name.lower()}"
+                alarms[name] = AlarmState(name, int(severity), severity is Severity.DANGER)
+        for (
+            name
+        ) in latched:  # even one that this version does not judge stands until somebody resets it
+            alarms.setdefault(
+                name, AlarmState(name, int(Severity.DANGER), latching=True)
+            ).standing = True
+        not_ok = {
+            name: AlarmState(f"{name}_not_ok", int(Severity.FAULT), False) for name in self._names
+        }
+        self._rails = [
+            abs(c.ok_high - c.ok_low) / 2 * (1e6 if i in DISPLACEMENTS else 1.0)
+            for i, c in enumerate(config.machine.channel)
+        ]
+        self._state = ProtectionState(
+            alarms,
+            not_ok,
+            self._meter.window,
+            saturated=self._no_saturated(),
+            causes=[0] * len(self._names),
+        )
+        self.tripped = self._latched()
+
+    @property
+    def state(self) -> ProtectionState:
+        """The stage's memory (for snapshots)."""
+        return self._state
+
+    @state.setter
+    def state(self, state: ProtectionState) -> None:
+        self._state = state
+        state.saturated = (
+            self._no_saturated() | state.saturated
+        )  # a snapshot of an earlier version has none
+        self._meter.window = state.window
+        self.tripped = self._latched()
+
+    def _no_saturated(self) -> dict[str, AlarmState]:
+        names = [self._names[i] for i in self._watched]
+        return {name: AlarmState(f"{name}_saturated", int(Severity.FAULT), False) for name in names}
+
+    def step(self, blocks: list[Block], clearance_um: float) -> list[Notice]:
+        """Judge new blocks at the smaller of reported and commanded radial clearance."""
+        notices: list[Notice] = []
+        for block in blocks:
+            self._state.motion = self._meter.step(block)
+            t_ns = block.t_acq_ns + block.instants * block.period_ns
+            self._judge_channels(block, t_ns, notices)
+            self._judge_vibration(block, clearance_um, t_ns, notices)
+        if notices:
+            self.tripped = self._latched()
+        return notices
+
+    # ------------------------------------------------------------------ what stands now
+
+    @property
+    def motion(self) -> Motion:
+        """Statistics of the last full turn."""
+        return self._state.motion
+
+    def _latched(self) -> list[str]:
+        """Names of latched danger alarms (kept in ``tripped``, which is asked for in every
+        cycle)."""
+        return [a.name for a in self._state.alarms.values() if a.latching and a.standing]
+
+    def timers(self) -> dict[str, int]:
+        """How long each danger limit has been exceeded whose delay is not over, ns."""
+        return {
+            a.name: a.over_ns
+            for a in self._state.alarms.values()
+            if a.latching and not a.standing and a.over_ns != QUIET_NS
+        }
+
+    def resume(self, timers: dict[str, int]) -> None:
+        """Go on counting delays that ran when the guard last ended; names of another version are
+        left out."""
+        for name, over_ns in timers.items():
+            if (alarm := self._state.alarms.get(name)) is not None and alarm.latching:
+                alarm.over_ns = over_ns
+
+    @property
+    def displacement_ok(self) -> bool:
+        """Whether both shaft displacements are OK: what they measure is where the shaft is."""
+        s = self._state
+        return not any(
+            s.not_ok[self._names[i]].standing or s.saturated[self._names[i]].standing
+            for i in DISPLACEMENTS
+        )
+
+    @property
+    def causes(self) -> dict[str, str]:
+        """Why each channel that is not OK is not."""
+        s = self._state
+        return {
+            name: ChannelCause(s.causes[i]).name.lower() if s.causes[i] else UNKNOWN
+            for i, name in enumerate(self._names)
+            if self._stands(name)
+        }
+
+    def _stands(self, name: str) -> bool:
+        """Whether channel ``name`` is said to be not OK, or saturated."""
+        s = self._state
+        return s.not_ok[name].standing or (name in s.saturated and s.saturated[name].standing)
+
+    def standing(self) -> list[Alarm]:
+        """Every alarm that stands now."""
+        s = self._state
+        limits = [
+            msgspec.structs.replace(a.record(), text=_text(a, self._names))
+            for a in s.alarms.values()
+            if a.standing
+        ]
+        bad = [
+            (a.record(), f"channel {name} {CAUSES.get(ChannelCause(s.causes[i]), 'is ' + UNKNOWN)}")
+            for i, name in enumerate(self._names)
+            for a in (s.not_ok[name], s.saturated.get(name))
+            if a and a.standing
+        ]
+        return limits + [msgspec.structs.replace(record, text=text) for record, text in bad]
+
+    def reset(self) -> list[str]:
+        """Clear the latches; the reasons why some stay."""
+        reasons = [
+            f"{a.name} still exceeded: {a.value:.4g} above {a.limit:.4g}; stop the machine or "
+            f"remove the cause"
+            for a in self._state.alarms.values()
+            if a.latching and not a.reset()
+        ]
+        self.tripped = self._latched()
+        return reasons
+
+    def set_points_um(self, clearance_um: float) -> tuple[float, float]:
+        """Displacement alert and danger (um peak-to-peak) at a radial clearance."""
+        lim = self._limits
+        danger = min(lim.displacement_danger_um, lim.clearance_share * clearance_um)
+        return lim.displacement_alert_um * (danger / lim.displacement_danger_um), danger
+
+    # ------------------------------------------------------------------ one block
+
+    def _judge_channels(self, block: Block, t_ns: int, notices: list[Notice]) -> None:
+        """Alarms of channels that are not OK, and one notice for each change of the cause."""
+        s = self._state
+        for i, name in enumerate(self._names):
+            cause = cause_of(block.causes, i)
+            saturated = cause == ChannelCause.SATURATED and name in s.saturated
+            bad = not saturated and (cause != ChannelCause.OK or not block.channel_ok >> i & 1)
+            if bad and (not s.not_ok[name].standing or s.causes[i] != cause):
+                notices.append(
+                    Notice(
+                        Severity.FAULT,
+                        s.not_ok[name].name,
+                        (
+                            f"channel {name} {CAUSES.get(cause, 'is ' + UNKNOWN)}; check sensor, "
+                            f"cable and driver"
+                        ),
+                    )
+                )
+            elif saturated and not s.saturated[name].standing:
+                notices.append(self._saturated(i, name))
+            elif not bad and not saturated and self._stands(name):
+                notices.append(Notice(Severity.INFO, f"{name}_ok", f"channel {name} is OK again"))
+            s.causes[i] = int(cause)
+            _stand(s.not_ok[name], bad, t_ns)
+            if name in s.saturated:
+                _stand(s.saturated[name], saturated, t_ns, self._rails[i])
+
+    def _saturated(self, i: int, name: str) -> Notice:
+        """A vibration reaches the end of the range: it counts as that, and a limit beyond it cannot
+        be reached."""
+        danger = (
+            self._limits.displacement_danger_um
+            if i in DISPLACEMENTS
+            else self._limits.acceleration_danger_m_s2
+        )
+        rail, unit = self._rails[i], _unit(i)
+        beyond = (
+            ""
+            if rail > danger
+            else f"; the danger limit {danger:.4g} lies beyond what it can show: lower one"
+        )
+        return Notice(
+            Severity.FAULT,
+            f"{name}_saturated",
+            (
+                f"channel {name} touches the end of its range in step with the shaft: its "
+                f"vibration is at least "
+                f"{rail:.4g} {unit} and counts as that{beyond}; reduce the vibration or fit a "
+                f"wider range"
+            ),
+            rail,
+            danger,
+        )
+
+    def _judge_vibration(
+        self, block: Block, clearance_um: float, t_ns: int, notices: list[Notice]
+    ) -> None:
+        """Judge the time of ``block`` alone: what lies between two blocks is a gap, in which the
+        timers hold."""
+        motion, lim = self._state.motion, self._limits
+        measured = motion.peak_to_peak_um + motion.rms_m_s2
+        displacement = self.set_points_um(clearance_um)
+        acceleration = (lim.acceleration_alert_m_s2, lim.acceleration_danger_m_s2)
+        for i, value, whole in zip(self._watched, measured, motion.whole, strict=True):
+            limits = displacement if i in DISPLACEMENTS else acceleration
+            cause = cause_of(block.causes, i)
+            saturated = cause == ChannelCause.SATURATED
+            unknown = cause == ChannelCause.OK and not block.channel_ok >> i & 1
+            silent = cause in OUT_OF_VOTE or unknown or (block.unusable >> i & 1 and not saturated)
+            value = max(value, self._rails[i]) if saturated else value
+            for kind, limit, delay_ns in zip(
+                ("alert", "danger"), limits, self._delays_ns, strict=True
+            ):
+                alarm = self._state.alarms[f"{self._names[i]}_{kind}"]
+                alarm.hold(block.t_acq_ns)
+                if silent:
+                    alarm.hold(t_ns)
+                elif alarm.judge(
+                    value,
+                    limit,
+                    t_ns,
+                    delay_ns=delay_ns,
+                    hysteresis=lim.hysteresis_share,
+                    complete=whole and not saturated,
+                ):
+                    least = "at least " if saturated else ""
+                    notices.append(
+                        Notice(
+                            Severity(alarm.severity),
+                            alarm.name,
+                            (
+                                f"{self._names[i]} above {limit:.4g} {_unit(i)} for "
+                                f"{delay_ns * 1e-9:g} s without a return; "
+                                f"now {least}{value:.4g}"
+                            ),
+                            value,
+                            limit,
+                        )
+                    )
+
+
+def _text(alarm: AlarmState, names: list[str]) -> str:
+    """What a person reads of a limit while its alarm stands, latched or not."""
+    if alarm.name == UNREADABLE:
+        return UNREADABLE_TEXT
+    if not alarm.limit:
+        return "latched before this guard started; find the cause, then `reset`"
+    channel = alarm.name.rpartition("_")[0]
+    now = f"{alarm.value:.4g} {_unit(names.index(channel))}, limit {alarm.limit:.4g}"
+    if alarm.latching:
+        return (
+            f"{channel} passed its danger limit and is now at {now}; find the cause, then `reset`"
+        )
+    return f"{channel} at {now}; reduce speed or load and look at the diagnosis"
+
+
+def _unit(i: int) -> str:
+    return "um peak-to-peak" if i in DISPLACEMENTS else "m/s2 rms"
+
+
+def _stand(alarm: AlarmState, standing: bool, t_ns: int, value: float = 0.0) -> None:
+    """Let an alarm that has no limit stand or go."""
+    if standing and not alarm.standing:
+        alarm.since_ns, alarm.value = t_ns, value
+    alarm.standing = standing
