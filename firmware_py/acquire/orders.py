@@ -81,9 +81,25 @@ class Orders:
     @property
     def subsync_share(self) -> float:
         """Share of the orbit's vibration energy that lies in the half-order band."""
-        energy = float(np.sum(self.rms[:2] ** 2))
-        band = self.half_forward**2 + self.half_backward**2
-        return min(1.0, band / energy) if energy > 0.0 else 0.0
+        rms = np.sqrt(np.sum(self.rms[:2] ** 2))
+        half = np.array(self.half_forward), np.array(self.half_backward)
+        return float(subsync_share(*half, rms))
+
+
+def subsync_share(half_forward: Floats, half_backward: Floats, rms: Floats) -> Floats:
+    """Share of an orbit's vibration energy in the half-order band, 0 for an orbit of none; any
+    shape.
+
+    Parameters
+    ----------
+    half_forward, half_backward
+        Amplitudes with the energy of the band, m.
+    rms
+        Of both axes together, m.
+    """
+    energy = rms * rms
+    band = half_forward * half_forward + half_backward * half_backward
+    return np.asarray(np.minimum(1.0, band / np.where(energy > 0.0, energy, np.inf)))
 
 
 def analyse(window: Window) -> Orders:

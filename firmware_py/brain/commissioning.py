@@ -18,9 +18,10 @@ from firmware_py.acquire.features import FEATURE_NAMES
 from firmware_py.acquire.orders import Orders
 from firmware_py.acquire.windows import Window
 from firmware_py.brain import normal as own
-from firmware_py.brain.diagnosis import CLASSES, WINDOWS, Answer, Diagnoser, forward_first_order
+from firmware_py.brain.diagnosis import Answer, Diagnoser, forward_first_order
 from firmware_py.brain.normal import NormalError
 from firmware_py.brain.store import HEADS, Model
+from firmware_py.brain.verdict import CLASSES, NOT_LEARNED, WINDOWS, WORDS
 from firmware_py.config import Config
 from firmware_py.machine import (
     ContactCircuit,
@@ -227,7 +228,7 @@ class Commissioner:
         if guard.alarms:
             return f"alarm {guard.alarms[0].name}"
         word = diagnosis.verdict.partition(":")[0]
-        if word in ("sensor_fault", "no_channel", "none", "whirl"):
+        if WORDS.index(word) in NOT_LEARNED:
             return word
         if answer is None or diagnosis.evidence["windows"] < WINDOWS:
             return f"fewer than {WINDOWS} windows"

@@ -34,34 +34,27 @@ from firmware_py.brain.normal import (
     prior_of,
 )
 from firmware_py.brain.store import HEADS, Model
+from firmware_py.brain.verdict import (
+    CLASSES,
+    CONFIRM_NS,
+    NO_CHANNEL,
+    SENSOR_FAULT,
+    WINDOWS,
+    WORDS,
+    Found,
+    VerdictLimits,
+    class_probabilities,
+    held_since_ns,
+    is_whirl,
+    log_odds,
+    verdicts,
+)
 from firmware_py.config.instances import places
 from firmware_py.machine import Machine
 from firmware_py.records import CHANNELS, Diagnosis, Normal, Quality
 
-WINDOWS: Final = 10
-"""Windows whose features are averaged, as the authors voted over ten: noise falls before anything
-is decided."""
-DOUBT_BELOW: Final = 0.7
-"""Probability of the best class under which the word is ``doubt``."""
-CONFIRM_NS: Final = 3_000_000_000
-"""A verdict held this long is confirmed."""
-WHIRL_SHARE: Final = 0.3
-WHIRL_CLEARANCE_SHARE: Final = 0.05
-"""Whirl: the half-order band holds this share of the orbit's energy, with this amplitude per
-clearance."""
-
 _HISTORY_NS: Final = 6_000_000_000
 _DRIVERS: Final = 3
-
-CLASSES: Final[dict[str, tuple[int, ...]]] = {
-    "normal": (),
-    "pedestal_bolt_loose": (0,),
-    "pedestal_two_bolts_loose": (0, 1),
-    "motor_bolt_loose": (2,),
-    "unbalance": (3,),
-    "pedestal_and_motor_bolt_loose": (0, 2),
-}
-"""Heads that each of the six classes switches on."""
 
 Floats = NDArray[np.float64]
 
@@ -70,19 +63,24 @@ Floats = NDArray[np.float64]
 class Answer:
     """What the model says of the last windows.
 
-    ``heads`` (4,) probabilities beyond what this machine shows when healthy, ``log_odds`` (4,) as
+    ``beyond`` (4,) log-odds beyond what this machine shows when healthy, ``log_odds`` (4,) as
     the model gives them; ``score``: novelty by the model; ``own``: distances of each part and of
     the first order from the normal state, 1 at their limits; ``drivers`` (groups, 4) in log-odds;
     ``departures`` (groups,); ``normal`` (k,) whitened residuals.
     """
 
-    heads: Floats
+    beyond: Floats
     log_odds: Floats
     score: float
     drivers: Floats
     departures: Floats
     normal: Floats | None
     own: dict[str, float]
+
+    @property
+    def heads(self) -> Floats:
+        """Probabilities (4,) beyond what this machine shows when healthy."""
+        return np.asarray(1.0 / (1.0 + np.exp(-self.beyond)))
 
 
 class Features(msgspec.Struct, frozen=True, array_like=True):
@@ -121,8 +119,7 @@ class Diagnoser:
         self._absent = places(machine.channel).absent
         self._model = model
         self._machine = machine
-        self._threshold = _setting(model, "novelty_threshold", math.inf)
-        self._named_above = _odds_by_fault(model)
+        self._limits = VerdictLimits.of(model.card.settings if model else {})
         self._slow_roll_m = slow_roll_m
         self.prior = prior_of(model)
         self.normal_name = ""
@@ -174,8 +171,8 @@ class Diagnoser:
         while windows and window.end_ns - windows[0].end_ns > _HISTORY_NS:
             windows.pop(0)
         answer = self.answer = self._ask(window, orders)
-        classes = class_probabilities(answer.heads) if answer else {}
-        verdict = self._verdict(window, orders, bad, classes, answer)
+        classes = _by_class(answer) if answer else {}
+        verdict = self._verdict(window, orders, bad, answer)
         self._state.seq += 1
         record = Diagnosis(
             seq=self._state.seq,
@@ -211,16 +208,15 @@ class Diagnoser:
         except ModelAnswerError:
             self._state.model_answers_refused += 1
             return None
-        given = np.clip(said["heads"][0], 1e-6, 1 - 1e-6)
-        log_odds = np.log(given / (1.0 - given))
+        odds = log_odds(said["heads"][0])
         quiet = np.array(self.normal.quiet) if self.normal else np.zeros(len(HEADS))
         rows = said["normal"] if self._detector else None
         away = (
             self._detector.by_part(rows)[0].tolist() if self._detector and rows is not None else []
         )
         return Answer(
-            heads=1.0 / (1.0 + np.exp(quiet - log_odds)),
-            log_odds=log_odds,
+            beyond=odds - quiet,
+            log_odds=odds,
             score=float(said["score"][0, 0]),
             drivers=said.get("drivers", np.zeros((1, 0)))[0].reshape(-1, len(HEADS)),
             departures=said.get("departures", np.zeros((1, 0)))[0],
@@ -237,47 +233,45 @@ class Diagnoser:
         return first_order_distance(self.normal, operating_point(window, orders), first_order_m)
 
     def _verdict(
-        self,
-        window: Window,
-        orders: Orders | None,
-        bad: list[str],
-        classes: dict[str, float],
-        answer: Answer | None,
+        self, window: Window, orders: Orders | None, bad: list[str], answer: Answer | None
     ) -> str:
-        if bad:
-            return f"sensor_fault:{'+'.join(bad)}"
-        if orders is None:
-            return "none"
-        if is_whirl(orders, window.clearance_m):
-            return "whirl"
-        if self._absent:
-            return f"no_channel:{'+'.join(self._absent)}"
-        if answer is None or window.end_ns != self._state.windows[-1].end_ns:
-            return "none"
-        best = max(classes, key=lambda name: classes[name])
-        if self._is_unknown(answer, best, classes[best]):
-            return "unknown"
-        sure = classes[best] >= max(
-            DOUBT_BELOW, self._named_above.get(best, 0.0) * classes["normal"]
-        )
-        return best if sure and len(self._state.windows) == WINDOWS else "doubt"
+        """The word, with the names of the channels that it is about."""
+        word = int(verdicts(self._found(window, orders, bad, answer), self._limits)[0])
+        about = {SENSOR_FAULT: bad, NO_CHANNEL: self._absent}.get(word)
+        return f"{WORDS[word]}:{'+'.join(about)}" if about else WORDS[word]
 
-    def _is_unknown(self, answer: Answer, best: str, probability: float) -> bool:
-        """Unlike all that was taught; on a commissioned machine, unlike its own normal and no fault
-        that was taught."""
-        strange = answer.score > self._threshold
-        if self.normal is None:
-            return strange
-        taught = best != "normal" and probability >= DOUBT_BELOW and not strange
-        return max(answer.own.values()) > 1.0 and not taught
+    def _found(
+        self, window: Window, orders: Orders | None, bad: list[str], answer: Answer | None
+    ) -> Found:
+        """What the verdict on ``window`` rests on: one row."""
+        kept = self._state.windows
+        answered = answer is not None and window.end_ns == kept[-1].end_ns
+        whirl = orders is not None and is_whirl(
+            np.array([orders.subsync_share]),
+            np.array([orders.half_forward]),
+            np.array([window.clearance_m]),
+        )
+        own = max(answer.own.values()) if answer and self.normal else math.nan
+        return Found(
+            answer.beyond[None] if answer else np.zeros((1, len(HEADS))),
+            np.array([answer.score if answer else math.nan]),
+            np.array([own]),
+            np.array([bool(whirl)]),
+            np.array([len(kept)]),
+            bad=np.array([bool(bad)]),
+            turning=np.array([orders is not None]),
+            answered=np.array([answered]),
+            absent=bool(self._absent),
+        )
 
     def _evidence(
         self, window: Window, orders: Orders | None, answer: Answer | None, verdict: str
     ) -> dict[str, float]:
         """Why: the amplitudes behind the verdict, what drove it, and for how long it has stood."""
         state = self._state
-        if verdict != state.verdict:
-            state.verdict, state.held_since_ns = verdict, window.end_ns
+        words, ends = [state.verdict, verdict], [state.held_since_ns, window.end_ns]
+        state.verdict = verdict
+        state.held_since_ns = int(held_since_ns(np.array(words), np.array(ends))[-1])
         held_ns = window.end_ns - state.held_since_ns
         evidence = {
             "windows": float(len(state.windows)),
@@ -285,7 +279,7 @@ class Diagnoser:
             "confirmed": float(held_ns >= CONFIRM_NS),
         }
         if answer is not None:
-            evidence |= {"novelty": answer.score, "novelty_threshold": self._threshold}
+            evidence |= {"novelty": answer.score, "novelty_threshold": self._limits.novelty}
             evidence |= {f"normal_{part}": value for part, value in answer.own.items()}
             evidence |= drivers(answer.drivers, verdict) | departures(answer.departures, verdict)
         if orders is None:
@@ -351,22 +345,9 @@ def departures(sizes: Floats, verdict: str) -> dict[str, float]:
     }
 
 
-def class_probabilities(heads: Floats) -> dict[str, float]:
-    """Probabilities of the six classes from four independent heads, normalised over the six."""
-    joint = {
-        name: math.prod(p if i in on else 1 - p for i, p in enumerate(heads.tolist()))
-        for name, on in CLASSES.items()
-    }
-    total = sum(joint.values())
-    return {name: value / total for name, value in joint.items()}
-
-
-def is_whirl(orders: Orders, clearance_m: float) -> bool:
-    """Whether a forward half-order orbit of notable size stands beside the first order."""
-    return (
-        orders.subsync_share > WHIRL_SHARE
-        and orders.half_forward > WHIRL_CLEARANCE_SHARE * clearance_m
-    )
+def _by_class(answer: Answer) -> dict[str, float]:
+    """Probabilities of the six classes by name."""
+    return dict(zip(CLASSES, class_probabilities(answer.beyond[None])[0].tolist(), strict=True))
 
 
 def amplitudes(orders: Orders) -> dict[str, float]:
@@ -398,16 +379,3 @@ def amplitudes(orders: Orders) -> dict[str, float]:
             "centre_y_um": float(orders.mean[1]) * 1e6,
         }
     )
-
-
-def _setting(model: Model | None, name: str, default: float) -> float:
-    """A limit from the model's metadata."""
-    value = model.card.settings.get(name) if model else None
-    return float(value) if isinstance(value, int | float) else default
-
-
-def _odds_by_fault(model: Model | None) -> dict[str, float]:
-    """Odds against normal from which each fault is named, chosen in training for the rate of false
-    alarms."""
-    given = model.card.settings.get("named_above") if model else None
-    return {str(k): float(v) for k, v in given.items()} if isinstance(given, dict) else {}

@@ -1,39 +1,33 @@
 """What the device would say, decision by decision: false alarms on healthy machines, delays to the
 right name.
 
-The words and their order are those of :class:`firmware_py.brain.diagnosis.Diagnoser`: whirl,
-unknown, doubt, a class.
+The words are those of :mod:`firmware_py.brain.verdict`, which the device asks as well.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
-from itertools import groupby
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_py.acquire.features import FEATURE_NAMES
+from firmware_py.acquire.feature_rows import half_order_of
 from firmware_py.acquire.windows import HOP_SECONDS
-from firmware_py.brain.diagnosis import CONFIRM_NS, DOUBT_BELOW, WHIRL_CLEARANCE_SHARE, WHIRL_SHARE
+from firmware_py.brain import verdict
+from firmware_py.brain.verdict import DOUBT, UNKNOWN, WHIRL, WINDOWS, Found, VerdictLimits, Words
 from models.diagnosis import recordings
 from models.diagnosis.clearance_loops import LOOPS
-from models.diagnosis.dataset import CLASSES, WINDOWS_PER_DECISION, Dataset, join, pooled, spans
+from models.diagnosis.dataset import CLASSES, Dataset, join, pooled, spans
 from models.diagnosis.recordings import RecordingCase
-from models.diagnosis.scores import class_probabilities, fault_log_odds, log_odds
+from models.diagnosis.scores import fault_log_odds
 
 Floats = NDArray[np.float64]
-Verdicts = Callable[[NDArray[np.floating]], tuple[Floats, Floats]]
+Answers = Callable[[NDArray[np.floating]], tuple[Floats, Floats]]
 """Features ``(n, F)`` to probabilities of the heads ``(n, 4)`` and novelty scores ``(n,)``."""
 
-UNKNOWN: Final = len(CLASSES)
-DOUBT: Final = UNKNOWN + 1
-WHIRL: Final = UNKNOWN + 2
-"""Words beside the classes."""
-
-CONFIRM_HOPS: Final = round(CONFIRM_NS * 1e-9 / HOP_SECONDS)
+HOP_NS: Final = round(HOP_SECONDS * 1e9)
 MONTH_HOURS: Final = 720.0
 POINTS_A_MONTH: Final = 720
 """A machine-month is counted in operating points, another one every hour around the clock.
@@ -48,73 +42,54 @@ TRADED: Final = (1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0, 1e3)
 
 
 @dataclass(frozen=True)
-class Rule:
-    """When a word is said.
+class FoundRows:
+    """What decisions rest on, and of which recordings they are: one row a decision."""
 
-    ``novelty``: above it the word is unknown; ``named_above`` ``(5,)``: odds of each fault against
-    normal from which it is named.
-    """
-
-    novelty: float
-    named_above: Floats
-
-
-@dataclass(frozen=True)
-class Heard:
-    """Decisions before they become words: class probabilities ``(n, 6)``, novelty, whirl, and whose
-    they are."""
-
-    probability: Floats
-    novelty: Floats
-    whirl: NDArray[np.bool_]
+    found: Found
     rows: Dataset
 
-    def subset(self, rows: NDArray[np.bool_]) -> Heard:
+    @property
+    def probability(self) -> Floats:
+        """Of the six classes, (n, 6)."""
+        return verdict.class_probabilities(self.found.log_odds)
+
+    def subset(self, rows: NDArray[np.bool_]) -> FoundRows:
         """The decisions at ``rows``."""
-        return Heard(
-            self.probability[rows], self.novelty[rows], self.whirl[rows], self.rows.subset(rows)
-        )
+        return FoundRows(self.found.subset(rows), self.rows.subset(rows))
 
-    def words(self, rule: Rule) -> NDArray[np.intp]:
-        """The device's word on each decision: a class, :data:`UNKNOWN`, :data:`DOUBT` or
-        :data:`WHIRL`."""
-        named, best = self.probability.argmax(axis=1), self.probability.max(axis=1)
-        doubt = (best < DOUBT_BELOW) | (
-            best < np.r_[0.0, rule.named_above][named] * self.probability[:, 0]
-        )
-        word = np.where(self.novelty > rule.novelty, UNKNOWN, np.where(doubt, DOUBT, named))
-        return np.asarray(np.where(self.whirl, WHIRL, word), dtype=np.intp)
+    def words(self, limits: VerdictLimits) -> Words:
+        """The device's word on each decision, an index into :data:`verdict.WORDS`."""
+        return verdict.verdicts(self.found, limits)
 
 
-def hear(
-    verdicts: Verdicts, data: Dataset, step: int | None = 1, windows: int = WINDOWS_PER_DECISION
-) -> Heard:
+def find(
+    answers: Answers, data: Dataset, step: int | None = 1, windows: int = WINDOWS
+) -> FoundRows:
     """A decision every ``step`` windows (None: without overlap); whirl is asked of the last window
-    alone."""
-    rows = pooled(data, windows, step)
-    last = np.array([end - 1 for _, end in spans(data, windows, step)], dtype=np.intp)
-    heads, novelty = verdicts(rows.features)
-    return Heard(class_probabilities(log_odds(heads)), novelty, whirls(data.features[last]), rows)
+    alone.
 
-
-def whirls(features: NDArray[np.floating]) -> NDArray[np.bool_]:
-    """:func:`firmware_py.brain.diagnosis.is_whirl` from features ``(n, F)``."""
-    half, backward, rms, clearance = (
-        features[:, FEATURE_NAMES.index(name)].astype(np.float64)
-        for name in (
-            "shaft_half_fwd_rms",
-            "shaft_half_bwd_rms",
-            "log_shaft_rms_m",
-            "clearance_100um",
-        )
+    Of a fleet's machine: none is commissioned.
+    """
+    rows, at = (
+        pooled(data, windows, step),
+        np.array(spans(data, windows, step), np.intp).reshape(-1, 2),
     )
-    share = 10.0 ** (2.0 * half) + 10.0 ** (2.0 * backward)
-    return np.asarray(
-        (share > WHIRL_SHARE) & (10.0 ** (half + rms) > WHIRL_CLEARANCE_SHARE * 1e-4 * clearance)
+    heads, novelty = answers(rows.features)
+    every = np.full(len(rows), True)
+    found = Found(
+        verdict.log_odds(heads),
+        novelty,
+        np.full(len(rows), np.nan),
+        verdict.is_whirl(*half_order_of(data.features[at[:, 1] - 1])),
+        at[:, 1] - at[:, 0],
+        bad=~every,
+        turning=every,
+        answered=every,
     )
+    return FoundRows(found, rows)
 
 
-def false_alarms(heard: Heard, rule: Rule) -> dict[str, object]:
+def false_alarms(found: FoundRows, limits: VerdictLimits) -> dict[str, object]:
     """Words on healthy machines that name a fault: per decision every hop, and confirmed by
     persistence.
 
@@ -126,15 +101,15 @@ def false_alarms(heard: Heard, rule: Rule) -> dict[str, object]:
     from scipy.stats import beta, chi2
 
     said, builds, runs = (
-        heard.words(rule),
-        np.unique(heard.rows.group),
-        np.unique(heard.rows.recording),
+        found.words(limits),
+        np.unique(found.rows.group),
+        np.unique(found.rows.recording),
     )
     alarm = (said > 0) & (said < UNKNOWN)
-    share = np.array([np.mean(alarm[heard.rows.group == build]) for build in builds])
+    share = np.array([np.mean(alarm[found.rows.group == build]) for build in builds])
     draws = np.random.default_rng(0).integers(0, len(builds), (4000, len(builds)))
     alarmed = int(np.sum(share > 0))
-    confirmed = np.array([_confirmed(said[heard.rows.recording == run]) for run in runs])
+    confirmed = np.array([_confirmed(said[found.rows.recording == run]) for run in runs])
     alarming, hours = int(np.sum(confirmed > 0)), len(said) * HOP_SECONDS / 3600.0
     return {
         "healthy_builds": len(builds),
@@ -162,26 +137,26 @@ def false_alarms(heard: Heard, rule: Rule) -> dict[str, object]:
     }
 
 
-def held(heard: Heard, rule: Rule) -> dict[str, float]:
+def held(found: FoundRows, limits: VerdictLimits) -> dict[str, float]:
     """Long healthy runs: alarms, and how far noise carries a point that is held towards the limit
     of any fault.
 
     ``nearest_in_scatters``: smallest distance of the mean log-odds of a held point from the nearest
     limit, in standard deviations about that mean; ``largest_scatter`` of those.
     """
-    said = heard.words(rule)
-    beyond = fault_log_odds(heard.probability) - np.log(rule.named_above)
-    still = (heard.rows.duty == recordings.DUTIES.index("hold")) & (
-        heard.rows.loop == LOOPS.index("fixed")
+    said = found.words(limits)
+    beyond = fault_log_odds(found.probability) - np.log(limits.named_above)
+    still = (found.rows.duty == recordings.DUTIES.index("hold")) & (
+        found.rows.loop == LOOPS.index("fixed")
     )
-    runs, points = np.unique(heard.rows.recording), np.unique(heard.rows.recording[still])
-    at = [beyond[heard.rows.recording == point] for point in points]
+    runs, points = np.unique(found.rows.recording), np.unique(found.rows.recording[still])
+    at = [beyond[found.rows.recording == point] for point in points]
     away = [float(np.min(-x.mean(axis=0) / np.maximum(x.std(axis=0), 1e-6))) for x in at]
     return {
         "runs": len(runs),
         "hours": round(len(said) * HOP_SECONDS / 3600.0, 3),
         "false_alarms": int(np.sum((said > 0) & (said < UNKNOWN))),
-        "confirmed_alarms": sum(_confirmed(said[heard.rows.recording == run]) for run in runs),
+        "confirmed_alarms": sum(_confirmed(said[found.rows.recording == run]) for run in runs),
         "held_points": len(points),
         "nearest_in_scatters": round(min(away, default=float("nan")), 1),
         "largest_scatter": round(
@@ -195,11 +170,12 @@ def held_cases(rng: np.random.Generator) -> list[RecordingCase]:
     return [RecordingCase(0, 100.0, {})]
 
 
-def _confirmed(said: NDArray[np.intp]) -> int:
+def _confirmed(said: Words) -> int:
     """Stretches of one recording that name one and the same fault for as long as the device
     asks."""
-    stretches = ((word, len(list(run))) for word, run in groupby(said.tolist()))
-    return sum(0 < word < UNKNOWN and length > CONFIRM_HOPS for word, length in stretches)
+    end_ns = HOP_NS * np.arange(len(said))
+    stands = (said > 0) & (said < UNKNOWN) & verdict.confirmed(said, end_ns)
+    return len(np.unique(verdict.held_since_ns(said, end_ns)[stands]))
 
 
 def faulty_cases(rng: np.random.Generator) -> list[RecordingCase]:
@@ -211,38 +187,38 @@ def faulty_cases(rng: np.random.Generator) -> list[RecordingCase]:
     return cases
 
 
-def onsets(verdicts: Verdicts, data: Dataset) -> list[Heard]:
+def onsets(answers: Answers, data: Dataset) -> list[FoundRows]:
     """Decisions of each faulty recording after ten healthy windows of its build, the first with one
     faulty window.
 
     The healthy windows are of another operating point, which is harder than a fault that comes
     while all else stays.
     """
-    found = []
+    all_found = []
     for recording in np.unique(data.recording[data.kind > 0]):
         rows = np.flatnonzero(data.recording == recording)
-        before = np.flatnonzero((data.group == data.group[rows[0]]) & (data.kind == 0))[
-            -WINDOWS_PER_DECISION:
-        ]
+        before = np.flatnonzero((data.group == data.group[rows[0]]) & (data.kind == 0))[-WINDOWS:]
         both = join([data.subset(before), data.subset(rows)])
         labels = {
             f.name: np.full(len(both), getattr(data, f.name)[rows[0]]) for f in fields(Dataset)[1:]
         }
-        heard = hear(verdicts, replace(both, **labels))
-        found.append(heard.subset(np.arange(len(heard.rows)) > 0))
-    return found
+        found = find(answers, replace(both, **labels))
+        all_found.append(found.subset(np.arange(len(found.rows)) > 0))
+    return all_found
 
 
-def detection(heard: list[Heard], rule: Rule) -> dict[str, dict[str, float | None]]:
+def detection(
+    all_found: list[FoundRows], limits: VerdictLimits
+) -> dict[str, dict[str, float | None]]:
     """Seconds from a fault's first window to its right name, and to its confirmation; None where it
     never came."""
     delays: dict[str, list[tuple[float, float]]] = {}
-    for one in heard:
-        kind = int(one.rows.kind[0])
-        right = one.words(rule) == kind
-        held = np.convolve(right, np.ones(CONFIRM_HOPS + 1))[: len(right)] > CONFIRM_HOPS
+    for found in all_found:
+        kind, said = int(found.rows.kind[0]), found.words(limits)
+        right = said == kind
+        held = right & verdict.confirmed(said, HOP_NS * np.arange(len(said)))
         delays.setdefault(CLASSES[kind], []).append((_first_s(right), _first_s(held)))
-    return {name: _delays(*np.array(found).T) for name, found in delays.items()}
+    return {name: _delays(*np.array(pairs).T) for name, pairs in delays.items()}
 
 
 def _delays(named: Floats, confirmed: Floats) -> dict[str, float | None]:
@@ -266,12 +242,14 @@ def _first_s(true: NDArray[np.bool_]) -> float:
     return (int(np.argmax(true)) + 1) * HOP_SECONDS if true.any() else float("inf")
 
 
-def traded(watched: Heard, faulty: list[Heard], rule: Rule) -> dict[str, dict[str, object]]:
+def traded(
+    watched: FoundRows, faulty: list[FoundRows], limits: VerdictLimits
+) -> dict[str, dict[str, object]]:
     """What stricter limits cost: false alarms beside detection, at every factor of
     :data:`TRADED`."""
     report: dict[str, dict[str, object]] = {}
     for factor in TRADED:
-        at = replace(rule, named_above=factor * rule.named_above)
+        at = replace(limits, named_above=factor * limits.named_above)
         false = false_alarms(watched, at)
         found = detection(faulty, at)
         report[f"limits times {factor:g}"] = {

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from firmware_py.acquire.features import FEATURE_NAMES
 from firmware_py.acquire.windows import WINDOW_LAYOUT
+from firmware_py.brain.verdict import WINDOWS, VerdictLimits, class_probabilities
 from models import card, export, figures
 from models.diagnosis import commissioning, recordings, scores
-from models.diagnosis.alarms import Rule
-from models.diagnosis.dataset import CLASSES, WINDOWS_PER_DECISION, Dataset, split_groups
+from models.diagnosis.dataset import CLASSES, Dataset, split_groups
 from models.diagnosis.graph import DiagnosisGraph
 from models.diagnosis.judge import (
     RATES_HZ,
@@ -25,9 +25,9 @@ from models.diagnosis.judge import (
     decisions_of,
     judge,
     judged_views,
+    limits_of,
     of_file,
     of_module,
-    rule_of,
 )
 from models.diagnosis.ladder import HeadNetwork, cross_fitted
 from models.diagnosis.novelty import fit_novelty, fleet
@@ -98,7 +98,7 @@ def train(run: TrainingRun, settings: ClassifierSettings) -> dict[str, object]:
     plan = RecordingPlan(
         settings.rig, run.seed, settings.rate_hz, settings.seconds, recordings.training_cases
     )
-    look = WindowSampling(WINDOWS_PER_DECISION, settings.raw_builds)
+    look = WindowSampling(WINDOWS, settings.raw_builds)
     views = views_of(out, plan, settings.builds, settings.workers, look)
     views.orders.check()
     outer, inner = _split(views, settings.inner_share, rng)
@@ -108,8 +108,10 @@ def train(run: TrainingRun, settings: ClassifierSettings) -> dict[str, object]:
         run.log(row)
     module = _finish(chosen, outer.orders, inner.orders, settings)
     trained_s = round(time.monotonic() - started, 1)
-    rule = Rule(NOVELTY_THRESHOLD, _named_above(chosen, views.orders, settings, run.seed))
-    judged, verdicts = judged_views(settings.judge, run.seed, out), of_module(module)
+    limits = VerdictLimits(
+        NOVELTY_THRESHOLD, _named_above(chosen, views.orders, settings, run.seed)
+    )
+    judged, answers = judged_views(settings.judge, run.seed, out), of_module(module)
     decided = per_decision(judged)
     report: dict[str, object] = {
         "chosen": chosen.name,
@@ -117,8 +119,8 @@ def train(run: TrainingRun, settings: ClassifierSettings) -> dict[str, object]:
         "ladder_on_unseen_builds": {
             rung.name: scores.summary(rung.decisions(decided)) for rung in rungs
         },
-        "named_above": _by_fault(rule),
-        "unseen_builds": judge(verdicts, rule, settings.judge, run.seed, out),
+        "named_above": _by_fault(limits),
+        "unseen_builds": judge(answers, limits, settings.judge, run.seed, out),
         "training": {
             "builds": settings.builds,
             "decisions": len(views.orders),
@@ -126,8 +128,8 @@ def train(run: TrainingRun, settings: ClassifierSettings) -> dict[str, object]:
         },
         "reproduce": run.command,
     }
-    _export(module, rule, run, views.orders, settings, report)
-    figures.classifier(run.folder, decisions_of(verdicts, judged.orders))
+    _export(module, limits, run, views.orders, settings, report)
+    figures.classifier(run.folder, decisions_of(answers, judged.orders))
     return report
 
 
@@ -164,20 +166,19 @@ def _named_above(
     Cross-fitted: the rare ones among the healthy decide, and the inner builds alone hold too few.
     """
     odds = cross_fitted(chosen, data, settings.folds, settings.ladder.iterations, seed)
-    return scores.alarm_limits(
-        scores.class_probabilities(odds[data.kind == 0]), settings.false_alarm_rate
-    )
+    return scores.alarm_limits(class_probabilities(odds[data.kind == 0]), settings.false_alarm_rate)
 
 
-def _by_fault(rule: Rule) -> dict[str, float]:
+def _by_fault(limits: VerdictLimits) -> dict[str, float]:
     return {
-        name: float(f"{odds:.4g}") for name, odds in zip(CLASSES[1:], rule.named_above, strict=True)
+        name: float(f"{odds:.4g}")
+        for name, odds in zip(CLASSES[1:], limits.named_above, strict=True)
     }
 
 
 def _export(
     module: DiagnosisGraph,
-    rule: Rule,
+    limits: VerdictLimits,
     run: TrainingRun,
     data: Dataset,
     settings: ClassifierSettings,
@@ -196,8 +197,8 @@ def _export(
         data_hash=export.data_hash(data.features, data.kind, data.group),
         metrics=report,
         settings={
-            "novelty_threshold": rule.novelty,
-            "named_above": _by_fault(rule),
+            "novelty_threshold": limits.novelty,
+            "named_above": _by_fault(limits),
             "temperature": module.temperature.tolist(),
             "normal": module.fleet,
         },
@@ -233,12 +234,12 @@ def evaluate(
             held_builds=max(2, size),
             commissioned_builds=max(4, size // 2),
         )
-    verdicts = of_file(path)
+    answers = of_file(path)
     known = commissioning.judge(
         path, settings.rig, rate_hz, settings.commissioned_builds, settings.workers, seed, out
     )
     return {
-        "unseen_builds": judge(verdicts, rule_of(path), settings, seed, out),
-        "unseen_builds_at_the_other_rate": at_other_rate(verdicts, settings, seed, out),
+        "unseen_builds": judge(answers, limits_of(path), settings, seed, out),
+        "unseen_builds_at_the_other_rate": at_other_rate(answers, settings, seed, out),
         "after_commissioning": known,
     }

@@ -4,6 +4,7 @@ each of them."""
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -11,16 +12,16 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_py.acquire.features import FEATURE_NAMES
+from firmware_py.acquire.feature_rows import operating_points_of
 from firmware_py.brain import normal as own
-from firmware_py.brain.diagnosis import DOUBT_BELOW
+from firmware_py.brain.verdict import NOT_LEARNED, UNKNOWN, WINDOWS, VerdictLimits
 from firmware_py.records import Belonging, Normal
 from models import export
-from models.diagnosis import recordings
-from models.diagnosis.dataset import WINDOWS_PER_DECISION, Dataset, pooled, severe
-from models.diagnosis.judge import rule_of
+from models.diagnosis import alarms, recordings
+from models.diagnosis.alarms import FoundRows
+from models.diagnosis.dataset import Dataset, severe
+from models.diagnosis.judge import of_file
 from models.diagnosis.recordings import JUDGED_SECONDS, RecordingCase, RecordingPlan
-from models.diagnosis.scores import class_probabilities, log_odds
 from models.diagnosis.windowed import WindowSampling, views_of
 
 Floats = NDArray[np.float64]
@@ -63,42 +64,46 @@ def judge(
         The file in ``path`` carries no statistics of healthy machines.
     """
     plan = RecordingPlan(rig, SEED + seed, rate_hz, JUDGED_SECONDS, commissioned_cases)
-    rows = pooled(
-        views_of(out, plan, builds, workers, WindowSampling(WINDOWS_PER_DECISION)).orders, 1
-    )
-    session, settings = export.session(path), _settings(path)
+    settings = _settings(path)
     if "normal" not in settings:
         raise own.NormalError(
             f"{path.name}: carries no statistics of healthy machines; train it again"
         )
-    prior = msgspec.convert(settings["normal"], own.Prior)
-    heads, score, white = (
-        a.astype(np.float64)
-        for a in session.run(
-            ["heads", "score", "normal"], {"features": rows.features.astype(np.float32)}
-        )
+    prior, limits = msgspec.convert(settings["normal"], own.Prior), VerdictLimits.of(settings)
+    every = views_of(out, plan, builds, workers, WindowSampling()).orders
+    fleet = alarms.find(of_file(path), every, None)
+    (white,) = export.session(path).run(
+        ["normal"], {"features": fleet.rows.features.astype(np.float32)}
     )
-    odds, strange = log_odds(heads), score[:, 0] > settings["novelty_threshold"]
-    named_above = rule_of(path).named_above
+    white, judged = white.astype(np.float64), fleet.rows.recording % _MOST_RECORDINGS >= LEARNED
     report: dict[str, object] = {}
     for points in POINTS:
-        away, quiet = np.empty(len(rows)), np.zeros_like(odds)
-        for build in np.unique(rows.group):
-            mine = np.flatnonzero(rows.group == build)
-            normal = learn(rows, odds, white, first_points(rows, mine, points), prior)
-            away[mine] = own.Detector(prior, normal).novelty(white[mine])
-            quiet[mine] = normal.quiet if normal else 0.0
-        judged = rows.recording % _MOST_RECORDINGS >= LEARNED
-        probability = class_probabilities(odds - quiet)
-        report[f"{points} operating points"] = _figures(
-            rows.subset(judged),
-            away[judged],
-            probability[judged],
-            strange[judged],
-            named_above,
-            commissioned=points > 0,
-        )
+        away, known = after(fleet, white, points, prior, limits)
+        report[f"{points} operating points"] = _figures(known.subset(judged), away[judged], limits)
     return report
+
+
+def after(
+    fleet: FoundRows, white: Floats, points: int, prior: own.Prior, limits: VerdictLimits
+) -> tuple[Floats, FoundRows]:
+    """Distance of every decision from what is normal for its build after so many operating points,
+    and what the device then finds.
+
+    The distance is that of the features: of the orbit's first order, which the device also watches,
+    recordings of features know nothing.
+    """
+    rows, odds = fleet.rows, fleet.found.log_odds
+    away, own_normal = np.empty(len(rows)), np.full(len(rows), np.nan)
+    quiet = np.zeros_like(odds)
+    learned = ~np.isin(fleet.words(limits), NOT_LEARNED) & (fleet.found.windows >= WINDOWS)
+    for build in np.unique(rows.group):
+        mine = np.flatnonzero(rows.group == build)
+        taken = first_points(rows, mine[learned[mine]], points)
+        normal = learn(rows, odds, white, taken, prior)
+        away[mine] = own.Detector(prior, normal).novelty(white[mine])
+        if normal is not None:
+            own_normal[mine], quiet[mine] = away[mine], normal.quiet
+    return away, FoundRows(replace(fleet.found, log_odds=odds - quiet, own=own_normal), rows)
 
 
 def first_points(rows: Dataset, mine: NDArray[np.intp], count: int) -> NDArray[np.intp]:
@@ -108,7 +113,8 @@ def first_points(rows: Dataset, mine: NDArray[np.intp], count: int) -> NDArray[n
     enough = count
     while (
         0 < enough < LEARNED
-        and own.count_points(points_of(rows.features[mine[number < enough]])) < own.POINTS_LEAST
+        and own.count_points(operating_points_of(rows.features[mine[number < enough]]))
+        < own.POINTS_LEAST
     ):
         enough += 1
     return mine[number < enough]
@@ -124,7 +130,7 @@ def learn(
     return own.fit(
         white[learned],
         odds[learned],
-        points_of(rows.features[learned]),
+        operating_points_of(rows.features[learned]),
         no_orbit,
         prior,
         _BELONGS,
@@ -132,42 +138,17 @@ def learn(
     )
 
 
-def points_of(features: NDArray[np.floating]) -> Floats:
-    """Operating points as :data:`firmware_py.brain.normal.POINT`, from features."""
-    names = (
-        "log_speed_rad_s",
-        "clearance_100um",
-        "mean_x_over_clearance",
-        "mean_y_over_clearance",
-        "oil_outlet_50C",
-    )
-    speed, clearance, x, y, oil = (
-        features[:, FEATURE_NAMES.index(name)].astype(np.float64) for name in names
-    )
-    return np.column_stack([10.0**speed, clearance * 1e-4, np.hypot(x, y), 50.0 * oil])
-
-
-def _figures(
-    rows: Dataset,
-    away: Floats,
-    probability: Floats,
-    strange: NDArray[np.bool_],
-    named_above: Floats,
-    *,
-    commissioned: bool,
-) -> dict[str, object]:
+def _figures(known: FoundRows, away: Floats, limits: VerdictLimits) -> dict[str, object]:
     """AUROC of the distance from normal, and the words as the device says them."""
     from sklearn.metrics import roc_auc_score
 
-    named, sure = probability.argmax(axis=1), probability.max(axis=1) >= DOUBT_BELOW
-    taught = (named > 0) & sure & ~strange
-    unknown = (away > 1.0) & ~taught if commissioned else strange
-    told = taught & (probability.max(axis=1) >= np.r_[0.0, named_above][named] * probability[:, 0])
+    rows, said = known.rows, known.words(limits)
+    unknown, told = said == UNKNOWN, (said > 0) & (said < UNKNOWN)
     healthy, must = rows.kind == 0, (rows.kind > 0) & severe(rows.kind, rows.severity)
     report: dict[str, object] = {
         "healthy_called_unknown": round(float(np.mean(unknown[healthy])), 4),
         "healthy_named_a_fault": round(float(np.mean(told[healthy])), 4),
-        "taught_named_right": round(float(np.mean((named == rows.kind)[must] & told[must])), 4),
+        "taught_named_right": round(float(np.mean((said == rows.kind)[must])), 4),
         "taught_called_unknown": round(float(np.mean(unknown[must])), 4),
     }
     for k, name in enumerate(recordings.UNKNOWN_LABELS):

@@ -9,27 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_py.acquire.features import FEATURE_NAMES
+from firmware_py.brain import verdict
+from firmware_py.brain.verdict import HEADS_OF_CLASS
 
 Floats = NDArray[np.float64]
 Rows = NDArray[np.bool_] | NDArray[np.intp] | slice
 
-WINDOWS_PER_DECISION = 10
-"""Windows whose mean features make one decision."""
-
-HEADS = ("pedestal bolt A", "pedestal bolt B", "motor bolt", "unbalance")
-CLASSES = (
-    "normal",
-    "pedestal_bolt_loose",
-    "pedestal_two_bolts_loose",
-    "motor_bolt_loose",
-    "unbalance",
-    "pedestal_and_motor_bolt_loose",
-)
-HEADS_OF_CLASS = np.array(
-    [[0, 0, 0, 0], [1, 0, 0, 0], [1, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1], [1, 0, 1, 0]],
-    dtype=np.float64,
-)
-"""Which heads make which class, as a matrix (class, head)."""
+CLASSES = tuple(verdict.CLASSES)
+"""Names of the classes, in the order of their labels."""
 
 
 SLIGHT_WEIGHT = 0.1

@@ -12,10 +12,11 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from firmware_py.brain.verdict import DOUBT, UNKNOWN, WHIRL, WINDOWS, VerdictLimits
 from models import export
 from models.diagnosis import alarms, recordings, scores
-from models.diagnosis.alarms import DOUBT, UNKNOWN, WHIRL, Heard, Rule, Verdicts
-from models.diagnosis.dataset import CLASSES, WINDOWS_PER_DECISION, Dataset, severe
+from models.diagnosis.alarms import Answers, FoundRows
+from models.diagnosis.dataset import CLASSES, Dataset, severe
 from models.diagnosis.graph import DiagnosisGraph
 from models.diagnosis.recordings import JUDGED_SECONDS, WATCH_SECONDS, RecordingPlan
 from models.diagnosis.scores import Decisions, decide
@@ -51,40 +52,36 @@ class JudgeSettings(TrainerSettings, frozen=True):
     workers: int = 2
 
 
-def of_module(module: DiagnosisGraph) -> Verdicts:
-    """A torch module as :data:`Verdicts`."""
+def of_module(module: DiagnosisGraph) -> Answers:
+    """A torch module as :data:`Answers`."""
 
-    def verdicts(features: NDArray[np.floating]) -> tuple[Floats, Floats]:
+    def answers(features: NDArray[np.floating]) -> tuple[Floats, Floats]:
         with torch.no_grad():
             heads, score, *_ = module(torch.from_numpy(features.astype(np.float32)))
         return heads.double().numpy(), score.double().numpy()[:, 0]
 
-    return verdicts
+    return answers
 
 
-def of_file(path: Path) -> Verdicts:
-    """An exported file as :data:`Verdicts`."""
+def of_file(path: Path) -> Answers:
+    """An exported file as :data:`Answers`."""
     session = export.session(path)
 
-    def verdicts(features: NDArray[np.floating]) -> tuple[Floats, Floats]:
+    def answers(features: NDArray[np.floating]) -> tuple[Floats, Floats]:
         heads, score = session.run(["heads", "score"], {"features": features.astype(np.float32)})
         return heads.astype(np.float64), score[:, 0].astype(np.float64)
 
-    return verdicts
+    return answers
 
 
-def rule_of(path: Path) -> Rule:
+def limits_of(path: Path) -> VerdictLimits:
     """The limits in an exported file's metadata."""
-    settings = json.loads(export.session(path).get_modelmeta().custom_metadata_map["settings"])
-    odds = settings.get("named_above", {})
-    return Rule(
-        float(settings["novelty_threshold"]),
-        np.array([odds.get(name, 0.0) for name in CLASSES[1:]]),
-    )
+    metadata = export.session(path).get_modelmeta().custom_metadata_map
+    return VerdictLimits.of(json.loads(metadata["settings"]))
 
 
 def judge(
-    verdicts: Verdicts, rule: Rule, settings: JudgeSettings, seed: int, out: Path
+    answers: Answers, limits: VerdictLimits, settings: JudgeSettings, seed: int, out: Path
 ) -> dict[str, object]:
     """All figures; builds, duties and noise follow from ``seed``, recordings are kept in
     ``out``."""
@@ -94,31 +91,29 @@ def judge(
 
     judged = judged_views(settings, seed, out).orders
     unknown = data(recordings.unknown_cases, JUDGED_SECONDS, settings.unknown_builds)
-    watched = alarms.hear(
-        verdicts, data(recordings.watch_cases, WATCH_SECONDS, settings.watched_builds)
+    watched = alarms.find(
+        answers, data(recordings.watch_cases, WATCH_SECONDS, settings.watched_builds)
     )
-    long = alarms.hear(verdicts, data(alarms.held_cases, alarms.HELD_SECONDS, settings.held_builds))
-    faulty = alarms.onsets(
-        verdicts, data(alarms.faulty_cases, WATCH_SECONDS, settings.onset_builds)
-    )
-    ten = decisions_of(verdicts, judged)
+    long = alarms.find(answers, data(alarms.held_cases, alarms.HELD_SECONDS, settings.held_builds))
+    faulty = alarms.onsets(answers, data(alarms.faulty_cases, WATCH_SECONDS, settings.onset_builds))
+    ten = decisions_of(answers, judged)
     return {
         "required_severities_per_10_windows": scores.summary(scores.required(ten)),
         "required_severities_per_window": scores.summary(
-            scores.required(decisions_of(verdicts, judged, 1))
+            scores.required(decisions_of(answers, judged, 1))
         ),
         "right_class_by_severity": scores.severity_grid(ten),
-        "words_on_required_severities": said(alarms.hear(verdicts, judged, None), rule),
-        "unknown_faults": unknown_faults(alarms.hear(verdicts, unknown, None), rule),
-        "false_alarms": alarms.false_alarms(watched, rule),
-        "long_healthy_runs": alarms.held(long, rule),
-        "detection": alarms.detection(faulty, rule),
-        "limits_traded": alarms.traded(watched, faulty, rule),
+        "words_on_required_severities": said(alarms.find(answers, judged, None), limits),
+        "unknown_faults": unknown_faults(alarms.find(answers, unknown, None), limits),
+        "false_alarms": alarms.false_alarms(watched, limits),
+        "long_healthy_runs": alarms.held(long, limits),
+        "detection": alarms.detection(faulty, limits),
+        "limits_traded": alarms.traded(watched, faulty, limits),
     }
 
 
 def at_other_rate(
-    verdicts: Verdicts, settings: JudgeSettings, seed: int, out: Path
+    answers: Answers, settings: JudgeSettings, seed: int, out: Path
 ) -> dict[str, object]:
     """The classes again, on builds sampled at the other rate that the model's metadata names."""
     other = msgspec.structs.replace(
@@ -128,7 +123,7 @@ def at_other_rate(
     return {
         "rate_hz": other.rate_hz,
         "required_severities_per_10_windows": scores.summary(
-            scores.required(decisions_of(verdicts, judged))
+            scores.required(decisions_of(answers, judged))
         ),
     }
 
@@ -159,21 +154,19 @@ def _views(
     return views_of(out, plan, builds, settings.workers, WindowSampling(raw_builds=raw_builds))
 
 
-def decisions_of(
-    verdicts: Verdicts, data: Dataset, windows: int = WINDOWS_PER_DECISION
-) -> Decisions:
+def decisions_of(answers: Answers, data: Dataset, windows: int = WINDOWS) -> Decisions:
     """Decisions, each from the mean features of ``windows`` windows; where the device says whirl it
     names no class."""
-    heard = alarms.hear(verdicts, data, None, windows)
-    heard = heard.subset(~heard.whirl)
-    return decide(heard.probability, heard.rows)
+    found = alarms.find(answers, data, None, windows)
+    found = found.subset(~found.found.whirl)
+    return decide(found.probability, found.rows)
 
 
-def said(heard: Heard, rule: Rule) -> dict[str, dict[str, float]]:
+def said(found: FoundRows, limits: VerdictLimits) -> dict[str, dict[str, float]]:
     """The device's words on every class at the severities that must be found, as shares; ``other``:
     a wrong class."""
-    needed = heard.subset(severe(heard.rows.kind, heard.rows.severity))
-    words = needed.words(rule)
+    needed = found.subset(severe(found.rows.kind, found.rows.severity))
+    words = needed.words(limits)
     report = {}
     for kind, name in enumerate(CLASSES):
         of_kind = words[needed.rows.kind == kind]
@@ -188,7 +181,7 @@ def said(heard: Heard, rule: Rule) -> dict[str, dict[str, float]]:
     return report
 
 
-def unknown_faults(heard: Heard, rule: Rule) -> dict[str, object]:
+def unknown_faults(found: FoundRows, limits: VerdictLimits) -> dict[str, object]:
     """How well the novelty score tells faults that were never taught from healthy builds, per ten
     windows.
 
@@ -196,8 +189,8 @@ def unknown_faults(heard: Heard, rule: Rule) -> dict[str, object]:
     """
     from sklearn.metrics import roc_auc_score
 
-    heard = heard.subset(~heard.whirl)
-    words, rows = heard.words(rule), heard.rows
+    found = found.subset(~found.found.whirl)
+    words, rows = found.words(limits), found.rows
     healthy = rows.kind == 0
     report: dict[str, object] = {
         "healthy_called_unknown": round(float(np.mean(words[healthy] == UNKNOWN)), 4)
@@ -208,7 +201,7 @@ def unknown_faults(heard: Heard, rule: Rule) -> dict[str, object]:
             continue
         both = healthy | fault
         report[name] = {
-            "auroc": round(float(roc_auc_score(fault[both], heard.novelty[both])), 4),
+            "auroc": round(float(roc_auc_score(fault[both], found.found.novelty[both])), 4),
             "called_unknown": round(float(np.mean(words[fault] == UNKNOWN)), 4),
             "called_a_taught_fault": round(
                 float(np.mean((words[fault] > 0) & (words[fault] < UNKNOWN))), 4

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 
 from firmware_py.acquire import film_check, ringing
 from firmware_py.acquire.features import FEATURE_NAMES
+from firmware_py.brain.verdict import class_probabilities
 from models.diagnosis.dataset import CLASSES, Dataset
-from models.diagnosis.scores import class_probabilities, nll, temperatures
+from models.diagnosis.scores import nll, temperatures
 from models.learning.network import Mlp, sigmoid
 from models.learning.scaled_conjugate_gradient import scaled_conjugate_gradient
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from firmware_py.brain.verdict import class_probabilities
 from models.diagnosis import ladder, scores
 from models.diagnosis.ladder import (
     ALL_FEATURES,
@@ -17,7 +18,7 @@ from models.diagnosis.ladder import (
     HeadNetwork,
     PaperNetwork,
 )
-from models.diagnosis.scores import Decisions, class_probabilities, decide
+from models.diagnosis.scores import Decisions, decide
 from models.diagnosis.waveform_network import fit_waveforms, waveform_probability
 from models.diagnosis.windowed import Views
 from models.runs import TrainerSettings, progress_bar

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from firmware_py.acquire.features import FEATURE_NAMES
 from models.diagnosis.clearance_loops import LOOPS
-from models.diagnosis.dataset import CLASSES, HEADS_OF_CLASS, Dataset, severe
+from models.diagnosis.dataset import CLASSES, Dataset, severe
 from models.diagnosis.recordings import DUTIES
 
 Floats = NDArray[np.float64]
@@ -50,25 +50,6 @@ class Decisions:
     def subset(self, rows: NDArray[np.bool_] | NDArray[np.intp]) -> Decisions:
         """The decisions at ``rows``."""
         return Decisions(*(getattr(self, f.name)[rows] for f in fields(self)))
-
-
-def class_probabilities(logits: Floats) -> Floats:
-    """Six class probabilities ``(n, 6)`` from the heads' log-odds ``(n, 4)``.
-
-    The heads are taken as independent, and of their 16 patterns only the six classes are allowed.
-    """
-    log_p, log_not = -np.logaddexp(0.0, -logits), -np.logaddexp(0.0, logits)
-    joint = log_p @ HEADS_OF_CLASS.T + log_not @ (1.0 - HEADS_OF_CLASS).T
-    joint = np.exp(joint - joint.max(axis=1, keepdims=True))
-    probability: Floats = joint / joint.sum(axis=1, keepdims=True)
-    return probability
-
-
-def log_odds(probability: Floats) -> Floats:
-    """Log-odds of probabilities, within those of float32."""
-    p = np.clip(probability, 1e-6, 1.0 - 1e-6)
-    odds: Floats = np.log(p) - np.log1p(-p)
-    return odds
 
 
 def decide(probability: Floats, data: Dataset) -> Decisions:

@@ -12,8 +12,8 @@ from torch import Tensor, nn
 
 from firmware_py.acquire.orders import BINS, ROTATING
 from firmware_py.acquire.windows import TURNS
+from firmware_py.brain.verdict import class_probabilities
 from models.diagnosis.dataset import Dataset
-from models.diagnosis.scores import class_probabilities
 from models.learning.device import device
 
 FILTERS = 12

@@ -24,12 +24,13 @@ from firmware_py.acquire import windows as window_code
 from firmware_py.acquire.features import FEATURE_NAMES, at_one_rate, features
 from firmware_py.acquire.orders import BINS, ROTATING, by_angle
 from firmware_py.acquire.windows import TURNS, Window, iter_windows
+from firmware_py.brain.verdict import WINDOWS
 from firmware_py.config import read_machine
 from firmware_py.machine import Machine
 from firmware_py.machine import contact as contact_code
 from firmware_py.records import Quality
 from models.diagnosis.data_cache import folder_of, load, make_recordings
-from models.diagnosis.dataset import WINDOWS_PER_DECISION, Dataset, DatasetError, join, pooled
+from models.diagnosis.dataset import Dataset, DatasetError, join, pooled
 from models.diagnosis.recordings import Raw, RecordingPlan
 from models.runs import progress_bar
 from models.workers import map_in_order
@@ -86,7 +87,7 @@ def views_of(
 def per_decision(views: Views) -> Views:
     """Features averaged over the windows of one decision; raw windows and waveforms stay one a
     recording."""
-    return Views(pooled(views.orders, WINDOWS_PER_DECISION), views.raw, views.waves)
+    return Views(pooled(views.orders, WINDOWS), views.raw, views.waves)
 
 
 @cache

@@ -12,15 +12,9 @@ import pytest
 
 from firmware_py.acquire.features import GROUPS
 from firmware_py.acquire.windows import ChannelMap, Window, Windower
-from firmware_py.brain.diagnosis import (
-    CLASSES,
-    WINDOWS,
-    Diagnoser,
-    class_probabilities,
-    drivers,
-    is_whirl,
-)
+from firmware_py.brain.diagnosis import Diagnoser, drivers
 from firmware_py.brain.store import HEADS
+from firmware_py.brain.verdict import CLASSES, WINDOWS, class_probabilities, is_whirl, log_odds
 from firmware_py.records import Block, Quality
 
 from .machine import CONFIG, RATE, Machine, model
@@ -57,7 +51,7 @@ def words(diagnoser: Diagnoser, windows: list[Window]) -> list[str]:
 @pytest.mark.parametrize("name", CLASSES)
 def test_clear_heads_name_their_class(name: str) -> None:
     heads = np.array([0.97 if i in CLASSES[name] else 0.03 for i in range(4)])
-    classes = class_probabilities(heads)
+    classes = dict(zip(CLASSES, class_probabilities(log_odds(heads[None]))[0], strict=True))
     assert max(classes, key=lambda k: classes[k]) == name
     assert classes[name] > 0.9
     assert sum(classes.values()) == pytest.approx(1.0)
@@ -152,7 +146,8 @@ def test_a_verdict_is_confirmed_when_it_has_stood() -> None:
 def test_whirl_needs_share_and_size(half_m: float, whirls: bool) -> None:
     diagnosis, orders = Diagnoser(None, MACHINE).step(window(Machine(half_m=half_m)))
     assert orders is not None
-    assert is_whirl(orders, 60e-6) is whirls
+    seen = orders.subsync_share, orders.half_forward, 60e-6
+    assert is_whirl(*(np.array([value]) for value in seen)) == [whirls]
     assert (diagnosis.verdict == "whirl") is whirls
 
 

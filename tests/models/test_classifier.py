@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from firmware_py.acquire.features import FEATURE_NAMES, GROUP_OF_FEATURE, GROUPS, features
+from firmware_py.brain.verdict import WORDS, VerdictLimits
 from firmware_py.config import read_machine
 from models.diagnosis import recordings
-from models.diagnosis.alarms import Rule, detection, false_alarms, hear, held, onsets
+from models.diagnosis.alarms import detection, false_alarms, find, held, onsets
 from models.diagnosis.data_cache import load, make_recordings
 from models.diagnosis.dataset import Dataset, DatasetError, join, pooled
 from models.diagnosis.recordings import RecordingPlan, record_build, training_cases
@@ -309,15 +310,15 @@ def verdicts(sure):
     return answer
 
 
-RULE = Rule(novelty=1.0, named_above=np.full(5, 9.0))
+LIMITS = VerdictLimits(novelty=1.0, named_above=np.full(5, 9.0))
 
 
 def test_false_alarms_need_a_named_fault_and_persistence_to_be_confirmed():
     quiet = rows(50, recording=np.repeat([0, 1], 25), group=np.repeat([0, 1], 25))
     quiet.features[:] = -1.0
 
-    def counted(sure=6.0, rule=RULE):
-        return false_alarms(hear(verdicts(sure), quiet), rule)
+    def counted(sure=6.0, limits=LIMITS):
+        return false_alarms(find(verdicts(sure), quiet), limits)
 
     assert (counted()["false_alarms"], counted()["confirmed_alarms"]) == (0, 0)
     assert counted()["builds_upper_95"] == pytest.approx(1 - 0.05 ** (1 / 2), abs=1e-4)
@@ -328,7 +329,7 @@ def test_false_alarms_need_a_named_fault_and_persistence_to_be_confirmed():
     assert (
         counted(1.5)["called_doubt"] == 0.5
     )  # surely enough the best class, not surely enough abnormal
-    assert counted(1.5, Rule(1.0, np.ones(5)))["false_alarms"] == 16
+    assert counted(1.5, VerdictLimits(1.0, np.ones(5)))["false_alarms"] == 16
     quiet.features[:, 1] = 9.0
     assert counted()["called_unknown"] == 1.0
 
@@ -338,12 +339,12 @@ def test_a_month_is_counted_in_operating_points_with_the_exact_binomial_limit():
         25 * 40, recording=np.repeat(np.arange(40), 25), group=np.repeat(np.arange(40), 25)
     )
     quiet.features[:] = -1.0
-    none = false_alarms(hear(verdicts(6.0), quiet), RULE)
+    none = false_alarms(find(verdicts(6.0), quiet), LIMITS)
     assert none["confirmed_per_machine_month_upper_95"] == pytest.approx(
         720 * (1 - 0.05 ** (1 / 40)), abs=1e-2
     )
     quiet.features[:25, 0] = 1.0
-    one = false_alarms(hear(verdicts(6.0), quiet), RULE)
+    one = false_alarms(find(verdicts(6.0), quiet), LIMITS)
     assert (one["runs"], one["runs_with_a_confirmed_alarm"]) == (40, 1)
     assert one["confirmed_per_machine_month"] == 720 / 40
     limit = (
@@ -368,7 +369,7 @@ def test_long_runs_tell_how_many_scatters_a_held_point_lies_from_the_limits():
         heads[:, 3] = 1 / (1 + np.exp(3.0 - noise))
         return heads, np.zeros(len(features))
 
-    found = held(hear(answer, long), RULE)
+    found = held(find(answer, long), LIMITS)
     assert (found["runs"], found["held_points"], found["confirmed_alarms"]) == (2, 1, 0)
     assert found["nearest_in_scatters"] == pytest.approx((3.0 + np.log(9.0)) / 0.5, rel=0.15)
     assert found["largest_scatter"] == pytest.approx(0.5, rel=0.15)
@@ -382,10 +383,13 @@ def test_detection_delay_counts_from_the_first_faulty_window():
     healthy.features[:], fault.features[:] = -1.0, -1.0
     fault.features[:, 0] = 1.5
     heard = onsets(verdicts(6.0), join([healthy, fault]))
-    found = detection(heard, RULE)["unbalance"]
+    found = detection(heard, LIMITS)["unbalance"]
     assert found["named_median_s"] == 0.25 * 5
     assert found["confirmed_median_s"] == 0.25 * 5 + 3.0
-    assert detection(heard, Rule(1.0, np.full(5, 1e9)))["unbalance"]["confirmed_median_s"] is None
+    assert (
+        detection(heard, VerdictLimits(1.0, np.full(5, 1e9)))["unbalance"]["confirmed_median_s"]
+        is None
+    )
 
 
 @pytest.mark.parametrize(
@@ -402,8 +406,7 @@ def test_the_judged_words_are_the_device_s(case):
     from firmware_py.brain.session import Session
     from firmware_py.brain.store import Model, read_card
     from models import ARTIFACTS
-    from models.diagnosis.dataset import CLASSES
-    from models.diagnosis.judge import of_file, rule_of
+    from models.diagnosis.judge import limits_of, of_file
 
     raw = record_build(RecordingPlan("bench", 3, 5000, 4.0, lambda rng: [case]), 0)[0]
     windows = [replace(w, end_ns=w.end_tick_us * 1000) for w in usable_windows(raw)]
@@ -413,8 +416,8 @@ def test_the_judged_words_are_the_device_s(case):
     device = [diagnoser.step(window)[0].verdict for window in windows][9:]
     data = rows(len(windows))
     data = replace(data, features=np.array([features(w, BENCH) for w in windows]))
-    words = hear(of_file(path), data).words(rule_of(path))
-    assert [(*CLASSES, "unknown", "doubt", "whirl")[word] for word in words] == device
+    words = find(of_file(path), data).words(limits_of(path))
+    assert [WORDS[word] for word in words] == device
 
 
 def test_heads_of_their_own_features_see_no_others():
@@ -449,18 +452,3 @@ def test_cross_fitted_log_odds_know_nothing_of_their_own_build():
     changed = np.abs(cross_fitted(like, other, 4, 5, 0) - first).max(axis=1) > 1e-12
     assert not changed[data.group == 0].any()
     assert changed.any()
-
-
-def test_whirl_of_features_is_that_of_the_orders():
-    from firmware_py.acquire.orders import analyse
-    from firmware_py.brain.diagnosis import is_whirl
-    from models.diagnosis.alarms import whirls
-
-    plan = RecordingPlan(
-        "bench", 11, 5000, 1.6, lambda rng: [recordings.RecordingCase(0, 100.0, {})] * 4
-    )
-    windows = [
-        w for build in range(4) for raw in record_build(plan, build) for w in usable_windows(raw)
-    ]
-    told = [is_whirl(analyse(w), w.clearance_m) for w in windows]
-    assert list(whirls(np.array([features(w, BENCH) for w in windows]))) == told

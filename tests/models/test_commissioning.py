@@ -8,6 +8,7 @@ import pytest
 
 from firmware_py.acquire.features import FEATURE_NAMES
 from firmware_py.brain.normal import NormalError
+from firmware_py.brain.verdict import WINDOWS
 from models.diagnosis import commissioning
 from models.diagnosis.commissioning import HEALTHY, LEARNED, POINTS
 from models.diagnosis.dataset import Dataset
@@ -28,6 +29,8 @@ def rows(monkeypatch):
     x[..., FEATURE_NAMES.index("clearance_100um")] = 0.6
     x[..., FEATURE_NAMES.index("oil_outlet_50C")] = 0.4 + 0.2 * np.arange(n)
     x[..., FEATURE_NAMES.index("microphone_log_rms")] = -1.2
+    for name in ("shaft_half_fwd_rms", "shaft_half_bwd_rms"):
+        x[..., FEATURE_NAMES.index(name)] = -2.0
     faulty = np.array([case.kind < 0 for case in cases])
     x[..., MOTOR] = (
         0.1
@@ -45,7 +48,8 @@ def rows(monkeypatch):
         np.zeros(builds * n, int),
         np.zeros(builds * n, int),
     )
-    monkeypatch.setattr(commissioning, "views_of", lambda *_: SimpleNamespace(orders=found))
+    windows = found.subset(np.repeat(np.arange(len(found)), WINDOWS))
+    monkeypatch.setattr(commissioning, "views_of", lambda *_: SimpleNamespace(orders=windows))
     return found
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from firmware_py.brain.verdict import class_probabilities
 from models.diagnosis import scores
 from models.diagnosis.dataset import HEADS_OF_CLASS, SLIGHT_WEIGHT, Dataset
 from models.diagnosis.scores import Decisions
@@ -21,16 +22,14 @@ def decisions(kind, named, severity=25.0, confidence=0.9):
 
 def test_sure_heads_give_their_class():
     logits = 20.0 * (2.0 * HEADS_OF_CLASS - 1.0)
-    np.testing.assert_allclose(scores.class_probabilities(logits), np.eye(6), atol=1e-8)
+    np.testing.assert_allclose(class_probabilities(logits), np.eye(6), atol=1e-8)
 
 
 def test_class_probabilities_are_those_of_independent_heads_over_the_six_patterns():
     logits = np.array([[0.3, -1.0, 0.2, -2.0]])
     p = 1 / (1 + np.exp(-logits[0]))
     joint = np.array([np.prod(np.where(row > 0, p, 1 - p)) for row in HEADS_OF_CLASS])
-    np.testing.assert_allclose(
-        scores.class_probabilities(logits)[0], joint / joint.sum(), rtol=1e-12
-    )
+    np.testing.assert_allclose(class_probabilities(logits)[0], joint / joint.sum(), rtol=1e-12)
 
 
 def test_balanced_accuracy_weighs_classes_not_rows():
