@@ -48,7 +48,7 @@ from firmware_py.records import (
     NodeState,
     SampleFrame,
 )
-from firmware_py.supervise import die_with_parent
+from firmware_py.supervise import GOOD_START_S, die_with_parent
 from firmware_py.wire.fields import SampleFlag
 from firmware_py.wire.link import codec_for, open_link
 from sim_hil.console import ConsoleError, ask
@@ -336,6 +336,7 @@ def trial(device: Device, victim: str, kind: str, stalls: Stalls) -> Trial:
     """Send the signal, watch, and judge."""
     device.ready(MODES[victim])
     pid = device.pid(victim)
+    _settle(pid)
     subscriber = device.client.subscribe("event/**") if device.client else None
     device.ear.forget()
     _until(lambda: bool(device.ear.seen.states and device.ear.seen.beats), 2.0)
@@ -381,6 +382,14 @@ def trial(device: Device, victim: str, kind: str, stalls: Stalls) -> Trial:
         reaction is not None and reaction <= bar_ms and not coasted,
         *base,
     )
+
+
+def _settle(pid: int) -> None:
+    """Wait until the process has worked as long as `orbitd run` asks of one that it does not take
+    for a crashing one: the pauses before restarts are proven elsewhere."""
+    ticks = int(Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[19])
+    lived_s = time.clock_gettime(time.CLOCK_BOOTTIME) - ticks / os.sysconf("SC_CLK_TCK")
+    time.sleep(max(0.0, GOOD_START_S + 0.5 - lived_s))
 
 
 def _bar_ms(device: Device, victim: str, kind: str) -> int:
