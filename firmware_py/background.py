@@ -5,12 +5,18 @@ until the guard had no fresh samples.  While it imports, a process is *nice*, gi
 up early (``SCHED_BATCH``), and keeps off the last processor where there are two or more (``orbitd
 install`` gives that one to the guard).  Under systemd the units say all this for good, and the
 calls below may be denied: then nothing happens.
+
+Linux weighs whole sessions against each other before it looks at processes (autogroups,
+sched(7)): in a session of its own, as `orbitd run` gives to each process, *nice* alone changes
+nothing.  So the leader of a session makes the session nice as well.
 """
 
 from __future__ import annotations
 
 import contextlib
 import os
+import time
+from pathlib import Path
 from typing import Final
 
 NICE: Final = 5
@@ -18,6 +24,10 @@ NICE: Final = 5
 starved by a busy machine (nice 19 or ``SCHED_IDLE`` would be)."""
 
 _OTHER: Final = os.sched_param(0)
+AUTOGROUP: Final = Path("/proc/self/autogroup")
+RETRIES: Final = 10
+"""Who is not root may change a session ten times a second, all together."""
+
 _before: dict[str, set[int]] = {}
 """What :func:`lower` changed; empty when it was not called."""
 
@@ -35,6 +45,10 @@ def lower() -> None:
     if may_return():
         os.nice(NICE)
         _before["nice"] = {NICE}
+    session = session_nice()
+    if session is not None and os.getsid(0) == os.getpid() and (session >= 0 or may_return()):
+        _before["session"] = {session}
+        _set_session_nice(min(session + NICE, 19))
 
 
 def restore() -> None:
@@ -51,7 +65,28 @@ def restore() -> None:
                 os.setpriority(
                     os.PRIO_PROCESS, thread, os.getpriority(os.PRIO_PROCESS, thread) - NICE
                 )
+    for session in _before.get("session", ()):
+        _set_session_nice(session)
     _before.clear()
+
+
+def session_nice() -> int | None:
+    """The nice value of this process's session; None where the kernel does not group by it."""
+    try:
+        return int(AUTOGROUP.read_text(encoding="ascii").rsplit("nice", 1)[1])
+    except (OSError, ValueError, IndexError):
+        return None
+
+
+def _set_session_nice(value: int) -> None:
+    for _ in range(RETRIES):
+        try:
+            AUTOGROUP.write_text(str(value), encoding="ascii")
+            return
+        except BlockingIOError:
+            time.sleep(0.05)
+        except OSError:
+            return
 
 
 def may_return() -> bool:

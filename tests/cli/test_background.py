@@ -51,6 +51,34 @@ def test_the_start_is_in_the_background_and_every_thread_comes_back() -> None:
     assert back == [first, first]
 
 
+IN_A_SESSION = """
+import os
+from firmware_py import background
+found = [background.session_nice()]
+background.lower()
+found.append(background.session_nice())
+background.restore()
+print([*found, background.session_nice()])
+"""
+
+
+@pytest.mark.skipif(background.session_nice() is None, reason="no autogroups in this kernel")
+@pytest.mark.parametrize("leader", [True, False])
+def test_a_session_of_its_own_is_in_the_background_as_a_whole(leader: bool) -> None:
+    """Sessions are weighed before processes: inside its own, nice alone changes nothing."""
+    done = subprocess.run(
+        [sys.executable, "-c", IN_A_SESSION],
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=ROOT,
+        start_new_session=leader,
+    )
+    before, low, back = json.loads(done.stdout)
+    assert back == before
+    assert low == (min(before + background.NICE, 19) if leader else before)
+
+
 def test_one_processor_is_not_left() -> None:
     (first,), low, back = report("os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})")
     assert [entry[1] for entry in low] == [first[1]] * 2
