@@ -28,6 +28,7 @@ from typing import Final, Literal, NamedTuple
 from firmware_py import config, signals
 from firmware_py.machine import FastChannel, Machine
 from firmware_py.machine.folder import shipped_names
+from firmware_py.machine.parts import BEARING, CLEARANCE, FEED, has, stand_in_keys
 
 Range = tuple[float, float]
 Figure = float | str | Range
@@ -110,7 +111,8 @@ _CHANNEL: Final = "channel."
 
 def figures_of(machine: Machine) -> dict[str, Figure]:
     """What a card says of ``machine``."""
-    found = {row.key: row.of(machine) for row in ROWS}
+    lacking = stand_in_keys({"absent": machine.absent})
+    found = {row.key: row.of(machine) for row in ROWS if not _lacks(row.key, lacking)}
     channels = {_CHANNEL + each.name: _shown_by(each) for each in machine.channel}
     return {key: value for key, value in (found | channels).items() if value is not None}
 
@@ -137,8 +139,15 @@ def misfit(kind: str, machines: Mapping[str, Figures], machine: Machine) -> str:
         return ""
     if not machines:
         return "its card says of no machine that it was made for it"
-    here = figures_of(machine)
-    found = {name: _differences(kind, there, here) for name, there in machines.items()}
+    here, lacking = figures_of(machine), stand_in_keys({"absent": machine.absent})
+    absent = [row.key for row in ROWS if kind in row.kinds and _lacks(row.key, lacking)]
+    found = {
+        name: [
+            *(f"{key} {_text(there[key])}, here absent" for key in absent if key in there),
+            *_differences(kind, there, here),
+        ]
+        for name, there in machines.items()
+    }
     name = min(found, key=lambda each: len(found[each]))
     return f"made for {name!r}: " + ", ".join(found[name]) if found[name] else ""
 
@@ -146,6 +155,13 @@ def misfit(kind: str, machines: Mapping[str, Figures], machine: Machine) -> str:
 def outside_domain(domain: Mapping[str, Range], machine: Machine) -> list[str]:
     """Ranges of ``machine`` that do not lie inside a model's ``domain``, as sentences."""
     b, o, f = machine.bearing, machine.operating, machine.feed
+    lacking = {
+        name
+        for part, name in (
+            (BEARING, "length_over_diameter"), (CLEARANCE, "clearance_m"), (FEED, "supply_pressure_bar")
+        )
+        if not has(machine, part)
+    }  # fmt: skip
     ratio = b.length_m / (2 * b.journal_radius_m)
     ranges: dict[str, Range] = {
         "length_over_diameter": (ratio, ratio),
@@ -154,10 +170,19 @@ def outside_domain(domain: Mapping[str, Range], machine: Machine) -> list[str]:
         "supply_pressure_bar": (f.pressure_min_bar, f.pressure_max_bar),
     }
     return [
-        f"domain {name} {_text(domain[name])}, here {_text(value)}"
+        f"domain {name} {_text(domain[name])}, here {'absent' if name in lacking else _text(value)}"
         for name, value in ranges.items()
-        if name in domain and not _within(domain[name], value, 1e-6)
+        if name in domain and (name in lacking or not _within(domain[name], value, 1e-6))
     ]
+
+
+def _lacks(key: str, lacking: frozenset[str]) -> bool:
+    """Whether what a row names is a stand-in: of a range, whose ends are keys, the least end
+    counts."""
+    table, _, name = key.partition(".")
+    quantity, _, unit = name.rpartition("_")
+    own = {table, f"{table}.{name}", f"{table}.{quantity}_min_{unit}"}
+    return not lacking.isdisjoint(f"machine.{each}" for each in own)
 
 
 def _differences(kind: str, there: Figures, here: Figures) -> list[str]:

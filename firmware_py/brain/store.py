@@ -33,6 +33,7 @@ from firmware_py.brain.intervals import IntervalFactors
 from firmware_py.brain.made_for import Figures, machines_of, misfit, outside_domain
 from firmware_py.brain.session import Session
 from firmware_py.config import Config
+from firmware_py.machine.parts import monitor_only
 from firmware_py.records import CHANNELS
 
 SHIPPED: Final = Path(__file__).resolve().parents[2] / "models" / "artifacts"
@@ -139,20 +140,28 @@ class Model:
 
 @dataclass(frozen=True, slots=True)
 class Models:
-    """What the brain has to think with; ``refusals`` says by kind why a model is absent."""
+    """What the brain has to think with; ``refusals`` says by kind why a model is absent, ``off``
+    what a machine that is monitor only has no use for, and why."""
 
     classifier: Model | None = None
     actor: Model | None = None
     surrogate: Model | None = None
     factors: IntervalFactors = field(default_factory=IntervalFactors)
     refusals: dict[str, str] = field(default_factory=dict)
+    off: dict[str, str] = field(default_factory=dict)
+
+
+ADVISING: Final = ("actor", "surrogate")
+"""Policy and predictor: a forecast is one of what a command would do."""
 
 
 def load_models(config: Config) -> Models:
     """Load the models of the configured directory; a refused one is absent, with its reason."""
     found: dict[str, Model] = {}
     refusals: dict[str, str] = {}
-    for kind in _INTERFACES:
+    why = monitor_only(config.machine)
+    off = dict.fromkeys(ADVISING, f"monitor only: {why[0]}") if why else {}
+    for kind in (each for each in _INTERFACES if each not in off):
         try:
             found[kind] = load_model(kind, config)
         except ModelError as error:
@@ -163,7 +172,7 @@ def load_models(config: Config) -> Models:
     except ModelError as error:
         refusals["predictor"] = str(error)
     return Models(
-        found.get("classifier"), found.get("actor"), found.get("surrogate"), factors, refusals
+        found.get("classifier"), found.get("actor"), found.get("surrogate"), factors, refusals, off
     )
 
 

@@ -27,6 +27,7 @@ from firmware_py.gate.loop import recordings_dir
 from firmware_py.guard.core import GuardCore
 from firmware_py.guard.envelope.shield import Shield
 from firmware_py.launch import SERVICE_RUNTIME
+from firmware_py.machine.parts import monitor_only
 from firmware_py.wire.link import codec_for
 
 Found = tuple[str, object, str]
@@ -34,9 +35,10 @@ Found = tuple[str, object, str]
 
 @dataclass(frozen=True)
 class Built:
-    """What came of it: the clearances admissible everywhere (um), and the models."""
+    """What came of it: the clearances admissible everywhere (um; None: monitor only), and the
+    models."""
 
-    admissible_um: tuple[float, float]
+    admissible_um: tuple[float, float] | None
     models: Models
 
 
@@ -49,6 +51,8 @@ def build(config: Config, models: Models | None = None) -> Built:
         prewarm(models)
     BrainCore(config, models)
     session.access_rules(keys.prefix(config.device.site, config.device.rig))
+    if monitor_only(config.machine):
+        return Built(None, models)
     low_m, high_m = Shield(config).fixed_range() or (0.0, 0.0)
     return Built((low_m * 1e6, high_m * 1e6), models)
 

@@ -1,7 +1,7 @@
 """``orbitd check RIG``: everything the device would refuse at start, found before it starts.
 
 All faults at once, each with file, line, key, value, limit and next step.  Exit code 0: good; 1:
-good, but a model is not used; 2: refused.
+good, but a model is not used that a machine like this could use; 2: refused.
 """
 
 from __future__ import annotations
@@ -16,8 +16,10 @@ from firmware_py import launch
 from firmware_py.brain.store import Models
 from firmware_py.commands.building import build, surroundings
 from firmware_py.config import Config, ConfigError, Source
+from firmware_py.config.limits import LIMITS_OFF
 from firmware_py.config.source import shown
 from firmware_py.machine.folder import METAVAR, find
+from firmware_py.machine.parts import absences, monitor_only, stand_in_keys
 from firmware_py.machine.values import MachineTable
 
 
@@ -52,25 +54,30 @@ def _check(path: Path, as_json: bool) -> int:
     if missing:
         raise ConfigError(missing)
     built = build(config)
-    low_um, high_um = built.admissible_um
+    machine, low_high_um = config.machine, built.admissible_um
+    why, refused = monitor_only(machine), built.models.refusals
     if as_json:
         found = {
             "good": True,
             "config": config,
-            "admissible_everywhere_um": [low_um, high_um],
+            "admissible_everywhere_um": low_high_um,
+            "monitor_only": why,
+            "absent": [absence._asdict() for absence in absences(machine)],
             "models": _labels(built.models),
-            "refused_models": built.models.refusals,
+            "refused_models": refused,
+            "models_off": built.models.off,
         }
         print(msgspec.json.encode(found).decode())
     else:
         print(f"{shown(path.name)}: good")
-        print(
-            f"  safe radial clearance {config.machine.actuator.safe_radial_clearance_um:g} um; "
-            f"{low_um:.1f} .. {high_um:.1f}"
-            " um is admissible over the whole declared range"
-        )
-        print("\n".join(f"  model {label}" for label in _labels(built.models)))
-        for kind, reason in built.models.refusals.items():
+        print("\n".join(f"  {line}" for line in _rights(config, low_high_um)))
+        for absence in absences(machine):
+            print(f"  absent {absence.name}: off is {absence.off}")
+        for kind, reason in built.models.off.items():
+            print(f"  off {kind}: {reason}")
+        for label in _labels(built.models):
+            print(f"  model {label}")
+        for kind, reason in refused.items():
             print(f"  REFUSED {kind}: {reason}")
         if path.is_file():
             print("  first schema: `orbitd migrate OLD.toml FOLDER` makes a rig folder of it")
@@ -78,7 +85,20 @@ def _check(path: Path, as_json: bool) -> int:
             print(f"  {line}")
         for line in _defaults(config, source):
             print(f"  default {line}")
-    return 1 if built.models.refusals else 0
+    shipped_for_others = why and not config.models.directory
+    return 1 if refused and not shipped_for_others else 0
+
+
+def _rights(config: Config, admissible_um: tuple[float, float] | None) -> list[str]:
+    """Which clearances are admissible; of a machine that is monitor only, why it is."""
+    if admissible_um is None:
+        return [f"monitor only: {reason}" for reason in monitor_only(config.machine)]
+    low_um, high_um = admissible_um
+    safe_um = config.machine.actuator.safe_radial_clearance_um
+    return [
+        f"safe radial clearance {safe_um:g} um; {low_um:.1f} .. {high_um:.1f} um is admissible over "
+        f"the whole declared range"
+    ]
 
 
 def _labels(models: Models) -> list[str]:
@@ -112,4 +132,10 @@ def _defaults(config: Config, source: Source) -> list[str]:
         for key, value in msgspec.structs.asdict(table).items()
         if key not in MachineTable.__struct_fields__ and value is not None
     ]
-    return [f"{source.place(key)[1]} = {value!r}" for key, value in keys if not source.written(key)]
+    lacking = stand_in_keys(msgspec.to_builtins(config.machine))
+    lacking |= {key for key in LIMITS_OFF if not source.written(key)} if lacking else frozenset()
+    return [
+        f"{source.place(key)[1]} = {value!r}"
+        for key, value in keys
+        if not source.written(key) and not {key, key.rpartition(".")[0]} & lacking
+    ]

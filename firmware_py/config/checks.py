@@ -13,6 +13,7 @@ from math import pi
 from operator import attrgetter
 from typing import Any, Final
 
+from firmware_py.config.checks_bearings import BEARING_CHECKS
 from firmware_py.config.checks_bus import BUS_CHECKS
 from firmware_py.config.checks_channel import CHANNEL_CHECKS
 from firmware_py.config.checks_machine import MACHINE_CHECKS
@@ -20,6 +21,7 @@ from firmware_py.config.checks_network import NETWORK_CHECKS
 from firmware_py.config.checks_oil import OIL_CHECKS
 from firmware_py.config.convert import Found
 from firmware_py.config.schema import Config
+from firmware_py.machine.parts import ACTUATOR, has
 
 ORDERED: Final = (
     ("machine.bearing.radial_clearance_min_um", "machine.bearing.radial_clearance_max_um", True),
@@ -90,7 +92,8 @@ def _ordered(low_key: str, high_key: str, differ: bool) -> Callable[[Config], It
 
     def check(config: Config) -> Iterator[Found]:
         low, high = attrgetter(low_key)(config), attrgetter(high_key)(config)
-        if low > high or (differ and low == high):
+        fixed = low_key.endswith(".radial_clearance_min_um") and not has(config.machine, ACTUATOR)
+        if low > high or (differ and not fixed and low == high):
             word = "not above" if differ else "below"
             yield high_key, high, f"{word} {low_key} = {low:g}; raise it, or lower the other"
 
@@ -292,6 +295,7 @@ def _windage(config: Config) -> Iterator[Found]:
 
 RELATED: Final[tuple[Callable[[Any], Iterator[Found]], ...]] = (
     *(_ordered(*row) for row in ORDERED), _shape, _built, _groove, _oil_node, _displacement, _speed_high, _retreat,
-    _following, _unbalance, _windage, *MACHINE_CHECKS, *OIL_CHECKS, *CHANNEL_CHECKS, *BUS_CHECKS, *NETWORK_CHECKS,
+    _following, _unbalance, _windage, *MACHINE_CHECKS, *BEARING_CHECKS, *OIL_CHECKS, *CHANNEL_CHECKS, *BUS_CHECKS,
+    *NETWORK_CHECKS,
 )  # fmt: skip
 """Every check of values together."""

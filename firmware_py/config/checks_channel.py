@@ -12,6 +12,7 @@ from firmware_py.config.convert import Found
 from firmware_py.config.instances import PROBES, places
 from firmware_py.config.schema import Config
 from firmware_py.machine import FastChannel
+from firmware_py.machine.parts import monitor_only
 from firmware_py.machine.probes import ZEROED, error_of
 from firmware_py.records import CHANNELS
 
@@ -183,33 +184,32 @@ def _probe_errors(config: Config) -> Iterator[Found]:
                     yield f"machine.channel[{i}].{own}", value, cause
 
 
-def _displacement_seen(config: Config) -> Iterator[Found]:
-    """The probes see the shaft wherever it may be, and the danger limit before they clip."""
-    b, danger_um = config.machine.bearing, config.limits.displacement_danger_um
+def _shaft_seen(config: Config) -> Iterator[Found]:
+    """The probes see the shaft wherever it may be."""
+    b = config.machine.bearing
     widest_m = (b.radial_clearance_max_um + max(0.0, b.radial_clearance_offset_um)) * 1e-6
     for i, channel in enumerate(config.machine.channel[: DISPLACEMENTS[1] + 1]):
-        reach_m = min(channel.ok_high, -channel.ok_low)
-        if reach_m < widest_m:
+        if min(channel.ok_high, -channel.ok_low) < widest_m:
             yield (
                 f"machine.channel[{i}].ok_high",
                 channel.ok_high,
-                (
-                    f"the shaft may stand {widest_m * 1e6:g} um off "
-                    f"(machine.bearing.radial_clearance_max_um), OK are "
-                    f"{channel.ok_low * 1e6:g} .. {channel.ok_high * 1e6:g} um; widen ok_low .. "
-                    f"ok_high"
-                ),
+                f"the shaft may stand {widest_m * 1e6:g} um off "
+                f"(machine.bearing.radial_clearance_max_um), OK are {channel.ok_low * 1e6:g} .. "
+                f"{channel.ok_high * 1e6:g} um; widen ok_low .. ok_high",
             )
+
+
+def _displacement_seen(config: Config) -> Iterator[Found]:
+    """The probes show the danger limit before they clip."""
+    danger_um = config.limits.displacement_danger_um
+    for i, channel in enumerate(config.machine.channel[: DISPLACEMENTS[1] + 1]):
         span_um = READABLE_SHARE * (channel.ok_high - channel.ok_low) * 1e6
         if danger_um > span_um:
             yield (
                 "limits.displacement_danger_um",
                 danger_um,
-                (
-                    f"above {span_um:g} um peak-to-peak, {READABLE_SHARE:g} of what {channel.name} "
-                    f"can read; lower it or "
-                    f"widen machine.channel[{i}].ok_low .. ok_high"
-                ),
+                f"above {span_um:g} um peak-to-peak, {READABLE_SHARE:g} of what {channel.name} can "
+                f"read; lower it or widen machine.channel[{i}].ok_low .. ok_high",
             )
 
 
@@ -256,14 +256,14 @@ def _slow_channels_seen(config: Config) -> Iterator[Found]:
 def _readings(config: Config) -> Iterator[Found]:
     """Slow readings: known kinds, names once, the four that the guard rests on."""
     names = [row.name for row in config.machine.reading]
-    standard = [row.name for row in signals.READINGS]
+    needed = [] if monitor_only(config.machine) else [row.name for row in signals.READINGS]
     if not names:
         return
     if config.bus.schema == 1:
         cause = "schema 1 carries the four of RIG_STATUS; remove them, or set bus.schema = 2"
         yield "machine.reading", ", ".join(names), cause
         return
-    for missing in [name for name in standard if name not in names]:
+    for missing in [name for name in needed if name not in names]:
         cause = f"{missing} is missing, which the guard rests on; add it"
         yield "machine.reading", ", ".join(names), cause
     for i, row in enumerate(config.machine.reading):
@@ -288,5 +288,5 @@ def _readings(config: Config) -> Iterator[Found]:
 
 CHANNEL_CHECKS: Final = (
     _names, _kinds, _units, _scales, _readings, _ok_ranges, _probes, _probe_errors,
-    _displacement_seen, _acceleration_seen, _slow_channels_seen,
+    _shaft_seen, _displacement_seen, _acceleration_seen, _slow_channels_seen,
 )  # fmt: skip

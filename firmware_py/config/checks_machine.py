@@ -10,6 +10,7 @@ from msgspec import inspect
 from firmware_py.config.convert import Found
 from firmware_py.config.schema import Config
 from firmware_py.machine import Machine
+from firmware_py.machine.parts import monitor_only
 from firmware_py.machine.values import MachineTable
 
 SAME_ROTOR: Final = (0.5, 2.0)
@@ -74,6 +75,13 @@ def _drawing(config: Config) -> Iterator[Found]:
         )
 
 
+def _mode(config: Config) -> Iterator[Found]:
+    """What is monitor only starts in that mode."""
+    mode, why = config.device.mode_at_start, monitor_only(config.machine)
+    if why and mode != "monitor":
+        yield "device.mode_at_start", mode, f'monitor only: {"; ".join(why)}; write "monitor"'
+
+
 def _groove_drawn(config: Config) -> Iterator[Found]:
     feed = config.machine.feed
     given = [getattr(feed, key) is not None for key in GROOVE]
@@ -108,6 +116,7 @@ def _ranges(config: Config) -> Iterator[Found]:
 MACHINE_CHECKS: Final[tuple[Callable[[Config], Iterator[Found]], ...]] = (
     *(_provenance(name, keys) for name, keys in _tables()),
     _drawing,
+    _mode,
     _groove_drawn,
     _nominal_pressure,
     _ranges,

@@ -12,6 +12,7 @@ from typing import Final, NamedTuple
 from firmware_py import signals
 from firmware_py.config.schema import Config
 from firmware_py.machine import FastChannel, SlowChannel
+from firmware_py.machine.parts import READINGS, has
 from firmware_py.records import CHANNELS
 
 PROBES: Final = CHANNELS[:2]
@@ -92,7 +93,10 @@ def places(channels: Sequence[FastChannel]) -> Places:
 
 
 def slow_signals(config: Config) -> tuple[SlowSignal, ...]:
-    """The readings of known kind, the standard ones first, in wire order."""
+    """The readings of known kind, the standard ones first, in wire order; none where the rig sends
+    none."""
+    if not has(config.machine, READINGS):
+        return ()
     rows = config.machine.reading or [SlowChannel(row.name) for row in signals.READINGS]
     standard = [row.name for row in signals.READINGS]
     found = []

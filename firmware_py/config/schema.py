@@ -8,7 +8,7 @@ import msgspec
 from msgspec import Meta
 
 from firmware_py.machine import Machine, values
-from firmware_py.machine.values import Name, PressureBar, Section, SpeedRpm
+from firmware_py.machine.values import Name, PressureBar, Section, SpeedRpm, Word
 from firmware_py.records import Mode
 
 _CHANNEL: Final = r"^[A-Za-z0-9_][A-Za-z0-9_.-]{0,39}\Z"
@@ -118,6 +118,14 @@ class Limits(Section, frozen=True):
     """Trips after ``danger_delay_s``; 0: 10 K above ``lubricant.film_max_C``."""
 
 
+class LimitsAt(Section, frozen=True):
+    """Displacement limits of a further bearing, in place of those of ``[limits]``."""
+
+    bearing: Word
+    displacement_alert_um: DisplacementUm
+    displacement_danger_um: DisplacementUm
+
+
 class Authority(Section, frozen=True):
     """How the model's right to act is lost and regained."""
 
@@ -186,6 +194,7 @@ class Config(Section, frozen=True):
     device: Device
     machine: Machine
     limits: Limits
+    limits_at: list[LimitsAt] = msgspec.field(default_factory=list)
     bus: Bus = Bus()
     sampling: Sampling = Sampling()
     authority: Authority = Authority()

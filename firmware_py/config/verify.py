@@ -12,6 +12,7 @@ import msgspec
 
 from firmware_py.config.checks import RELATED
 from firmware_py.config.convert import FaultedError, Found, convert, ends_of, view
+from firmware_py.config.limits import with_limits
 from firmware_py.config.schema import Config, Device
 from firmware_py.config.source import (
     ConfigError,
@@ -25,6 +26,7 @@ from firmware_py.config.source import (
 from firmware_py.machine import Machine
 from firmware_py.machine.folder import DEVICE, MACHINE, find
 from firmware_py.machine.migrate import is_first, upgrade
+from firmware_py.machine.parts import completed, stand_in_keys
 
 Check = Callable[[Config], Iterator[Found]]
 """Yields key, value and cause; reads only what it needs, and is left out where that has a fault of
@@ -113,10 +115,15 @@ def decode(data: str | bytes, path: Path) -> Config:
 def verify(
     table: dict[str, Any], source: Source, laws: Sequence[Check] = ()
 ) -> tuple[Config | None, list[Fault]]:
-    """The configuration of ``table``, or all that is wrong with it."""
+    """The configuration of ``table``, or all that is wrong with it.
+
+    A check that reads a stand-in of a part that the machine lacks is left out, as one that reads a
+    value with a fault is.
+    """
     values, found = convert(table)
+    lacking = stand_in_keys(table.get("machine"))
     for checks in (RELATED, laws):
-        seen = view(values, frozenset(key for key, _, _ in found))
+        seen = view(values, lacking | {key for key, _, _ in found})
         found = found + [fault for check in checks for fault in _run(check, seen)]
     if found:
         return None, [_placed(source, *each) for each in found]
@@ -169,7 +176,11 @@ def _folder(path: Path) -> tuple[dict[str, Any], Source]:
     if "machine" in device:
         cause = f"unknown key; the machine is described in {MACHINE}"
         raise device_file.error("machine", None, cause)
-    return {**device, "machine": machine}, two_files(path, machine_file, device_file)
+    if "absent" in machine:
+        cause = "found by what the file leaves out, never written; remove it"
+        raise machine_file.error("absent", machine["absent"], cause)
+    whole = with_limits({**device, "machine": completed(machine)})
+    return whole, two_files(path, machine_file, device_file)
 
 
 def _part(folder: Path, name: str) -> ConfigFile:

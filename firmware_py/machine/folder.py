@@ -14,6 +14,7 @@ from typing import Final
 
 MACHINE: Final = "machine.toml"
 DEVICE: Final = "device.toml"
+SIMULATION: Final = "simulation.toml"
 
 SHIPPED: Final = Path(__file__).resolve().parent.parent / "rigs"
 """Folder of the rig folders that come with the package."""
@@ -24,6 +25,11 @@ METAVAR: Final = "NAME_OR_FOLDER"
 def shipped_names() -> list[str]:
     """Names of the rigs that come with the package."""
     return sorted(path.parent.name for path in SHIPPED.glob(f"*/{MACHINE}"))
+
+
+def simulated_names() -> list[str]:
+    """Names of those that can be simulated."""
+    return [name for name in shipped_names() if (SHIPPED / name / SIMULATION).is_file()]
 
 
 def find(named: str) -> Path:

@@ -50,6 +50,16 @@ class JournalBearing(MachineTable, frozen=True):
     """And has this much less or more friction; 1: the shaft power says nothing about the oil."""
     cone_half_angle_deg: Annotated[float, Meta(ge=0.1, le=60.0)] | None = None
     """Of a conical bearing, whose axial shift sets the clearance."""
+    name: OptionalWord = ""
+    """By which channels say where they sit; of the first bearing it may stay empty."""
+
+
+class OtherBearing(JournalBearing, frozen=True):
+    """A further bearing, which is watched and never controlled."""
+
+    load_min_N: LoadN | None = None
+    load_max_N: LoadN | None = None
+    """Its static load; not given: its probes are not held against the film at rest."""
 
 
 class Lubricant(MachineTable, frozen=True):
@@ -232,6 +242,8 @@ class FastChannel(MachineTable, frozen=True):
     """Greatest runout of a displacement probe in one order, amplitude, before the procedure."""
     kind: OptionalWord = ""
     """One of :data:`firmware_py.signals.FAST`; empty: that of the standard channel of this name."""
+    bearing: OptionalWord = ""
+    """Name of the bearing at which it sits; empty: the first."""
     wire_scale: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.0
     """SI per count as the node sends it, before calibration; 0: that of the kind."""
     words: Label = ""
@@ -300,6 +312,10 @@ class Machine(Section, frozen=True):
     """Slow readings in wire order; empty: the standard ones."""
     readings: SlowReadings = SlowReadings()
     contact: ContactCircuit | None = None
+    other_bearing: list[OtherBearing] = msgspec.field(default_factory=list)
+    absent: tuple[Word, ...] = ()
+    """Parts that the rig folder leaves out, whose figures are stand-ins
+    (:mod:`firmware_py.machine.parts`); found, never written."""
 
     def tables(self) -> Iterator[tuple[str, MachineTable]]:
         """Every table with the key under which it stands in ``machine.toml``."""

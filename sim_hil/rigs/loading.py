@@ -12,7 +12,7 @@ from firmware_py.config import Config
 from firmware_py.config.instances import fast_signals
 from firmware_py.errors import OrbitdError
 from firmware_py.machine import FastChannel, Feed, JournalBearing, Machine, RotorDrawing
-from firmware_py.machine.folder import find, shipped_names
+from firmware_py.machine.folder import find, simulated_names
 from firmware_py.records import CHANNELS
 from firmware_py.signals import INT16_MAX
 from sim_hil.rigs.data import (
@@ -30,7 +30,7 @@ from sim_hil.rigs.data import (
 )
 from sim_hil.rigs.simulation import OilNode, Simulation, load_simulation
 
-RIGS: Final = tuple(shipped_names())
+RIGS: Final = tuple(simulated_names())
 REFERENCE_C: Final = 40.0
 """Where the viscosity law of ``machine.toml`` stands."""
 
@@ -79,6 +79,11 @@ def rig_of(config: Config, simulation: Simulation) -> RigData:
         A figure that a simulation needs is not given.
     """
     machine = config.machine
+    if machine.absent:
+        raise NotSimulated(
+            f"{machine.name}: its description lacks {', '.join(machine.absent)}; a simulation needs "
+            f"them, monitoring does not (`orbitd run`)"
+        )
     o, true, given = machine.operating, simulation.true_machine, machine.lubricant
     thin = true.viscosity_at_40C_Pa_s
     windage, most_N = true.windage_W_s3, true.load_max_N

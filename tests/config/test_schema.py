@@ -69,6 +69,12 @@ def table() -> dict[str, Any]:
     """The shipped configuration with every list that may be empty filled."""
     tables: dict[str, Any] = msgspec.to_builtins(config.parse(BENCH)[0])
     tables["machine"]["reading"] = [msgspec.to_builtins(SlowChannel("shaft_power"))]
+    tables["machine"]["other_bearing"] = [
+        tables["machine"]["bearing"] | {"name": "nde", "load_min_N": 1.0, "load_max_N": 2.0}
+    ]
+    tables["limits_at"] = [
+        {"bearing": "nde", "displacement_alert_um": 1.0, "displacement_danger_um": 2.0}
+    ]
     return tables
 
 

@@ -90,7 +90,7 @@ def test_a_table_in_the_other_file_is_unknown_there(rig: Path) -> None:
     change(rig, "device.toml", "[machine.feed]\n", "")
     (fault,) = faults(rig)
     assert (fault.key, fault.file) == ("bearing", "my_rig/device.toml")
-    assert "known are device, limits, bus" in fault.next_step
+    assert "known are device, limits, limits_at, bus" in fault.next_step
 
 
 def test_files_that_cannot_be_read_are_named_both(rig: Path) -> None:
@@ -116,7 +116,7 @@ def test_who_the_device_is_needs_its_own_file_alone(rig: Path) -> None:
 def test_a_shipped_name_is_the_shipped_rig_and_anything_else_a_path(
     rig: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert folder.shipped_names() == ["bench", "seed"]
+    assert folder.shipped_names() == ["bench", "kit", "seed"]
     monkeypatch.chdir(rig.parent)
     rig.rename("bench")
     assert folder.find("bench") == config.SHIPPED / "bench"
@@ -130,7 +130,7 @@ def test_a_shipped_name_is_the_shipped_rig_and_anything_else_a_path(
 
 def test_the_shipped_rigs_say_what_their_old_files_said() -> None:
     old = Path(__file__).parents[1] / "config" / "first_schema"
-    for name in folder.shipped_names():
+    for name in folder.simulated_names():
         now, before = config.load(config.SHIPPED / name)[0], config.load(old / f"{name}.toml")[0]
         assert now.machine.rotor.mass_at_bearing_kg == before.machine.rotor.mass_at_bearing_kg
         assert now.replaced(machine=before.machine) == before
