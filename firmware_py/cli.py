@@ -51,6 +51,7 @@ SUMMARIES = (
     ("bound", "how much power any control could save on a duty"),
     ("replay", "run a recording again and compare every decision"),
     ("install", "install or remove the systemd units"),
+    ("dataset", "what is read of a folder of recordings, and what is wrong (extra `train`)"),
     ("train", "train a model (extra `train`)"),
     ("evaluate", "judge a model on builds and duties drawn from a seed (extra `train`)"),
     ("reproduce", "the paper's three series of tests again, as a report (extra `train`)"),

@@ -152,7 +152,7 @@ DATA = {
     "growing faults drawn "
     "from the seed within the spreads of the rig folder; judged on episodes of another seed.",
     "classifier": "Recordings of builds of the machine in software, one group a build; "
-    "judged on builds of another seed.  Measured recordings: see `DATASET.md`.",
+    "judged on builds of another seed.  Measured recordings: see `docs/recordings.md`.",
     "actor": "Episodes of the machine in software, drawn as the agent learns; judged on episodes "
     "of other seeds.",
 }

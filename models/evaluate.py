@@ -32,10 +32,13 @@ def _parser() -> argparse.ArgumentParser:
         "--rate-hz", type=int, default=5000, choices=(5000, 10000), help="classifier: sampling rate"
     )
     parser.add_argument(
-        "--data", type=Path, help="classifier: measured recordings (models/diagnosis/DATASET.md)"
+        "--data", type=Path, help="classifier: measured recordings (docs/recordings.md)"
     )
     parser.add_argument(
         "--group", default="group", help="with --data: column whose values are left out one by one"
+    )
+    parser.add_argument(
+        "--channels", type=Path, help="with --data: channel map (default: its channels.toml)"
     )
     parser.add_argument(
         "--out", type=Path, default=Path("runs"), help="folder where recordings are kept"
@@ -131,7 +134,7 @@ def _measured(args: argparse.Namespace) -> dict[str, object]:
     from models.diagnosis.dataset_folder import read_folder
     from models.diagnosis.measured_features import windows_of
 
-    data = windows_of(read_folder(args.data, args.group))
+    data = windows_of(read_folder(args.data, args.group, args.channels))
     return {
         **measured.evaluate(data, args.seed),
         "fit_normal_then_detect": measured_normal.detect(data),

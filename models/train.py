@@ -37,10 +37,13 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--config", type=Path, help="TOML file with training settings")
     parser.add_argument(
-        "--data", type=Path, help="classifier: measured recordings (models/diagnosis/DATASET.md)"
+        "--data", type=Path, help="classifier: measured recordings (docs/recordings.md)"
     )
     parser.add_argument(
         "--group", default="group", help="with --data: column whose values never cross a split"
+    )
+    parser.add_argument(
+        "--channels", type=Path, help="with --data: channel map (default: its channels.toml)"
     )
     parser.add_argument(
         "--out", type=Path, default=Path("runs"), help="folder for the run (default: runs)"
@@ -77,7 +80,12 @@ def _train(args: argparse.Namespace) -> dict[str, object]:
     settings = load_settings(trainer.SETTINGS, args.config)
     settings = settings.smoked() if args.smoke else settings
     if args.data:
-        settings = msgspec.structs.replace(settings, data=str(args.data), group=args.group)
+        settings = msgspec.structs.replace(
+            settings,
+            data=str(args.data),
+            group=args.group,
+            channels=str(args.channels or ""),
+        )
     run = TrainingRun(
         args.out,
         name,

@@ -1,26 +1,31 @@
-"""A folder of measured recordings, as users bring it; :file:`models/diagnosis/DATASET.md` describes
-the format."""
+"""A folder of measured recordings, as users bring it; ``docs/recordings.md`` describes what it may
+hold."""
 
 from __future__ import annotations
 
-import csv
 import hashlib
-import math
-import zipfile
 from collections import Counter
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from models import readers
 from models.diagnosis.dataset import DatasetError
+from models.diagnosis.folder_table import DEFAULT_GROUP, Row, rows_of
+from models.readers import parquet
+from models.readers.assemble import Samples, assemble
+from models.readers.channel_map import FILE_NAME, ChannelMap, read_map
+from models.readers.signal_file import SignalFileError
 
-TABLE: Final = "recordings.csv"
-REQUIRED: Final = ("file", "label", "group", "rate_hz", "channels")
 LEAST_SAMPLES: Final = 64
+PROBLEMS_MOST: Final = 20
+"""Problems that are named one by one."""
+NORMAL: Final = "normal"
+"""Label of a machine in good order."""
 
 Floats = NDArray[np.float64]
 
@@ -28,7 +33,11 @@ Floats = NDArray[np.float64]
 @dataclass(frozen=True)
 class MeasuredRecording:
     """One recording: samples ``(n, channels)`` in SI, its label, the group that never crosses a
-    split, its machine."""
+    split, its machine.
+
+    ``units`` are SI, empty where not known; ``turns`` ``(n,)`` is the shaft's angle in turns, None
+    where neither mark nor speed is known.
+    """
 
     name: str
     samples: Floats
@@ -37,135 +46,200 @@ class MeasuredRecording:
     label: str
     group: str
     machine: str = ""
+    units: tuple[str, ...] = ()
+    turns: Floats | None = None
+    notes: tuple[str, ...] = ()
+    file: str = ""
+
+    @property
+    def fingerprint(self) -> str:
+        """Short name of the samples, by all of their content."""
+        return hashlib.sha256(np.ascontiguousarray(self.samples).tobytes()).hexdigest()[:16]
 
 
-def read_folder(folder: Path, group: str = "group") -> list[MeasuredRecording]:
+def read_folder(
+    folder: Path, group: str = DEFAULT_GROUP, channels: Path | None = None
+) -> list[MeasuredRecording]:
     """Recordings of ``folder``, in the order of its table.
 
     Parameters
     ----------
     group
         Column that tells what must not cross a split: ``group``, or another column of the table.
+    channels
+        Channel map; default: ``channels.toml`` of the folder, where it has one.
 
     Raises
     ------
     DatasetError
-        Names the file, the row, what is wrong and what to do.
+        Every problem at once, each with file, place, cause and next step.
     """
-    rows = list(_rows(folder, group))
-    if not rows:
-        raise DatasetError(f"{folder / TABLE}: names no recording; add a row for each file")
-    found = [_recording(folder, number, row, group) for number, row in rows]
-    _check_alike(found)
-    _check_spelling(found, group)
-    _check_labels(found, group)
-    _check_copies(found)
-    return found
+    found, problems = scan_folder(folder, group, channels)
+    problems = problems or list(_disagreements(found, group))
+    if problems:
+        raise DatasetError(listed(problems))
+    return named_normal(found)
 
 
-def _rows(folder: Path, group: str) -> Iterator[tuple[int, dict[str, str]]]:
-    path = folder / TABLE
+def scan_folder(
+    folder: Path, group: str = DEFAULT_GROUP, channels: Path | None = None
+) -> tuple[list[MeasuredRecording], list[str]]:
+    """What can be read, and what is wrong with the rest; as :func:`read_folder`, which refuses the
+    folder then."""
+    plan = plan_of(folder, channels)
+    if parquet.is_dataset(folder):
+        return _all(_stored(folder, group, plan))
+    rows, problems = rows_of(folder, group)
+    found, more = _all((row, _reading(folder, row, plan)) for row in rows)
+    return found, [*problems, *more]
+
+
+def plan_of(folder: Path, channels: Path | None) -> ChannelMap:
+    """The channel map of ``folder``.
+
+    Raises
+    ------
+    DatasetError
+        It is wrong, or the one named is not there.
+    """
+    path = channels or folder / FILE_NAME
+    if channels is None and not path.is_file():
+        return ChannelMap()
     try:
-        with path.open(newline="", encoding="utf-8") as stream:
-            reader = csv.DictReader(stream)
-            missing = [name for name in (*REQUIRED, group) if name not in (reader.fieldnames or ())]
-            if missing:
-                raise DatasetError(
-                    f"{path}: lacks the columns {', '.join(missing)}; see "
-                    f"models/diagnosis/DATASET.md"
-                )
-            yield from enumerate(reader, 2)
-    except (OSError, UnicodeDecodeError) as error:
-        raise DatasetError(
-            f"{path}: cannot be read ({error}); a dataset folder holds this table"
-        ) from error
+        return read_map(path)
+    except SignalFileError as error:
+        raise DatasetError(str(error)) from error
 
 
-def _recording(folder: Path, number: int, row: dict[str, str], group: str) -> MeasuredRecording:
-    place = f"{folder / TABLE}:{number}"
-    empty = [name for name in (*REQUIRED, group) if not (row.get(name) or "").strip()]
-    if empty:
-        raise DatasetError(f"{place}: {', '.join(empty)} is empty; fill it or drop the row")
-    channels = tuple(row["channels"].split())
+def listed(problems: Sequence[str]) -> str:
+    """All problems as one text; one alone stands without a head."""
+    each = [line for problem in problems for line in problem.splitlines()]
+    if len(each) == 1:
+        return each[0]
+    shown = [f"  {line}" for line in each[:PROBLEMS_MOST]]
+    more = [f"  and {len(each) - PROBLEMS_MOST} more"] if len(each) > PROBLEMS_MOST else []
+    return "\n".join([f"{len(each)} problems:", *shown, *more])
+
+
+def _all(
+    announced: Iterator[tuple[Row, Callable[[], Samples]]],
+) -> tuple[list[MeasuredRecording], list[str]]:
+    found: list[MeasuredRecording] = []
+    problems: list[str] = []
     try:
-        rate = float(row["rate_hz"])
-    except ValueError:
-        rate = math.nan
-    if not 0.0 < rate < math.inf:
-        raise DatasetError(
-            f"{place}: rate_hz = {row['rate_hz']}: not a sampling rate; give it in hertz"
-        )
-    samples = _samples(folder / row["file"], place)
-    if samples.ndim != 2 or samples.shape[1] != len(channels):
-        raise DatasetError(
-            f"{place}: {row['file']} has shape {samples.shape}, the table names {len(channels)} "
-            f"channels; "
-            "one column a channel, one row an instant"
-        )
-    if len(samples) < LEAST_SAMPLES:
-        raise DatasetError(
-            f"{place}: {row['file']} has {len(samples)} samples, at least {LEAST_SAMPLES} are "
-            f"needed"
-        )
-    bad = np.argwhere(~np.isfinite(samples))
-    if len(bad):
-        raise DatasetError(
-            f"{place}: {row['file']}: {len(bad)} samples are not finite, the first in row "
-            f"{bad[0][0]}, channel "
-            f"{channels[bad[0][1]]}; cut them out or drop the recording"
-        )
-    return MeasuredRecording(
-        row["file"],
-        samples,
-        rate,
-        channels,
-        row["label"].strip(),
-        row[group].strip(),
-        (row.get("machine") or "").strip(),
+        for row, make in announced:
+            try:
+                found.append(_recording(row, make()))
+            except SignalFileError as error:
+                problems += [f"{row.place}: {line}" for line in str(error).splitlines()]
+    except SignalFileError as error:
+        problems.append(str(error))
+    return found, problems
+
+
+def _reading(folder: Path, row: Row, plan: ChannelMap) -> Callable[[], Samples]:
+    return lambda: assemble(
+        readers.read(folder / row.file, plan.file),
+        plan,
+        rate_hz=row.rate_hz,
+        rpm=row.rpm,
+        span_s=row.span_s,
+        names=row.channels,
     )
 
 
-def _samples(path: Path, place: str) -> Floats:
-    """``samples`` of an .npz, or the columns of a .csv with one line of names."""
-    try:
-        if path.suffix == ".npz":
-            with np.load(path) as stored:
-                return np.asarray(stored["samples"], np.float64)
-        if path.suffix == ".csv":
-            return np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2)
-    except (OSError, KeyError, ValueError, zipfile.BadZipFile) as error:
-        raise DatasetError(
-            f"{place}: {path} cannot be read ({error}); see models/diagnosis/DATASET.md"
-        ) from error
-    raise DatasetError(f"{place}: {path.name}: neither .npz nor .csv; save it as one of them")
+def _stored(
+    folder: Path, group: str, plan: ChannelMap
+) -> Iterator[tuple[Row, Callable[[], Samples]]]:
+    """The recordings of a Parquet data set: ``fault_type`` is the label, ``bearing_id`` the group
+    where there is one."""
+    for each in parquet.recordings(folder):
+        row, name = each.row, str(each.file.path.name)
+        column = "bearing_id" if group == DEFAULT_GROUP and "bearing_id" in row else group
+        if column not in row and group != DEFAULT_GROUP:
+            raise SignalFileError(
+                f"{folder / parquet.METADATA}: lacks the column {group}; it has {', '.join(row)}"
+            )
+        rpm = row.get("speed_rpm")
+        yield (
+            Row(
+                f"{folder.name}/{name}",
+                name,
+                str(row["fault_type"]),
+                str(row.get(column, name)),
+                str(row.get("dataset", "")),
+                rpm=float(rpm) if rpm else None,
+            ),
+            lambda file=each.file, rpm=rpm: assemble(  # type: ignore[misc]
+                file, plan, rpm=float(rpm) if rpm else None
+            ),
+        )
 
 
-def _check_alike(found: list[MeasuredRecording]) -> None:
-    """Refuse mixed rates and channels: features of one are not those of another."""
-    for what in ("rate_hz", "channels"):
+def _recording(row: Row, samples: Samples) -> MeasuredRecording:
+    if len(samples.values) < LEAST_SAMPLES:
+        raise SignalFileError(
+            f"{row.file} has {len(samples.values)} samples, at least {LEAST_SAMPLES} are needed"
+        )
+    name = row.file
+    if row.span_s[0] > 0.0 or row.span_s[1] < np.inf:
+        name = f"{row.file} from {row.span_s[0]:g} s"
+    return MeasuredRecording(
+        name,
+        samples.values,
+        samples.rate_hz,
+        samples.names,
+        row.label,
+        row.group,
+        row.machine,
+        samples.units,
+        samples.turns,
+        samples.notes,
+        row.file,
+    )
+
+
+def _disagreements(found: list[MeasuredRecording], group: str) -> Iterator[str]:
+    """What does not fit together, first things first."""
+    checks = (_alike, _spelling, _labels, _copies)
+    for check in checks:
+        problems = list(check(found, group))
+        yield from problems
+        if problems:
+            return
+
+
+def _alike(found: list[MeasuredRecording], group: str) -> Iterator[str]:
+    """Mixed rates, channels and units: features of one are not those of another."""
+    for what, words in (
+        ("channels", "bring all to one in channels.toml, or make a folder for each"),
+        ("units", "say the unit of each channel in channels.toml"),
+        ("rate_hz", "bring all to one: resample_hz = {least} under [file] in channels.toml"),
+    ):
         values = Counter(getattr(recording, what) for recording in found)
-        if len(values) > 1:
-            odd = next(r for r in found if getattr(r, what) != values.most_common(1)[0][0])
-            raise DatasetError(
-                f"{odd.name}: {what} = {getattr(odd, what)}, most recordings have "
-                f"{values.most_common(1)[0][0]}; "
-                "bring all to one, or make a folder for each"
+        if len(values) < 2:
+            continue
+        usual = values.most_common(1)[0][0]
+        least = f"{min(r.rate_hz for r in found):g}"
+        for odd in (r for r in found if getattr(r, what) != usual):
+            yield (
+                f"{odd.name}: {what} = {getattr(odd, what)}, most recordings have {usual}; "
+                f"{words.format(least=least)}"
             )
 
 
-def _check_spelling(found: list[MeasuredRecording], group: str) -> None:
-    """Refuse labels and groups that a person means as one: 20 and 20.0 would stand on both sides of
-    a split."""
+def _spelling(found: list[MeasuredRecording], group: str) -> Iterator[str]:
+    """Labels and groups that a person means as one: 20 and 20.0 would stand on both sides of a
+    split."""
     for what, column in (("label", "label"), ("group", group)):
         spelled: dict[str, str] = {}
         for recording in found:
             value = getattr(recording, what)
             other = spelled.setdefault(_meant(value), value)
             if other != value:
-                raise DatasetError(
+                yield (
                     f"{recording.name}: {column} {value!r}, another recording has {other!r}: spell "
-                    f"them "
-                    "alike if they are one, or tell them apart by more"
+                    "them alike if they are one, or tell them apart by more"
                 )
 
 
@@ -177,38 +251,46 @@ def _meant(value: str) -> str:
         return " ".join(value.casefold().replace("_", " ").replace("-", " ").split())
 
 
-def _check_copies(found: list[MeasuredRecording]) -> None:
-    """Refuse the same samples twice: under two labels one is wrong, under two groups both sides
-    would hold them."""
-    seen: dict[bytes, MeasuredRecording] = {}
+def _copies(found: list[MeasuredRecording], group: str) -> Iterator[str]:
+    """The same samples twice: under two labels one is wrong, under two groups both sides would hold
+    them."""
+    seen: dict[str, MeasuredRecording] = {}
     for recording in found:
-        first = seen.setdefault(hashlib.sha256(recording.samples.tobytes()).digest(), recording)
+        first = seen.setdefault(recording.fingerprint, recording)
         if first is not recording:
-            raise DatasetError(
+            yield (
                 f"{recording.name}: the same samples as {first.name} (label {first.label}, group "
                 f"{first.group}); keep one of them"
             )
 
 
-def _check_labels(found: list[MeasuredRecording], group: str) -> None:
-    names = Counter(recording.name for recording in found)
-    twice = [name for name, count in names.items() if count > 1]
-    if twice:
-        raise DatasetError(
-            f"{twice[0]}: stands {names[twice[0]]} times in the table; each file once, with one "
-            f"label"
-        )
+def _labels(found: list[MeasuredRecording], group: str) -> Iterator[str]:
+    for name, count in Counter(recording.name for recording in found).items():
+        if count > 1:
+            yield f"{name}: stands {count} times in the table; each file once, with one label"
+    groups_of: dict[str, str] = {}
+    for each in found:
+        other = groups_of.setdefault(each.file or each.name, each.group)
+        if other != each.group:
+            yield (
+                f"{each.file}: parts of it stand in the groups {other} and {each.group}, on both "
+                "sides of a split; give all parts of a file one group"
+            )
     labels = Counter(recording.label for recording in found)
-    if len(labels) < 2:
-        raise DatasetError(
-            f"only one label ({found[0].label}): there is nothing to tell apart; add another class"
+    if len(labels) < 2 and found[0].label.casefold() != NORMAL:
+        yield (
+            f"only one label ({found[0].label}): there is nothing to tell apart; add another "
+            f"class, or call it {NORMAL!r} to detect what differs from it"
         )
     for label, count in labels.items():
         if count < 2:
-            raise DatasetError(
-                f"label {label} has {count} recording, 2 are needed: record more or leave it out"
-            )
+            yield f"label {label} has {count} recording, 2 are needed: record more or leave it out"
     if len({recording.group for recording in found}) < 2:
-        raise DatasetError(
-            f"only one {group} ({found[0].group}): nothing can be left out for judging"
-        )
+        yield f"only one {group} ({found[0].group}): nothing can be left out for judging"
+
+
+def named_normal(found: list[MeasuredRecording]) -> list[MeasuredRecording]:
+    """The same with the label of healthy machines spelled as :data:`NORMAL`."""
+    return [
+        replace(each, label=NORMAL) if each.label.casefold() == NORMAL else each for each in found
+    ]

@@ -27,6 +27,7 @@ class MeasuredSettings(TrainerSettings, frozen=True):
 
     data: str = ""
     group: str = "group"
+    channels: str = ""
     rungs: tuple[str, ...] = tuple(measured.RUNGS)
 
     def smoked(self) -> MeasuredSettings:
@@ -58,7 +59,11 @@ class MeasuredGraph(nn.Module):
 def train(run: TrainingRun, settings: MeasuredSettings) -> dict[str, object]:
     """Judge by leaving groups out, then train the rung that all groups choose on everything and
     export it."""
-    found = read_folder(Path(settings.data), settings.group)
+    found = read_folder(
+        Path(settings.data),
+        settings.group,
+        Path(settings.channels) if settings.channels else None,
+    )
     data = windows_of(found)
     rungs = {name: measured.RUNGS[name] for name in settings.rungs}
     report = measured.evaluate(data, run.seed, rungs) | {

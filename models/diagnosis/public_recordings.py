@@ -1,5 +1,5 @@
 """Public recordings of measured machines, written as dataset folders
-(:file:`models/diagnosis/DATASET.md`).
+(:file:`docs/recordings.md`).
 
 ``python -m models.diagnosis.public_recordings DATA OUT``: ``DATA`` holds ``fan_unbalance`` and
 ``motor_audio_vibration`` with their READMEs, which name origin and licence.  Writes ``OUT/fan``,
@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from models.diagnosis.dataset_folder import TABLE
+from models.diagnosis.folder_table import TABLE
 
 AXES = "acc_x acc_y acc_z"
 VIBRATION_HZ = 99.5

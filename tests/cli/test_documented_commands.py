@@ -20,7 +20,6 @@ DOCUMENTS = [
     ROOT / "README.md",
     *sorted((ROOT / "deploy").glob("*.md")),
     *sorted((ROOT / "docs").glob("*.md")),
-    ROOT / "models/diagnosis/DATASET.md",
     ROOT / "Makefile",
 ]
 COMMAND = re.compile(r"(?:^|/|\s)(?<!-aG )(?<!--gid )orbitd ((?:[a-z]|--)\S*(?: .*)?)$")
