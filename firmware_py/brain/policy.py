@@ -1,11 +1,9 @@
 """The policy: the actor proposes a clearance, the predictor checks it, and the reasons are written
 down (AG).
 
-A clearance is good when the guard admits it, the expected minimum film and damping ratio keep their
-limits with a reserve, and the peak-to-peak stays below its share of the smaller of present and new
-clearance.  If the actor's proposal is not good, the good candidate with the least expected power is
-advised instead, or the safe clearance when there is none; the forecast says so.  Pessimism about
-load and oil is the guard's part. Without models, fresh samples or a clear diagnosis there is no
+If the actor's proposal is not good (:mod:`firmware_py.brain.overrule`), the good candidate with the
+least expected power that the guard admits is advised instead, or the safe clearance when there is
+none; the forecast says so. Without models, fresh samples or a clear diagnosis there is no
 proposal, and every reason is given; an advice with reasons against itself is one that nobody may
 act on.
 """
@@ -25,6 +23,7 @@ from firmware_py.brain.errors import ModelAnswerError
 from firmware_py.brain.estimate import Estimate
 from firmware_py.brain.measurement import Measured
 from firmware_py.brain.observation import Present, window_measured
+from firmware_py.brain.overrule import OverruleLimits, choose
 from firmware_py.brain.prediction import CANDIDATES, HORIZON_S, Outlook, Predictor, PredictorState
 from firmware_py.brain.store import OBSERVATION, Model, Models
 from firmware_py.config import Config
@@ -35,10 +34,6 @@ SAMPLE_AGE_MAX_NS: Final = 150_000_000
 DIAGNOSIS_AGE_MAX_NS: Final = 1_500_000_000
 UNKNOWN_MAX_S: Final = 3.0
 """An unknown state withholds the advice when it has stood this long."""
-
-FILM_RESERVE_M: Final = 5e-7
-WHIRL_RESERVE: Final = 0.03
-"""What the expected film and damping ratio must have above their limits."""
 
 _NEEDED_CHANNELS: Final = ("disp_x", "disp_y", "supply_pressure")
 
@@ -84,6 +79,7 @@ class Policy:
 
     def __init__(self, models: Models, config: Config) -> None:
         self._config = config
+        self._limits = OverruleLimits.of(config)
         self._models = models
         self._predictor = (
             Predictor(models.surrogate, config, models.factors) if models.surrogate else None
@@ -164,9 +160,10 @@ class Policy:
             outlook = predictor.forecast(
                 measured, estimate, np.append(self._candidates(guard), wish_m)
             )
-            chosen_m, overruled = self._check(
-                wish_m, present.clearance_m, outlook, _interval(guard)
+            chosen_m, overruled = choose(
+                outlook, present.clearance_m, _interval(guard), self._limits
             )
+            self.counters["proposals_overruled"] += bool(overruled)
         self.counters["proposals" if chosen_m is not None else "proposals_withheld"] += 1
         expected_m, expectation = self._future(present, guard, chosen_m)
         forecast = predictor.forecast(measured, estimate, np.array([expected_m]))
@@ -228,64 +225,6 @@ class Policy:
         """Clearances (m) from which a better one than the actor's is chosen: they span what is
         admitted."""
         return np.linspace(*self._admitted(guard), CANDIDATES)
-
-    def _check(
-        self, wish_m: float, present_m: float, outlook: Outlook, interval_m: tuple[float, float]
-    ) -> tuple[float, str]:
-        """The wish if its forecast is good, else the best good candidate, else the safe value; and
-        why."""
-        good = self.good(outlook, present_m)
-        if good[-1]:
-            return wish_m, ""
-        self.counters["proposals_overruled"] += 1
-        overruled = (
-            f"actor's {wish_m * 1e6:.0f} um overruled: {self._fault(outlook, -1, present_m)}"
-        )
-        low_m, high_m = interval_m
-        inside = (outlook.clearance_m >= low_m) & (outlook.clearance_m <= high_m)
-        candidates = np.flatnonzero((good & inside)[:-1])
-        if not len(candidates):
-            return (
-                self._config.machine.actuator.safe_radial_clearance_um * 1e-6,
-                f"{overruled}; no candidate is good",
-            )
-        best = candidates[np.argmin(outlook.power_W[candidates, 1])]
-        return float(outlook.clearance_m[best]), overruled
-
-    def _rooms(self, outlook: Outlook, present_m: float) -> tuple[Floats, Floats, Floats]:
-        """By how much film (m), damping ratio and peak-to-peak (m) of each clearance keep their
-        limits."""
-        limits = self._config.limits
-        film = outlook.min_film_m[:, 1] - limits.min_film_um * 1e-6 - FILM_RESERVE_M
-        swing = limits.clearance_share * np.minimum(outlook.clearance_m, present_m)
-        return (
-            film,
-            outlook.whirl_margin[:, 1] - WHIRL_RESERVE,
-            swing - outlook.peak_to_peak_m[:, 1] - outlook.residual_m,
-        )
-
-    def good(self, outlook: Outlook, present_m: float) -> NDArray[np.bool_]:
-        """Which clearances of ``outlook`` are good, shape (n,)."""
-        film, whirl, swing = self._rooms(outlook, present_m)
-        return np.asarray(outlook.possible & (film >= 0) & (whirl >= 0) & (swing >= 0))
-
-    def _fault(self, outlook: Outlook, index: int, present_m: float) -> str:
-        """What is not good about one clearance."""
-        film, whirl, swing = (float(room[index]) for room in self._rooms(outlook, present_m))
-        film_um, swing_um = (
-            outlook.min_film_m[index, 1] * 1e6,
-            outlook.peak_to_peak_m[index, 1] * 1e6,
-        )
-        checks = [
-            (bool(outlook.possible[index]), "the film may not carry the load"),
-            (film >= 0, f"minimum film {film_um:.1f} um is {-film * 1e6:.1f} short"),
-            (
-                whirl >= 0,
-                f"damping ratio {outlook.whirl_margin[index, 1]:.2f} is {-whirl:.2f} short",
-            ),
-            (swing >= 0, f"peak-to-peak {swing_um:.1f} um is {-swing * 1e6:.1f} too much"),
-        ]
-        return ", ".join(text for holds, text in checks if not holds)
 
     def _future(
         self, present: Present, guard: GuardState | None, wish_m: float | None

@@ -3,7 +3,7 @@ cheapest good one wins.
 
 Each rotor has its predictor, synchronised from the same observations as every other policy.  A
 candidate is good where the brain's policy would call it good
-(:meth:`firmware_py.brain.policy.Policy.good`) as the machine runs now, and also after
+(:func:`firmware_py.brain.overrule.good`) as the machine runs now, and also after
 :data:`AHEAD_S` of the fastest unannounced ramps, light and fast as well as slow and heavy.
 """
 
@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_py.brain.measurement import Measured
-from firmware_py.brain.policy import Policy as BrainPolicy
+from firmware_py.brain.overrule import OverruleLimits, good
 from firmware_py.brain.prediction import HELD, Future, Predictor
-from firmware_py.brain.store import Models, load_factors, load_model
+from firmware_py.brain.store import load_factors, load_model
 from models.control.shielded import Observation, column, shipped_config
 from sim_hil.control_task import CONTROL_S
 
@@ -48,9 +48,9 @@ class ModelPredictive:
         """Predictors that know nothing yet."""
         config = shipped_config(self._rig)
         model = load_model("surrogate", config)
-        self._config, self._good = config, BrainPolicy(Models(surrogate=model), config).good
+        self._config, self._limits = config, OverruleLimits.of(config)
         self._predictors = [Predictor(model, config, load_factors(config)) for _ in range(count)]
-        self._safe_m, self._step = 1e-6 * config.machine.actuator.safe_radial_clearance_um, 0
+        self._step = 0
 
     def __call__(self, observation: Observation) -> Floats:
         """As :class:`models.control.episodes.SettingPolicy`."""
@@ -64,10 +64,10 @@ class ModelPredictive:
         left, power = predictor.candidates_m, np.empty(0)
         for future in (*self._ramps(measured), HELD):
             outlook = predictor.forecast(measured, estimate, left, future)
-            good = self._good(outlook, measured.clearance_m)
-            if not good.any():
-                return self._safe_m
-            left, power = left[good], outlook.power_W[good, 1]
+            keeps = good(outlook, measured.clearance_m, self._limits)
+            if not keeps.any():
+                return self._limits.safe_m
+            left, power = left[keeps], outlook.power_W[keeps, 1]
         return float(left[np.argmin(power)])
 
     def _ramps(self, measured: Measured) -> list[Future]:
