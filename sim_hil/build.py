@@ -34,6 +34,8 @@ class Build:
     ``bolt``: stiffness factors of the four pedestal and four motor bolts.  ``bolt_gap_m``: how far
     each would back off when loose.  ``gain``, ``zero``: calibration of the channels, SI.
     ``runout_m``: amplitude of the two displacement probes in orders 1 to 3, shape (2, 3).
+    ``supply_delay``: of dead time, lag and slowness of the supply pressure; ``pump``: of what the
+    pump gives and of the hold-up.
     """
 
     mass: float
@@ -56,6 +58,8 @@ class Build:
     room_Pa: float
     excitation: float
     motor_angle_rad: float
+    supply_delay: float = 1.0
+    pump: float = 1.0
 
     @classmethod
     def nominal(cls, rig: RigData) -> Build:
@@ -81,6 +85,8 @@ class Build:
             return np.exp(rng.uniform(math.log(low), math.log(high), size))
 
         gain, zero = _calibration(rig.channels, rng)
+        # numbers of their own: what was drawn from a seed before there was a supply stays the same
+        supply = rng.spawn(1)[0].uniform(-1.0, 1.0, 2).tolist()
         return cls(
             mass=around(spread.mass_share),
             inertia=around(spread.inertia_share),
@@ -111,6 +117,8 @@ class Build:
             room_Pa=_REFERENCE_PA * 10 ** (float(rng.uniform(*_ROOM_DB)) / 20),
             excitation=float(log_uniform(0.5, 2.0)),
             motor_angle_rad=float(rng.uniform(0, 2 * math.pi)),
+            supply_delay=1.0 + supply[0] * rig.supply.error_share,
+            pump=1.0 + supply[1] * rig.supply.pump_error_share,
         )
 
     @classmethod

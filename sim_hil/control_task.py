@@ -60,10 +60,11 @@ class ActionError(OrbitdError, ValueError):
 class EpisodeLimits:
     """Constraints and the weight of their violation in the reward (per step, at 100 % excess).
 
-    Film, trip and swing are the published duty's.  The two of the oil count
-    where the supply pressure is an action: the outlet may be as hot as ``oil.film_max_C`` of the
-    shipped configuration, up to which the guard's laws hold; the least flow, 0.05 L/min, is assumed
+    Film and trip are those of rig `bench`, the swing that of the published duty.  The two of the
+    oil count where the supply pressure is an action: the outlet may be as hot as the hottest film
+    that the rig declares, up to which the guard's laws hold; the least flow, 0.05 L/min, is assumed
     (no reference file names one): what a flow switch in such a line tells from none.
+    :meth:`of_rig` makes them for any rig.
     """
 
     min_film_m: float = 10e-6
@@ -76,25 +77,44 @@ class EpisodeLimits:
     oil_weight: float = 5.0
     trip_reward: float = -20.0
 
+    @classmethod
+    def of_rig(cls, rig: RigData) -> EpisodeLimits:
+        """The smallest film that the device of ``rig`` is to keep, half of it as the trip, and the
+        hottest film."""
+        return cls(
+            min_film_m=rig.min_film_m,
+            trip_film_m=0.5 * rig.min_film_m,
+            max_outlet_C=rig.oil.hottest_C,
+        )
+
 
 @dataclass(frozen=True)
 class Disturbances:
     """What an episode may bring beside the spread of builds (``simulation.toml``); everything uniform in
     its range.
 
-    Speed and load hold and ramp (:meth:`Duty.random`).  The oil inlet drifts from one temperature
-    in ``inlet_C`` to another over the episode.  In a share ``developing`` of the episodes one fault
+    Speed and load hold and ramp (:meth:`Duty.random`), no faster than the rig's may without being
+    announced.  The oil inlet drifts from one temperature in ``inlet_C`` to another over the
+    episode.  None: that of the rig.  In a share ``developing`` of the episodes one fault
     grows from nothing at a random instant to its end: unbalance to a grade in ``unbalance_G``, or
     radial wear to a length in ``wear_m``.
     """
 
     hold_s: tuple[float, float] = (3.0, 8.0)
-    load_rate_N_s: float = 50.0
-    speed_rate_rpm_s: float = 2000.0
-    inlet_C: tuple[float, float] = (35.0, 45.0)
+    load_rate_N_s: float | None = None
+    speed_rate_rpm_s: float | None = None
+    inlet_C: tuple[float, float] | None = None
     developing: float = 0.2
     unbalance_G: tuple[float, float] = (6.3, 16.0)
     wear_m: tuple[float, float] = (0.0, 3e-6)
+
+    def ramps(self, rig: RigData) -> tuple[float, float]:
+        """Fastest ramps of load, N/s, and speed, rpm/s."""
+        load, speed = self.load_rate_N_s, self.speed_rate_rpm_s
+        return (
+            rig.load_ramp_N_s if load is None else load,
+            rig.speed_ramp_rpm_s if speed is None else speed,
+        )
 
 
 @dataclass(frozen=True)
@@ -136,14 +156,15 @@ class Episode:
         """An episode of the declared set; the start is a clearance from the smallest to the nominal
         one."""
         d, b, most = disturbances, rig.bearing, rig.errors
+        ramps, inlet_C = disturbances.ramps(rig), disturbances.inlet_C or rig.oil.episodes_C
         build = build or Build.draw(rig, rng)
         duty = duty or Duty.random(
             rig,
             rng,
             seconds,
             hold_s=d.hold_s,
-            load_rate_N_s=d.load_rate_N_s,
-            speed_rate_rpm_s=d.speed_rate_rpm_s,
+            load_rate_N_s=ramps[0],
+            speed_rate_rpm_s=ramps[1],
         )
         growths = {"unbalance_kg_m": Growth(), "wear_m": Growth()}
         if rng.random() < d.developing:
@@ -159,7 +180,7 @@ class Episode:
             build=build,
             duty=duty,
             clearance_m=float(rng.uniform(b.clearance_min_m, b.clearance_nominal_m)),
-            inlet_C=(float(rng.uniform(*d.inlet_C)), float(rng.uniform(*d.inlet_C))),
+            inlet_C=(float(rng.uniform(*inlet_C)), float(rng.uniform(*inlet_C))),
             seconds=seconds,
             power_error_W=float(rng.uniform(-most.shaft_power_W, most.shaft_power_W)),
             oil_error_C=float(rng.uniform(-most.oil_C, most.oil_C)),
@@ -260,10 +281,10 @@ def judge(
     }
 
 
-def shaft_xy(probes: Floats) -> Floats:
-    """Probe signals at 45 and 135 degrees, shape (..., 2), as x (right) and y (up)."""
-    x, y = probes[..., 0] - probes[..., 1], probes[..., 0] + probes[..., 1]
-    return np.stack([x, y], axis=-1) * math.sqrt(0.5)
+def shaft_xy(look: Floats, probes: Floats) -> Floats:
+    """Probe signals, shape (..., 2), as x (right) and y (up); ``look`` are the probes' directions, a
+    row each."""
+    return np.asarray(probes @ np.linalg.inv(look).T)
 
 
 def subsynchronous_share(orbit: Floats, rate_hz: float, speed_rad_s: Floats) -> Floats:

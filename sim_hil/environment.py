@@ -58,7 +58,7 @@ class RotorEnv(gymnasium.Env[Observation, Observation]):
     Parameters
     ----------
     rig
-        ``bench`` or ``seed``.
+        A shipped rig, a rig folder, or its figures.
     episode_s
         Length of an episode, s.
     duty, build
@@ -70,7 +70,7 @@ class RotorEnv(gymnasium.Env[Observation, Observation]):
 
     def __init__(
         self,
-        rig: str = "bench",
+        rig: str | RigData = "bench",
         episode_s: float = 30.0,
         duty: Duty | None = None,
         build: Build | None = None,
@@ -78,8 +78,8 @@ class RotorEnv(gymnasium.Env[Observation, Observation]):
         pressure: bool = False,
         disturbances: Disturbances | None = None,
     ) -> None:
-        self.rig: RigData = load_rig(rig)
-        self.limits = limits or EpisodeLimits()
+        self.rig = rig if isinstance(rig, RigData) else load_rig(rig)
+        self.limits = limits or EpisodeLimits.of_rig(self.rig)
         self.disturbances = disturbances or Disturbances()
         self.pressure = pressure
         self._steps = round(episode_s / CONTROL_S)
@@ -183,7 +183,7 @@ class RotorEnv(gymnasium.Env[Observation, Observation]):
             + self.episode.power_error_W
         )
         measured = units(batch.counts, scales_of(self.rig))
-        orbit = shaft_xy(measured[:, :2])
+        orbit = shaft_xy(self.rig.probes, measured[:, :2])
         self._history = np.concatenate([self._history, orbit])[
             -round(WINDOW_S * self._machine.rate_hz) :
         ]

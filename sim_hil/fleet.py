@@ -18,7 +18,6 @@ from sim_hil.rotor.parameters import Floats
 from sim_hil.rotor.rigid import RENEW_STEPS, advance_rotor
 
 STEP_S: Final = 200e-6
-_DIAGONAL: Final = math.sqrt(0.5)
 
 FIGURES: Final = (
     "eccentricity_x_m", "eccentricity_y_m", "peak_to_peak_x_m", "peak_to_peak_y_m",
@@ -77,7 +76,13 @@ def _runout(probe: Floats, c1: float, s1: float) -> float:
 
 @allocating
 def measure_orbits(
-    out: Floats, probe: Floats, noise: Floats, which: Numbers, orbit: Floats, figures: Floats
+    out: Floats,
+    look: Floats,
+    probe: Floats,
+    noise: Floats,
+    which: Numbers,
+    orbit: Floats,
+    figures: Floats,
 ) -> None:
     """Journals as their probes show them, and the true figures of their step.
 
@@ -85,9 +90,11 @@ def measure_orbits(
     ----------
     out
         What :func:`advance_fleet` wrote, shape (n, periods, 11).
+    look
+        Directions of the two probes, a row each, shape (2, 2).
     probe
-        Of the probes at 45 and 135 degrees: gain, zero, m, and runout of orders 1 to 3, m, real
-        then imaginary parts of ``R exp(i k angle)``, shape (n, 2, 8).
+        Of the two probes: gain, zero, m, and runout of orders 1 to 3, m, real then imaginary parts
+        of ``R exp(i k angle)``, shape (n, 2, 8).
     noise
         Of the two probes for ``which``, m, shape (len(which), periods, 2).
     orbit
@@ -96,6 +103,7 @@ def measure_orbits(
         Written for ``which``: FIGURES, shape (n, 8).
     """
     n = out.shape[1]
+    across = look[0, 0] * look[1, 1] - look[0, 1] * look[1, 0]
     for k, r in enumerate(which):
         first, second, rows, to = probe[r, 0], probe[r, 1], out[r], figures[r]
         low, high = (
@@ -112,11 +120,11 @@ def measure_orbits(
                 power + rows[i, 6],
             )
             c1, s1 = math.cos(angle), math.sin(angle)
-            at_45 = first[0] * (_DIAGONAL * (x + y) + _runout(first, c1, s1)) + first[1]
-            at_135 = second[0] * (_DIAGONAL * (y - x) + _runout(second, c1, s1)) + second[1]
-            at_45 += noise[k, i, 0]
-            at_135 += noise[k, i, 1]
-            sx, sy = _DIAGONAL * (at_45 - at_135), _DIAGONAL * (at_45 + at_135)
+            true_a, true_b = look[0, 0] * x + look[0, 1] * y, look[1, 0] * x + look[1, 1] * y
+            a = first[0] * (true_a + _runout(first, c1, s1)) + first[1] + noise[k, i, 0]
+            b = second[0] * (true_b + _runout(second, c1, s1)) + second[1] + noise[k, i, 1]
+            sx = (look[1, 1] * a - look[0, 1] * b) / across
+            sy = (look[0, 0] * b - look[1, 0] * a) / across
             orbit[r, i, 0], orbit[r, i, 1] = sx, sy
             sum_x, sum_y = sum_x + sx, sum_y + sy
             low = (min(low[0], sx), min(low[1], sy), min(low[2], x), min(low[3], y))

@@ -37,7 +37,6 @@ from sim_hil.faults.actuator import Reach, reached
 from sim_hil.machine import Batch, SimulatedMachine, TrueReadings
 from sim_hil.node import Node, NodeLimits
 from sim_hil.rigs import RigData
-from sim_hil.rotor.assembly import PRESSURE_TIME_CONSTANT_S
 from sim_hil.rotor.parameters import TRUTH_COLUMNS
 from sim_hil.sampler import COUNTERS, TICKS, Sampler
 from sim_hil.truth import RigTruth, TruthKeeper
@@ -333,7 +332,7 @@ class Rig:
             pressure_min_bar=limits.pressure_bar[0],
             pressure_max_bar=limits.pressure_bar[1],
             clearance_lag_ms=round(rig.actuator.time_constant_s * 1e3),
-            pressure_lag_ms=round(PRESSURE_TIME_CONSTANT_S * 1e3),
+            pressure_lag_ms=round((rig.supply.dead_time_s + rig.supply.time_constant_s) * 1e3),
             drive_time_to_live_ms=self._drive_link.time_to_live_ms,
             speed_min_rpm=self._drive_link.speed_rpm[0],
             speed_max_rpm=self._drive_link.speed_rpm[1],

@@ -52,7 +52,7 @@ from sim_hil.fleet import (
     records,
     static_loads,
 )
-from sim_hil.rigs import load_rig
+from sim_hil.rigs import RigData, load_rig
 from sim_hil.rotor.assembly import assemble, rig_film
 from sim_hil.rotor.film_law import Law
 from sim_hil.rotor.parameters import (
@@ -99,7 +99,7 @@ class RotorVectorEnv(gymnasium.vector.VectorEnv[Observation, Observation, NDArra
     def __init__(
         self,
         num_envs: int = 8,
-        rig: str = "bench",
+        rig: str | RigData = "bench",
         episode_s: float = 30.0,
         duty: Duty | None = None,
         build: Build | None = None,
@@ -108,9 +108,12 @@ class RotorVectorEnv(gymnasium.vector.VectorEnv[Observation, Observation, NDArra
         disturbances: Disturbances | None = None,
         law: Law | None = None,
     ) -> None:
-        self.num_envs, self.rig, self.pressure = num_envs, load_rig(rig), pressure
+        self.num_envs, self.pressure = num_envs, pressure
+        self.rig = rig if isinstance(rig, RigData) else load_rig(rig)
+        self._look = self.rig.probes
         self._probe_noise_m = np.array([c.noise_rms for c in self.rig.channels[:2]])
-        self.limits, self.disturbances = limits or EpisodeLimits(), disturbances or Disturbances()
+        self.limits = limits or EpisodeLimits.of_rig(self.rig)
+        self.disturbances = disturbances or Disturbances()
         self.single_observation_space, self.single_action_space = spaces(pressure)
         self.observation_space = gymnasium.vector.utils.batch_space(
             self.single_observation_space, num_envs
@@ -242,7 +245,7 @@ class RotorVectorEnv(gymnasium.vector.VectorEnv[Observation, Observation, NDArra
             )
         noise = np.stack([self._random[i].standard_normal((_PERIODS, 2)) for i in which])
         noise *= self._probe_noise_m
-        measure_orbits(self._out, self._probe, noise, which, self._orbit, self._figures)
+        measure_orbits(self._out, self._look, self._probe, noise, which, self._orbit, self._figures)
 
     def _figure(self, name: str) -> Floats:
         return self._figures[:, FIGURES.index(name)].copy()

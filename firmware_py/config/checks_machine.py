@@ -11,6 +11,7 @@ from firmware_py.config.convert import Found
 from firmware_py.config.schema import Config
 from firmware_py.machine import Machine
 from firmware_py.machine.parts import monitor_only
+from firmware_py.machine.supply import flow_most_m3_s, held_s, retreat_s, source_bar
 from firmware_py.machine.values import MachineTable
 
 SAME_ROTOR: Final = (0.5, 2.0)
@@ -18,6 +19,8 @@ SAME_ROTOR: Final = (0.5, 2.0)
 
 DRAWING: Final = ("mass_kg", "diametral_inertia_kg_m2", "coupling_to_cg_m", "bearing_to_cg_m")
 """Keys of ``rotor`` from which its effective mass follows."""
+
+PUMP: Final = ("pump_shut_off_bar", "pump_flow_max_m3_s")
 
 GROOVE: Final = ("groove_angle_deg", "groove_width_deg", "groove_length_share")
 
@@ -102,6 +105,46 @@ def _nominal_pressure(config: Config) -> Iterator[Found]:
         )
 
 
+def _pump(config: Config) -> Iterator[Found]:
+    """The pump is described whole, and keeps the greatest pressure at the film's greatest flow."""
+    feed = config.machine.feed
+    given = [getattr(feed, key) is not None for key in PUMP]
+    if any(given) and not all(given):
+        key = PUMP[given.index(False)]
+        yield f"machine.feed.{key}", None, f"missing beside {PUMP[given.index(True)]}; set it"
+    least_bar = source_bar(config.machine)
+    if least_bar < feed.pressure_max_bar:
+        yield (
+            "machine.feed.pressure_max_bar",
+            feed.pressure_max_bar,
+            f"the pump gives {least_bar:.3g} bar at the film's greatest flow of "
+            f"{flow_most_m3_s(config.machine):.3g} m3/s (machine.feed.pump_shut_off_bar, "
+            "pump_flow_max_m3_s, pump_error_share); lower it, or take a larger pump",
+        )
+
+
+def _full_film(config: Config) -> Iterator[Found]:
+    full_bar, least_bar = config.machine.feed.full_film_bar, config.machine.feed.pressure_min_bar
+    if full_bar is not None and full_bar >= least_bar:
+        cause = f"not below machine.feed.pressure_min_bar ({least_bar:g}); lower it"
+        yield "machine.feed.full_film_bar", full_bar, cause
+
+
+def _hold_up(config: Config) -> Iterator[Found]:
+    """Where there is a hold-up, the film stays full from the alert on until the retreat is done."""
+    feed, alert_bar = config.machine.feed, config.oil_pressure_limits_bar[0]
+    held, needed = held_s(feed, alert_bar), retreat_s(config.machine)
+    if feed.hold_up_s > 0.0 and held < needed:
+        yield (
+            "machine.feed.hold_up_s",
+            feed.hold_up_s,
+            f"after the loss of the pump the film stays full for {held:.3g} s from the alert at "
+            f"{alert_bar:g} bar on (machine.feed.full_film_bar, pump_error_share), and the retreat "
+            f"takes {needed:.3g} s (machine.actuator.rate_um_s); raise "
+            "limits.oil_pressure_low_alert_bar, or take a larger accumulator",
+        )
+
+
 def _ranges(config: Config) -> Iterator[Found]:
     for i, c in enumerate(config.machine.channel):
         low, high = c.range_low, c.range_high
@@ -119,5 +162,8 @@ MACHINE_CHECKS: Final[tuple[Callable[[Config], Iterator[Found]], ...]] = (
     _mode,
     _groove_drawn,
     _nominal_pressure,
+    _pump,
+    _full_film,
+    _hold_up,
     _ranges,
 )

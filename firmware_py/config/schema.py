@@ -8,6 +8,7 @@ import msgspec
 from msgspec import Meta
 
 from firmware_py.machine import Machine, values
+from firmware_py.machine.supply import full_film_bar
 from firmware_py.machine.values import Name, PressureBar, Section, SpeedRpm, Word
 from firmware_py.records import Mode
 
@@ -36,9 +37,8 @@ AccelerationMS2 = Annotated[float, Meta(ge=0.1, le=3000.0)]
 """Rms; no housing that shakes by 300 g stays whole."""
 
 OIL_ALERT_SHARE: Final = 0.8
-OIL_DANGER_SHARE: Final = 0.5
-"""Limits of low supply pressure over ``feed.pressure_min_bar``, where they are not set: a healthy
-feed stays above."""
+"""Alert of low supply pressure over ``feed.pressure_min_bar``, where it is not set: a healthy feed
+stays above."""
 
 OIL_DANGER_C: Final = 10.0
 """Danger of a hot outlet above ``lubricant.film_max_C``, where it is not set."""
@@ -213,14 +213,16 @@ class Config(Section, frozen=True):
 
     @property
     def oil_pressure_limits_bar(self) -> tuple[float, float]:
-        """Alert and danger of low supply pressure: as set, else shares of the least that the feed
-        may be asked for."""
+        """Alert and danger of low supply pressure: as set, else a share of the least that the feed
+        may be asked for, and where the film is no longer full."""
         alert_bar, danger_bar = (
             self.limits.oil_pressure_low_alert_bar,
             self.limits.oil_pressure_low_danger_bar,
         )
         least_bar = self.machine.feed.pressure_min_bar
-        return alert_bar or OIL_ALERT_SHARE * least_bar, danger_bar or OIL_DANGER_SHARE * least_bar
+        return alert_bar or OIL_ALERT_SHARE * least_bar, danger_bar or full_film_bar(
+            self.machine.feed
+        )
 
     @property
     def oil_outlet_limits_C(self) -> tuple[float, float]:

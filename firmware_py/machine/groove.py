@@ -44,8 +44,8 @@ class Groove:
         self.film_loads_N = o.load_min_N + self.added_N[0], o.load_max_N + self.added_N[1]
 
     def swing_N(self, pressure_bar: float) -> tuple[float, float]:
-        """How much less and more the film may carry than at this pressure: any other follows within
-        0.1 s."""
+        """How much less and more the film may carry than at this pressure: any other may follow
+        within a retreat."""
         low_bar, high_bar = self._pressures_bar
         return (
             self._most_N_bar * max(0.0, pressure_bar - low_bar),

@@ -101,6 +101,18 @@ class Feed(MachineTable, frozen=True):
     groove_width_deg: Annotated[float, Meta(ge=0.5, le=180.0)] | None = None
     groove_length_share: Annotated[float, Meta(ge=0.01, le=1.0)] | None = None
     """Of the bearing's length."""
+    full_film_bar: PressureBar | None = None
+    """Below it the film is not full; None: half of the least pressure.  The danger limit of the
+    pressure follows from it."""
+    pump_shut_off_bar: Annotated[float, Meta(ge=0.01, le=1000.0)] | None = None
+    """What the pump, or its relief valve, gives at no flow; it falls evenly to nothing at
+    ``pump_flow_max_m3_s``.  None: any pressure at any flow."""
+    pump_flow_max_m3_s: Annotated[float, Meta(ge=1e-9, le=10.0)] | None = None
+    hold_up_s: Annotated[float, Meta(ge=0.0, le=3600.0)] = 0.0
+    """Time constant with which the pressure falls after the loss of the pump (accumulator and check
+    valve); 0: none, it falls as fast as it follows its target."""
+    pump_error_share: Share = 0.1
+    """The pump gives, and the hold-up lasts, at most this much less than that."""
     pump_efficiency: Annotated[float, Meta(ge=0.05, le=1.0)] = 0.6
     jacket_flow_m3_s: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.0
     """Forced flow around the film, which takes its heat away."""
@@ -198,9 +210,14 @@ class ClearanceActuator(MachineTable, frozen=True):
     time_constant_s: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.05
     time_to_live_ms: Annotated[int, Meta(ge=10, le=1000)] = 100
     command_period_ms: Annotated[int, Meta(ge=1, le=100)] = 20
+    pressure_dead_time_s: Annotated[float, Meta(ge=0.0, le=10.0)] = 0.0
+    """The supply pressure does not move for so long after its target has."""
     pressure_time_constant_s: Annotated[float, Meta(ge=0.01, le=60)] = 1.0
-    """Of the supply pressure behind its target, generously: three of them pass before an error
-    counts."""
+    """And then follows with this lag: three of them pass before an error counts."""
+    pressure_slew_bar_s: Annotated[float, Meta(ge=0.01, le=1e4)] | None = None
+    """And no faster than this; None: as fast as the lag lets it."""
+    pressure_error_share: Share = 0.0
+    """Dead time and lag are at most this much longer, and the slew this much slower, than that."""
     following_error_um: Annotated[float, Meta(ge=0.1, le=1000)] = 5.0
     """The measured clearance may lie this far beyond where an actuator of the declared rate can
     be."""

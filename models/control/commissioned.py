@@ -11,7 +11,7 @@ both displacement probes), and the torque meter's zero at rest.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import pi, sqrt
+from math import pi
 from typing import Final
 
 import msgspec
@@ -62,6 +62,7 @@ class Commissioned:
     gain: NDArray[np.float64]
     zero_m: NDArray[np.float64]
     power_zero_W: float
+    probes: NDArray[np.float64]
 
     @classmethod
     def of(cls, config: Config, rig: RigData, episode: Episode) -> Commissioned:
@@ -97,15 +98,14 @@ class Commissioned:
         gain = build.gain[:2] * (1.0 + left.gain_share * np.array(probes[:2]))
         zero_m = build.zero[:2] + left.zero_m * np.array(probes[2:])
         known = config.replaced(bearing=bearing, rotor=rotor, channel=channel)
-        return cls(known, gain, zero_m, episode.power_error_W + POWER_ERROR_W * power)
+        zero_W = episode.power_error_W + POWER_ERROR_W * power
+        return cls(known, gain, zero_m, zero_W, rig.probes)
 
     def corrected(self, observation: Observation) -> Observation:
-        """``observation`` (11,) with what calibrated probes, at 45 and 135 degrees, and torque
-        meter show."""
-        x, y = float(observation[_X]), float(observation[_Y])
-        first, second = (np.array([x + y, y - x]) * sqrt(0.5) - self.zero_m) / self.gain
+        """``observation`` (11,) with what calibrated probes and torque meter show."""
+        shown = self.probes @ observation[[_X, _Y]].astype(np.float64)
         seen = observation.copy()
-        seen[_X], seen[_Y] = (first - second) * sqrt(0.5), (first + second) * sqrt(0.5)
+        seen[[_X, _Y]] = np.linalg.solve(self.probes, (shown - self.zero_m) / self.gain)
         seen[_POWER] -= self.power_zero_W
         return seen
 

@@ -269,7 +269,7 @@ def truth_at(
         rig, float(speed.mean()), load, clearance, viscosity * carried, episode.build
     )
     windage = float(np.mean(rig.windage_W_s3 * speed**3))
-    swing = max(np.ptp(_at_rest(x + y)), np.ptp(_at_rest(y - x))) * math.sqrt(0.5)
+    swing = max(np.ptp(_at_rest(a * x + b * y)) for a, b in rig.probes)
     return TrueState(
         float(power.mean()),
         float(swing),

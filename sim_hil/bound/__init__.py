@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from firmware_py.errors import OrbitdError
+from firmware_py.machine.folder import add_option, find
 
 if TYPE_CHECKING:
     from sim_hil.bound.case import BoundCase, TargetPlan
@@ -69,7 +70,10 @@ class DutyFileError(OrbitdError):
 def main(argv: list[str]) -> int:
     """Compute the bound and print it; 1 when no fixed clearance is feasible."""
     parser = argparse.ArgumentParser(prog="orbitd bound", description=__doc__)
-    parser.add_argument("--duty", type=Path, help="duty file like the published one (default)")
+    add_option(parser, "shipped rig or rig folder (bench)", find("bench"))
+    parser.add_argument(
+        "--duty", type=Path, help="duty file; that of the rig's simulation.toml is the default"
+    )
     parser.add_argument(
         "--oil", choices=[*KINDS, "both"], default="both", help="whether the film warms the oil"
     )
@@ -83,7 +87,7 @@ def main(argv: list[str]) -> int:
     options = parser.parse_args(argv)
     kinds = [options.oil] if options.oil != "both" else list(KINDS)
     boards = [options.board] if options.board != "both" else list(BOARDS)
-    results = _studies(_cases(options.duty, kinds, boards), options.quick)
+    results = _studies(_cases(options.rig, options.duty, kinds, boards), options.quick)
     if options.json:
         print(json.dumps({" ".join(key): _records(entries) for key, entries in results.items()}))
     else:
@@ -105,7 +109,7 @@ def main(argv: list[str]) -> int:
 
 
 def _cases(
-    path: Path | None, kinds: list[str], boards: list[str]
+    folder: Path, path: Path | None, kinds: list[str], boards: list[str]
 ) -> dict[tuple[str, str], BoundCase]:
     """The machine on the duty for each board, with and without warming oil."""
     from sim_hil.bound.case import BoundCase
@@ -113,7 +117,7 @@ def _cases(
     from sim_hil.duty import Duty
     from sim_hil.rigs import load_rig
 
-    rig = load_rig("bench")
+    rig = load_rig(folder)
     if path is None:
         duty, limits = Duty.published(rig), BoundLimits.of_rig(rig)
     else:

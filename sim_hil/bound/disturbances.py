@@ -32,6 +32,11 @@ class RampLimits:
     speed_ramp_rpm_s: float = 2000.0
     announced_s: float = 3.0
 
+    @classmethod
+    def of_rig(cls, rig: RigData) -> RampLimits:
+        """What the rig declares."""
+        return cls(rig.load_ramp_N_s, rig.speed_ramp_rpm_s)
+
     def announced(self, duty: Duty) -> list[tuple[int, int]]:
         """First and last bin of each ramp of the duty that is faster than what may come
         unannounced."""
@@ -102,7 +107,8 @@ def surroundings(
     """Admissible clearances over the rig's speeds and loads, from runs that visit a grid and the
     duty's corners.
 
-    A clearance is admissible if it is with one of the pressures: pressure follows in 0.1 s.
+    A clearance is admissible if it is with one of the pressures: of the two, pressure follows
+    sooner.
     """
     tour, speed, load = _tour(case.rig, case.duty)
     round_trip = replace(case.coarse, duty=tour)

@@ -12,7 +12,8 @@ from sim_hil.bound.case import Profile, TargetPlan
 from sim_hil.bound.disturbances import RampLimits
 from sim_hil.bound.maps import Mapper
 from sim_hil.bound.reference import References, references
-from sim_hil.control_task import CONTROL_S, Episode, actions_of
+from sim_hil.control_task import CONTROL_S, Episode, EpisodeLimits, actions_of
+from sim_hil.rigs import load_rig
 from sim_hil.vector_environment import RotorVectorEnv
 
 
@@ -47,7 +48,7 @@ def episode_references(
         unbalance_kg_m=episode.build.unbalance_kg_m + episode.unbalance_kg_m.at(episode_s),
         clearance_error_m=episode.build.clearance_error_m + episode.wear_m.at(episode_s),
     )
-    expected = RampLimits(declared.load_rate_N_s, declared.speed_rate_rpm_s)
+    expected = RampLimits(*declared.ramps(loaded))
     return episode, references(
         loaded,
         episode.duty,
@@ -76,12 +77,8 @@ class _Runner:
         *,
         pressure: bool,
     ) -> None:
-        self._seed, self._rig, self._disturbances, self._pressure = (
-            seed,
-            rig,
-            disturbances,
-            pressure,
-        )
+        self._seed, self._data = seed, load_rig(rig)
+        self._disturbances, self._pressure = disturbances, pressure
         self._episode_s, self._steps = episode_s, round(episode_s / CONTROL_S)
         environment = self.environment(1)
         environment.reset(seed=[seed])
@@ -89,10 +86,10 @@ class _Runner:
 
     def environment(self, copies: int) -> RotorVectorEnv:
         """That many rotors."""
-        limits = replace(control_task.EpisodeLimits(), trip_film_m=-1.0)
+        limits = replace(EpisodeLimits.of_rig(self._data), trip_film_m=-1.0)
         return RotorVectorEnv(
             copies,
-            self._rig,
+            self._data,
             self._episode_s,
             limits=limits,
             pressure=self._pressure,

@@ -122,7 +122,7 @@ def references(
     judge = judge or judged_alone(case, mapper)
     ends_Pa = tuple(dict.fromkeys((levels_Pa[0], levels_Pa[-1])))
     around = surroundings(case, ends_Pa, mapper, SPACING_UM * len(ends_Pa))
-    blind = best_causal(case, found, around, expected or RampLimits(), judge, start_m)
+    blind = best_causal(case, found, around, expected or RampLimits.of_rig(rig), judge, start_m)
     lead_s = rig.actuator.time_constant_s + held_s
     return References(found, best_preview(case, found, judge, lead_s, start_m, blind), blind)
 

@@ -64,7 +64,7 @@ def study(
     )
     nominal = TargetPlan.fixed(case.rig.bearing.clearance_nominal_m, case.rig.supply.nominal_Pa)
     around = surroundings(case, tuple(dict.fromkeys((levels_Pa[0], levels_Pa[-1]))), mapper)
-    blind = best_causal(case, found, around, RampLimits(), judge)
+    blind = best_causal(case, found, around, RampLimits.of_rig(case.rig), judge)
     ways = {
         NOMINAL: Reference(nominal, LimitVerdict.of(judge([nominal])[0])),
         FIXED: best_fixed(found, judge),

@@ -7,8 +7,12 @@ from dataclasses import dataclass
 from decimal import Decimal
 from typing import Final
 
+import numpy as np
+from numpy.typing import NDArray
+
 from firmware_py.errors import OrbitdError
 from firmware_py.machine import ContactCircuit
+from firmware_py.machine.probes import PROBES
 from sim_hil.rigs.simulation import (
     BoltedFoundation,
     BuildSpread,
@@ -68,6 +72,10 @@ class OilData:
     density_kg_m3: float
     heat_capacity_J_kgK: float
     inlet_C: float
+    episodes_C: tuple[float, float]
+    """Inlet temperatures between which an episode may drift."""
+    hottest_C: float
+    """Of the film, that the machine declares."""
 
     def viscosity_at(self, temperature_C: float) -> float:
         """Dynamic viscosity, Pa s."""
@@ -86,13 +94,27 @@ class AxialGroove:
     length_share: float
 
 
+UNLIMITED: Final = 1e12
+"""Slew (Pa/s), shut-off pressure (Pa) and flow (m3/s) of a supply that does not say them."""
+
+
 @dataclass(frozen=True)
 class SupplyData:
-    """Oil supply pressure above ambient, the pump, and the groove (None: fed otherwise)."""
+    """Oil supply pressure above ambient, how it follows its target, the pump, and the groove (None:
+    fed otherwise)."""
 
     nominal_Pa: float
     min_Pa: float
     max_Pa: float
+    full_film_Pa: float
+    dead_time_s: float
+    time_constant_s: float
+    slew_Pa_s: float
+    error_share: float
+    shut_off_Pa: float
+    flow_max_m3_s: float
+    hold_up_s: float
+    pump_error_share: float
     pump_efficiency: float
     groove: AxialGroove | None
 
@@ -156,9 +178,11 @@ class ReadingErrors:
 
 @dataclass(frozen=True)
 class ChannelData:
-    """One sensor of the node: what it can show, how it errs, SI, and SI per count on the wire."""
+    """One sensor of the node: where it looks, what it can show, how it errs, SI, and SI per count
+    on the wire."""
 
     name: str
+    angle_rad: float
     low: float
     high: float
     noise_rms: float
@@ -191,9 +215,19 @@ class RigData:
     load_max_N: float
     speed_min_rpm: float
     speed_max_rpm: float
+    load_ramp_N_s: float
+    speed_ramp_rpm_s: float
+    """How fast load and speed may change unannounced."""
     min_film_m: float
     """Smallest film that the device is to keep."""
     windage_W_s3: float
+
+    @property
+    def probes(self) -> NDArray[np.float64]:
+        """Directions in which the two displacement probes look, shape (2, 2): a row each, x and
+        y."""
+        angles = np.array([channel.angle_rad for channel in self.channels[:PROBES]])
+        return np.column_stack([np.cos(angles), np.sin(angles)])
 
     @property
     def start_rpm(self) -> float:

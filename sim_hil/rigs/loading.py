@@ -13,9 +13,11 @@ from firmware_py.config.instances import fast_signals
 from firmware_py.errors import OrbitdError
 from firmware_py.machine import FastChannel, Feed, JournalBearing, Machine, RotorDrawing
 from firmware_py.machine.folder import find, simulated_names
+from firmware_py.machine.supply import full_film_bar
 from firmware_py.records import CHANNELS
 from firmware_py.signals import INT16_MAX
 from sim_hil.rigs.data import (
+    UNLIMITED,
     ActuatorData,
     AxialGroove,
     BearingData,
@@ -28,7 +30,7 @@ from sim_hil.rigs.data import (
     ThermalData,
     shifted,
 )
-from sim_hil.rigs.simulation import OilNode, Simulation, load_simulation
+from sim_hil.rigs.simulation import BuildSpread, OilNode, Simulation, load_simulation
 
 RIGS: Final = tuple(simulated_names())
 REFERENCE_C: Final = 40.0
@@ -97,8 +99,10 @@ def rig_of(config: Config, simulation: Simulation) -> RigData:
             given.density_kg_m3,
             given.heat_capacity_J_kgK,
             _inlet_C(machine, simulation.oil),
+            _episodes_C(machine, simulation.spread),
+            given.film_max_C,
         ),
-        supply=_supply(machine.feed),
+        supply=_supply(machine),
         rotor=_rotor(machine.rotor),
         foundation=simulation.foundation,
         excitation=simulation.forces,
@@ -114,6 +118,8 @@ def rig_of(config: Config, simulation: Simulation) -> RigData:
         load_max_N=o.load_max_N if most_N is None else most_N,
         speed_min_rpm=o.speed_min_rpm,
         speed_max_rpm=o.speed_max_rpm,
+        load_ramp_N_s=o.load_ramp_unannounced_N_s,
+        speed_ramp_rpm_s=o.speed_ramp_unannounced_rpm_s,
         min_film_m=shifted(config.limits.min_film_um, -6),
         windage_W_s3=machine.rotor.windage_W_s3 if windage is None else windage,
     )
@@ -131,16 +137,27 @@ def _bearing(b: JournalBearing) -> BearingData:
     )
 
 
-def _supply(feed: Feed) -> SupplyData:
+def _supply(machine: Machine) -> SupplyData:
+    feed, a = machine.feed, machine.actuator
     nominal_bar = feed.pressure_nominal_bar
     if nominal_bar is None:
         nominal_bar = 0.5 * (feed.pressure_min_bar + feed.pressure_max_bar)
+    slew, shut_off = a.pressure_slew_bar_s, feed.pump_shut_off_bar
     return SupplyData(
-        shifted(nominal_bar, 5),
-        shifted(feed.pressure_min_bar, 5),
-        shifted(feed.pressure_max_bar, 5),
-        feed.pump_efficiency,
-        _groove(feed),
+        nominal_Pa=shifted(nominal_bar, 5),
+        min_Pa=shifted(feed.pressure_min_bar, 5),
+        max_Pa=shifted(feed.pressure_max_bar, 5),
+        full_film_Pa=shifted(full_film_bar(feed), 5),
+        dead_time_s=a.pressure_dead_time_s,
+        time_constant_s=a.pressure_time_constant_s,
+        slew_Pa_s=UNLIMITED if slew is None else shifted(slew, 5),
+        error_share=a.pressure_error_share,
+        shut_off_Pa=UNLIMITED if shut_off is None else shifted(shut_off, 5),
+        flow_max_m3_s=feed.pump_flow_max_m3_s or UNLIMITED,
+        hold_up_s=feed.hold_up_s,
+        pump_error_share=feed.pump_error_share,
+        pump_efficiency=feed.pump_efficiency,
+        groove=_groove(feed),
     )
 
 
@@ -196,6 +213,14 @@ def _inlet_C(machine: Machine, node: OilNode) -> float:
     return 0.5 * sum(declared) if node.inlet_C is None else node.inlet_C
 
 
+def _episodes_C(machine: Machine, spread: BuildSpread) -> tuple[float, float]:
+    low, high = spread.inlet_min_C, spread.inlet_max_C
+    return (
+        machine.lubricant.inlet_min_C if low is None else low,
+        machine.lubricant.inlet_max_C if high is None else high,
+    )
+
+
 def _channels(channels: list[FastChannel]) -> tuple[ChannelData, ...]:
     """The standard channels; a figure that is not given is ideal."""
     names = tuple(channel.name for channel in channels)
@@ -212,6 +237,7 @@ def _channel(channel: FastChannel, wire_scale: float) -> ChannelData:
     low, high, bandwidth = channel.range_low, channel.range_high, channel.bandwidth_hz
     return ChannelData(
         channel.name,
+        math.radians(channel.angle_deg),
         -INT16_MAX * wire_scale if low is None else low,
         INT16_MAX * wire_scale if high is None else high,
         channel.noise_rms or 0.0,

@@ -95,6 +95,9 @@ class BuildSpread(Section, frozen=True):
     bolt_gap_max_um: Annotated[float, Meta(ge=0.1, le=10_000.0)] = 200.0
     """How far a loose bolt backs off, log-uniform."""
     housing_mode_share: Share = 0.1
+    inlet_min_C: TemperatureC | None = None
+    inlet_max_C: TemperatureC | None = None
+    """Oil inlet of an episode; None: the declared range of ``machine.toml``."""
 
 
 class DutyCorner(Section, frozen=True):

@@ -36,8 +36,6 @@ _MODE_DAMPING = 0.02
 _MODE_GAIN = 0.2
 _SOUND_PA_S_M = 200.0
 _TOOTH_SOUND_PA = 0.05
-PRESSURE_TIME_CONSTANT_S = 0.1
-
 
 _POSITIVE = frozenset(
     {
@@ -53,6 +51,9 @@ _POSITIVE = frozenset(
         "bolt_stiffness",
         "time_constant",
         "pressure_time_constant",
+        "pressure_slew",
+        "shut_off",
+        "flow_max",
         "rate",
     }
 )
@@ -69,6 +70,8 @@ _NOT_NEGATIVE = frozenset(
         "friction",
         "windage",
         "jacket_flow",
+        "pressure_dead_time",
+        "hold_up",
         "backlash",
         "roughness",
         "ambient",
@@ -108,13 +111,7 @@ def assemble(
         film=_film(rig, build, rig.oil.inlet_C if inlet_C is None else inlet_C, thermal),
         excite=_excite(rig, build),
         pickup=_pickup(rig, build, step_s),
-        act=ActuatorParameters(
-            rig.actuator.rate_m_per_s,
-            rig.actuator.time_constant_s,
-            rig.actuator.backlash_m,
-            PRESSURE_TIME_CONSTANT_S,
-            1.0,
-        ),
+        act=_actuator(rig, build),
     )
     _refuse_absurd(plant, rig)
     return plant
@@ -164,6 +161,22 @@ def rig_film(rig: RigData, fed: bool) -> Floats | FedLaw:
             "periodic film, which knows no supply pressure"
         )
     return FedTable.load(shape, groove.width_rad, groove.length_share).law(groove.angle_rad)
+
+
+def _actuator(rig: RigData, build: Build) -> ActuatorParameters:
+    clearance, supply = rig.actuator, rig.supply
+    return ActuatorParameters(
+        rate=clearance.rate_m_per_s,
+        time_constant=clearance.time_constant_s,
+        backlash=clearance.backlash_m,
+        pressure_dead_time=supply.dead_time_s * build.supply_delay,
+        pressure_time_constant=supply.time_constant_s * build.supply_delay,
+        pressure_slew=supply.slew_Pa_s / build.supply_delay,
+        pressure_gain=1.0,
+        shut_off=supply.shut_off_Pa * build.pump,
+        flow_max=supply.flow_max_m3_s * build.pump,
+        hold_up=supply.hold_up_s * build.pump,
+    )
 
 
 def _shaft(rig: RigData, build: Build) -> Shaft:
@@ -216,7 +229,7 @@ def _film(rig: RigData, build: Build, inlet_C: float, thermal: bool) -> FilmPara
         share=1.0,
         wear=build.clearance_error_m,
         drop=0.0,
-        pressure_needed=0.5 * rig.supply.min_Pa,
+        pressure_needed=rig.supply.full_film_Pa,
         windage=rig.windage_W_s3,
         thermal=1.0 if thermal else 0.0,
     )
@@ -245,7 +258,9 @@ def _pickup(rig: RigData, build: Build, step_s: float) -> Pickup:
     lags = [-math.expm1(-2 * math.pi * c.bandwidth_hz * step_s) for c in rig.channels]
     cosine = build.runout_m * np.cos(build.runout_phase_rad)
     sine = -build.runout_m * np.sin(build.runout_phase_rad)
+    first, second = rig.probes.tolist()
     return Pickup(
+        probe=((first[0], first[1]), (second[0], second[1])),
         mode_rad_s=three(build.housing_rad_s),
         mode_damping=_MODE_DAMPING,
         mode_gain=_MODE_GAIN,

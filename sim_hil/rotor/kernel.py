@@ -26,10 +26,14 @@ from sim_hil.rotor.joints import foot_forces
 from sim_hil.rotor.parameters import (
     ANGLE,
     CLEARANCE,
+    DELAY,
+    DELAY_AT,
+    DELAY_PHASE,
     DEMAND,
     FLOW,
     MEAN_X,
     MEAN_Y,
+    N_DELAY,
     POSITION,
     POWER,
     PRESSURE,
@@ -55,10 +59,48 @@ def relative(plant: Plant, z: Floats) -> tuple[float, float]:
 
 
 @inlined
+def delayed_target(act: ActuatorParameters, scalar: Floats, pressure: float, dt: float) -> float:
+    """The pressure target of one dead time ago, to a sixteenth of it."""
+    if act.pressure_dead_time <= 0.0:
+        return pressure
+    scalar[DELAY_PHASE] += min(N_DELAY * dt / act.pressure_dead_time, float(N_DELAY))
+    while scalar[DELAY_PHASE] >= 1.0:
+        scalar[DELAY_PHASE] -= 1.0
+        scalar[DELAY + int(scalar[DELAY_AT])] = pressure
+        scalar[DELAY_AT] = (scalar[DELAY_AT] + 1.0) % N_DELAY
+    oldest: float = scalar[DELAY + int(scalar[DELAY_AT])]
+    return oldest
+
+
+@inlined
+def move_supply(act: ActuatorParameters, scalar: Floats, pressure: float, dt: float) -> None:
+    """Supply pressure: dead time, what the pump gives at the present flow, lag and slew.
+
+    Where the pump gives less than is asked for and there is a hold-up, the check valve is closed:
+    the pressure falls with the hold-up alone, and through the valve down to its target.
+    """
+    wanted = delayed_target(act, scalar, pressure, dt)
+    source = act.shut_off * (1.0 - max(0.0, scalar[FLOW]) / act.flow_max)
+    available = act.pressure_gain * max(0.0, min(wanted, source))
+    now = scalar[PRESSURE]
+    follows = 1 - math.exp(-dt / act.pressure_time_constant)
+    if act.hold_up > 0.0 and available < wanted and available < now:
+        step = (available - now) * (1 - math.exp(-dt / act.hold_up))
+        step += min(0.0, wanted - now) * follows
+    else:
+        step = (available - now) * follows
+    most = act.pressure_slew * dt
+    scalar[PRESSURE] += min(max(step, -most), most)
+
+
+@inlined
 def move_actuator(
     act: ActuatorParameters, scalar: Floats, clearance: float, pressure: float, dt: float
 ) -> float:
-    """Rate limit, first-order lag, backlash; returns the rate of change of the clearance, m/s."""
+    """Rate limit, first-order lag, backlash; returns the rate of change of the clearance, m/s.
+
+    The supply pressure moves as :func:`move_supply` says.
+    """
     step = min(max(clearance - scalar[DEMAND], -act.rate * dt), act.rate * dt)
     scalar[DEMAND] += step
     scalar[POSITION] += (scalar[DEMAND] - scalar[POSITION]) * (
@@ -67,10 +109,7 @@ def move_actuator(
     before = scalar[CLEARANCE]
     play = 0.5 * act.backlash
     scalar[CLEARANCE] = min(max(before, scalar[POSITION] - play), scalar[POSITION] + play)
-    supplied = act.pressure_gain * pressure
-    scalar[PRESSURE] += (supplied - scalar[PRESSURE]) * (
-        1 - math.exp(-dt / act.pressure_time_constant)
-    )
+    move_supply(act, scalar, pressure, dt)
     rate: float = (scalar[CLEARANCE] - before) / dt
     return rate
 

@@ -139,9 +139,10 @@ class ContactParameters(NamedTuple):
 
 
 class Pickup(NamedTuple):
-    """How motion becomes sensor signals; ``lag_share`` is how far each sensor follows in one
-    step."""
+    """How motion becomes sensor signals; ``lag_share`` is how far each sensor follows in one step,
+    ``probe`` the directions (x, y) in which the two displacement probes look."""
 
+    probe: tuple[Two, Two]
     mode_rad_s: Three
     mode_damping: float
     mode_gain: float
@@ -155,13 +156,22 @@ class Pickup(NamedTuple):
 
 
 class ActuatorParameters(NamedTuple):
-    """Clearance and pressure actuator; ``pressure_gain`` below 1 is a lost supply."""
+    """Clearance and pressure actuator; ``pressure_gain`` below 1 is a lost supply.
+
+    ``shut_off``, Pa, at no flow and ``flow_max``, m3/s, at no pressure are the ends of what the
+    pump gives; ``hold_up``, s, is the time constant after its loss (0: that of the pressure).
+    """
 
     rate: float
     time_constant: float
     backlash: float
+    pressure_dead_time: float
     pressure_time_constant: float
+    pressure_slew: float
     pressure_gain: float
+    shut_off: float
+    flow_max: float
+    hold_up: float
 
 
 class Plant(NamedTuple):
@@ -210,7 +220,13 @@ MEAN_Y: Final = 9
 POWER: Final = 10
 FLOW: Final = 11
 TURNS: Final = 12
-N_SCALARS: Final = 13
+DELAY_PHASE: Final = 13
+DELAY_AT: Final = 14
+DELAY: Final = 15
+N_DELAY: Final = 16
+"""Pressure targets of the dead time, oldest at ``DELAY_AT``: a ring that a new one enters every
+sixteenth of it."""
+N_SCALARS: Final = DELAY + N_DELAY
 
 
 def three(values: Iterable[float]) -> Three:
@@ -233,6 +249,7 @@ def new_state(
     scalar = np.zeros(N_SCALARS)
     scalar[[DEMAND, POSITION, CLEARANCE]] = clearance_m
     scalar[PRESSURE] = pressure_Pa
+    scalar[DELAY:] = pressure_Pa
     scalar[OIL] = oil_C
     scalar[ANGLE] = angle_rad
     return State(

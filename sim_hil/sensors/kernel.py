@@ -31,7 +31,6 @@ from sim_hil.rotor.parameters import (
     State,
 )
 
-_DIAGONAL = math.sqrt(0.5)
 _PASCAL_PER_BAR = 1e5
 _PUMP_TEETH_RAD_S = 2 * math.pi * 225.0
 _PUMP_RIPPLE = 0.01
@@ -100,8 +99,8 @@ def sense(plant: Plant, st: State, c: float, dt: float) -> None:
         + sin_y[2] * s3
     )
     now = (
-        _DIAGONAL * (ex + ey) + wobble_x,
-        _DIAGONAL * (ey - ex) + wobble_y,
+        p.probe[0][0] * ex + p.probe[0][1] * ey + wobble_x,
+        p.probe[1][0] * ex + p.probe[1][1] * ey + wobble_y,
         housing_mode(p, st.mode, 0, a[5], dt),
         housing_mode(p, st.mode, 1, a[4] - plant.pedestal.axis_height * a[6], dt),
         housing_mode(p, st.mode, 2, a[8], dt),

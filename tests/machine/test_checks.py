@@ -52,6 +52,13 @@ def told(rig: Path, *changes: tuple[str, str]) -> dict[str, str]:
      "a figure of displacement probes, this shows acceleration; remove it"),
     ("range_low = -200.0", "range_low = 300.0", "channel[2].range_low", "not below range_high (200)"),
     ("range_low = -200.0", "", "channel[2].range_low", "missing beside the other end"),
+    ("pump_shut_off_bar = 6.0", "", "feed.pump_shut_off_bar", "missing beside pump_flow_max_m3_s; set it"),
+    ("pump_flow_max_m3_s = 2.5e-4", "pump_flow_max_m3_s = 2e-4", "feed.pressure_max_bar",
+     "the pump gives 2.66 bar at the film's greatest flow of 8.14e-05 m3/s"),
+    ("hold_up_s = 8.0", "full_film_bar = 0.5", "feed.full_film_bar",
+     "not below feed.pressure_min_bar (0.5)"),
+    ("hold_up_s = 8.0", "hold_up_s = 6.0", "feed.hold_up_s",
+     "the film stays full for 2.4 s from the alert at 0.4 bar on"),
     ("mass_kg = 6.0", "", "rotor.effective_mass_at_bearing_kg", "missing, and so is mass_kg; set it where"),
     ("mass_kg = 6.0", "mass_kg = 6.0\neffective_mass_at_bearing_kg = 17.4", "rotor.effective_mass_at_bearing_kg",
      "10 times that of the drawing (1.74)"),
@@ -103,4 +110,4 @@ def test_every_figure_that_is_not_drawn_is_told_by_check(
 
 def test_each_table_has_a_check_of_where_its_figures_come_from() -> None:
     tables = [name for name in Machine.__struct_fields__ if name != "name"]
-    assert len(MACHINE_CHECKS) == len(tables) + 4
+    assert len(MACHINE_CHECKS) == len(tables) + 7

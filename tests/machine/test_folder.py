@@ -16,7 +16,9 @@ from firmware_py.machine import folder
 ADDED = (
     "assumed", "measured", "cone_half_angle_deg", "density_kg_m3", "heat_capacity_J_kgK",
     "pressure_nominal_bar", "groove_angle_deg", "groove_width_deg", "groove_length_share",
-    "pump_efficiency", "jacket_flow_m3_s", "effective_mass_at_bearing_kg", "mass_kg",
+    "pump_efficiency", "jacket_flow_m3_s", "full_film_bar", "pump_shut_off_bar",
+    "pump_flow_max_m3_s", "hold_up_s", "pump_error_share", "pressure_dead_time_s",
+    "pressure_time_constant_s", "pressure_slew_bar_s", "pressure_error_share", "effective_mass_at_bearing_kg", "mass_kg",
     "diametral_inertia_kg_m2", "polar_inertia_kg_m2", "coupling_to_cg_m", "bearing_to_cg_m",
     "coupling_stiffness_N_m", "coupling_damping_N_s_m", "backlash_um", "position_noise_um",
     "range_low", "range_high", "noise_rms", "bandwidth_hz", "gain_error_share", "zero_error",

@@ -1,6 +1,8 @@
 """Every fault shows where the literature says, on one and the same drawn build."""
 
+import math
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -233,7 +235,17 @@ def test_oil_whirl_arises_by_itself_at_half_the_speed_and_turns_forward() -> Non
 
 
 def test_supply_pressure_is_lost_and_starves_the_film() -> None:
-    healthy, lost = measured(), measured({"pressure_loss": 0.8})
+    at_once = replace(RIG, supply=replace(RIG.supply, hold_up_s=0.0))  # no accumulator
+    healthy, held = measured(), measured({"pressure_loss": 0.8})
+    lost = units(
+        record(
+            at_once, BUILD, Duty.hold(6000, 100), 2.0, clearance=60e-6, seed=11,
+            faults={"pressure_loss": 0.8}, rate_hz=RATE,
+        ).counts
+    )  # fmt: skip
+    hold_up_s = RIG.supply.hold_up_s * BUILD.pump  # the record begins after some settling
+    low, high = (0.2 + 0.8 * math.exp(-after_s / hold_up_s) for after_s in (2.8, 2.0))
+    assert low < held[-10:, PRESSURE].mean() < high
     assert lost[-1000:, PRESSURE].mean() == pytest.approx(0.2, abs=0.02)
     assert lost[-1000:, CONTACT].mean() < healthy[-1000:, CONTACT].mean() - 0.005
     # enough pressure is left: the film does not know

@@ -15,7 +15,6 @@ from sim_hil.rigs import (
     ActuatorData,
     AxialGroove,
     BearingData,
-    SupplyData,
     UnknownRig,
     load_rig,
 )
@@ -32,10 +31,14 @@ def test_the_bench_is_the_reference_rig() -> None:
         bearing["journal_radius_m"], bearing["length_m"], clearance["min"], clearance["max"],
         clearance["nominal"], math.radians(bearing["cone_half_angle_deg"]),
     )  # fmt: skip
-    assert rig.supply == SupplyData(
-        *(feed["pressure_Pa"][key] for key in ("nominal", "min", "max")), feed["pump_efficiency"],
-        AxialGroove(math.pi / 2, math.radians(feed["width_deg"]), feed["length_share"]),
-    )  # fmt: skip
+    supply, pressures = rig.supply, feed["pressure_Pa"]
+    assert [supply.nominal_Pa, supply.min_Pa, supply.max_Pa] == [
+        pressures[key] for key in ("nominal", "min", "max")
+    ]
+    assert supply.pump_efficiency == feed["pump_efficiency"]
+    assert supply.groove == AxialGroove(
+        math.pi / 2, math.radians(feed["width_deg"]), feed["length_share"]
+    )
     assert rig.actuator == ActuatorData(**given["actuator"])
     assert [rig.speed_min_rpm, rig.speed_max_rpm] == given["speed_rpm"]
     assert (rig.load_min_N, rig.load_max_N) == (given["load_N"]["min"], given["load_N"]["max"])

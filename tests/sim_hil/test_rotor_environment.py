@@ -85,10 +85,10 @@ def test_episode_ends_after_its_time() -> None:
 
 def test_probe_geometry_and_half_order_share() -> None:
     np.testing.assert_allclose(
-        shaft_xy(np.array([[np.sqrt(0.5), np.sqrt(0.5)]])), [[0.0, 1.0]], atol=1e-12
+        shaft_xy(RIG.probes, np.array([[np.sqrt(0.5), np.sqrt(0.5)]])), [[0.0, 1.0]], atol=1e-12
     )
     np.testing.assert_allclose(
-        shaft_xy(np.array([[np.sqrt(0.5), -np.sqrt(0.5)]])), [[1.0, 0.0]], atol=1e-12
+        shaft_xy(RIG.probes, np.array([[np.sqrt(0.5), -np.sqrt(0.5)]])), [[1.0, 0.0]], atol=1e-12
     )
     t = np.arange(2000) / 5000
     wave = np.column_stack([np.sin(2 * np.pi * 50 * t), np.cos(2 * np.pi * 50 * t)])

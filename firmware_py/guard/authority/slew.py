@@ -14,6 +14,7 @@ from firmware_py.config import Config
 from firmware_py.guard.alarms.alarm import Notice
 from firmware_py.guard.envelope.target import Target
 from firmware_py.guard.supervision.standing import Supervised
+from firmware_py.machine.supply import target_slew_bar_s
 from firmware_py.records import Alarm
 
 DEAD_BAND_UM: Final = 0.5
@@ -61,17 +62,17 @@ class Slew:
     Parameters
     ----------
     config
-        Rate of the actuator, time constant of the pressure and its range, reversals a minute.
+        Rates of actuator and pressure, reversals a minute.
     safe
         The retreat value, from which the target starts.
     """
 
     def __init__(self, config: Config, safe: Target) -> None:
-        a, f = config.machine.actuator, config.machine.feed
+        a = config.machine.actuator
         self._safe = safe
         self._rates = (
             a.rate_um_s,
-            (f.pressure_max_bar - f.pressure_min_bar) / a.pressure_time_constant_s,
+            target_slew_bar_s(config.machine),
         )
         self._most = a.reversals_per_minute_max
         self.state = SlewState(

@@ -13,6 +13,7 @@ from firmware_py.guard.supervision.following import Following, FollowingState, Q
 from firmware_py.guard.supervision.node_watch import NodeWatch, NodeWatchState, Surroundings
 from firmware_py.guard.supervision.standing import Supervised
 from firmware_py.machine import ClearanceActuator
+from firmware_py.machine.supply import slowest_s, slowest_slew_bar_s
 from firmware_py.records import Alarm, NodeInfo, NodeState
 
 REPORTS_NS: Final = 100_000_000
@@ -26,7 +27,7 @@ LAG_LEFT: Final = 0.37
 """What one time constant leaves of a distance."""
 
 UNLIMITED: Final = 1e6
-"""Rate, bar/s, of a pressure that only its time constant delays."""
+"""Rate, bar/s, of a pressure that says no slew."""
 
 
 class SupervisionState(msgspec.Struct):
@@ -89,14 +90,15 @@ class Supervision:
                 lasting_ns,
             )
         )
+        dead_s, lag_s = slowest_s(a)
         self._pressure = Following(
             Quantity(
                 "pressure_not_following",
                 "bar",
                 "measured supply pressure",
                 a.following_error_bar,
-                UNLIMITED,
-                REPORTS_NS + round(LAGS * a.pressure_time_constant_s * 1e9),
+                slowest_slew_bar_s(a) or UNLIMITED,
+                REPORTS_NS + round((dead_s + LAGS * lag_s) * 1e9),
                 lasting_ns,
             )
         )
