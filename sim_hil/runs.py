@@ -104,6 +104,7 @@ def record(
 ) -> SimulatedRecording:
     """Measure ``seconds`` of a machine after it has run for ``settle_s`` healthy and as long with
     ``faults``."""
+    supplied = None if pressure is None else _value(pressure, 0.0)
     machine = SimulatedMachine(
         rig,
         build,
@@ -111,13 +112,13 @@ def record(
         rate_hz=rate_hz,
         inlet_C=inlet_C,
         clearance_m=_value(clearance, 0.0),
-        pressure_Pa=None if pressure is None else _value(pressure, 0.0),
+        pressure_Pa=supplied,
     )
     start, present = Duty.hold(duty.speed_rpm[0], duty.load_N[0]), _value(clearance, 0.0)
-    run(machine, start, settle_s, clearance=present)
+    run(machine, start, settle_s, clearance=present, pressure=supplied)
     for name, severity in (faults or {}).items():
         machine.inject(name, severity)
-    run(machine, start, settle_s, clearance=present)
+    run(machine, start, settle_s, clearance=present, pressure=supplied)
     batch = run(machine, duty, seconds, clearance=clearance, pressure=pressure)
     return recording_of(machine, batch, np.random.default_rng([seed, 1]))
 

@@ -118,7 +118,7 @@ def test_pressure_is_a_second_action_and_its_pump_counts() -> None:
     envs = RotorVectorEnv(1, duty=Duty.hold(6000, 100), build=Build.nominal(RIG), pressure=True)
     assert envs.single_action_space.shape == (2,)
     envs.reset(seed=0)
-    for _ in range(8):
+    for _ in range(20):
         seen, reward, *_, infos = envs.step(np.array([[-0.5, 1.0]], np.float32))
     assert seen[0, INDEX["supply_pressure_bar"]] == pytest.approx(
         RIG.supply.max_Pa * 1e-5, rel=0.01
