@@ -123,7 +123,7 @@ class Stages:
         names = latched or []
         self.oil = OilProtection(config, names)
         self.speed_high = SpeedHigh(config, SPEED_HIGH in names)
-        self.speed_check, self.rest = SpeedCheck(config), Rest()
+        self.speed_check, self.rest = SpeedCheck(config), Rest(config.machine)
         self.protection = Protection(
             config,
             [name for name in names if name != SPEED_HIGH and name not in self.oil.state.alarms],

@@ -8,13 +8,15 @@ from functools import cache
 from math import pi
 
 import pytest
+from msgspec.structs import replace
 
 from firmware_py.acquire.speed import SpeedState
 from firmware_py.guard import facts, report
 from firmware_py.guard.measurement.motion import Motion
 from firmware_py.guard.plausibility.rest import Rest
+from firmware_py.machine.probes import PROBES
 
-from .scripted_node import MS, Bench, working
+from .scripted_node import MS, Bench, bench, working
 
 STANDS_S = 8.0
 """2 pi s without a mark, 1.5 s of a quiet shaft, one window of it."""
@@ -164,10 +166,25 @@ def test_a_probe_that_is_not_ok_cannot_say_that_the_shaft_stands() -> None:
 def test_only_both_probes_that_are_ok_say_that_a_shaft_is_quiet_or_moves(
     p2p_um: float, complete: bool, probes_ok: bool, seen: tuple[float, float]
 ) -> None:
-    rest = Rest()
+    rest = Rest(bench().machine)
     motion = Motion(complete, (0.2, p2p_um), (0.0, 0.0, 0.0), 0.0, 0.0)
     rest.look(motion, probes_ok, SpeedState(), 0)
     assert rest.look(motion, probes_ok, SpeedState(), 1000 * MS) == seen
+
+
+@pytest.mark.parametrize(
+    ("noise_m", "scale", "quiet_um"), [(5e-7, 1e-8, 5.0), (1e-9, 1e-8, 0.2), (1e-7, 1e-7, 2.0)]
+)
+def test_how_quiet_a_standing_shaft_is_follows_from_its_probes(
+    noise_m: float, scale: float, quiet_um: float
+) -> None:
+    """Five times the noise: the shaft of a noisier probe would else never stand."""
+    machine = bench().machine
+    channels = [
+        replace(channel, noise_rms=noise_m, scale=scale) if i < PROBES else channel
+        for i, channel in enumerate(machine.channel)
+    ]
+    assert Rest(replace(machine, channel=channels)).quiet_um == pytest.approx(quiet_um)
 
 
 def test_the_speed_told_while_the_mark_stays_away_never_widens_the_envelope() -> None:

@@ -16,10 +16,16 @@ import msgspec
 from firmware_py.acquire.speed import SpeedState
 from firmware_py.guard.alarms.alarm import Notice
 from firmware_py.guard.measurement.motion import Motion
+from firmware_py.machine.probes import PROBES, probe_noise_m
+from firmware_py.machine.schema import Machine
 from firmware_py.records import Severity
 
-QUIET_UM: Final = 1.0
-"""Largest peak-to-peak displacement of a shaft that stands: 0.1 um rms of noise shows 0.7 um."""
+QUIET_NOISES: Final = 10.0
+"""Largest peak-to-peak displacement of a shaft that stands, as a multiple of its probes' rms noise:
+a window of noise alone shows seven,"""
+
+QUIET_COUNTS: Final = 20
+"""and in counts of the wire, for a probe whose noise is smaller than its digits."""
 
 FALL: Final = 0.5
 """Share of the vibration before, to which it must have fallen where the marks went away too
@@ -48,7 +54,10 @@ class RestState(msgspec.Struct):
 class Rest:
     """Watches the probes for a shaft that stands."""
 
-    def __init__(self) -> None:
+    def __init__(self, machine: Machine) -> None:
+        digit_m = max(abs(probe.scale) for probe in machine.channel[:PROBES])
+        noise_um = QUIET_NOISES * 1e6 * probe_noise_m(machine)
+        self.quiet_um = max(noise_um, QUIET_COUNTS * 1e6 * digit_m)
         self.state = RestState()
 
     def look(self, motion: Motion, probes_ok: bool, speed: SpeedState, now_ns: int) -> Seen:
@@ -57,7 +66,8 @@ class Rest:
         p2p_um, judged = max(motion.peak_to_peak_um), motion.complete and probes_ok
         if judged and not speed.lost and speed.speed_rad_s == speed.reading_rad_s > 0.0:
             s.moved_um = p2p_um
-        quiet = p2p_um <= (min(QUIET_UM, FALL * s.moved_um) if speed.torn else QUIET_UM)
+        most_um = min(self.quiet_um, FALL * s.moved_um) if speed.torn else self.quiet_um
+        quiet = p2p_um <= most_um
         s.quiet_ns = _since(s.quiet_ns, judged and quiet, now_ns)
         s.moving_ns = _since(s.moving_ns, judged and not quiet, now_ns)
         return Seen(_lasted_s(s.quiet_ns, now_ns), _lasted_s(s.moving_ns, now_ns))
