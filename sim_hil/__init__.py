@@ -7,9 +7,9 @@ from .compiled import keep_compiled
 keep_compiled()  # before anything imports numba
 
 if TYPE_CHECKING:
-    from .duty import Duty
     from .film import Equilibrium, FeedPatch, FilmForce, equilibrium, film_force
-    from .response import PowerMap, Trajectory, power_map, simulate
+    from .plant.duty import Duty
+    from .plant.response import PowerMap, Trajectory, power_map, simulate
     from .rigs import RigData, load_rig
     from .rotor.modes import Modes, Support, modes
 
@@ -32,21 +32,21 @@ __all__ = [
 ]
 
 _HOMES = {
-    "Duty": ".duty",
+    "Duty": ".plant.duty",
     "Equilibrium": ".film",
     "FeedPatch": ".film",
     "FilmForce": ".film",
     "Modes": ".rotor.modes",
-    "PowerMap": ".response",
+    "PowerMap": ".plant.response",
     "RigData": ".rigs",
     "Support": ".rotor.modes",
-    "Trajectory": ".response",
+    "Trajectory": ".plant.response",
     "equilibrium": ".film",
     "film_force": ".film",
     "load_rig": ".rigs",
     "modes": ".rotor.modes",
-    "power_map": ".response",
-    "simulate": ".response",
+    "power_map": ".plant.response",
+    "simulate": ".plant.response",
 }
 
 

@@ -27,7 +27,7 @@ from firmware_py.options import finite
 from firmware_py.wire.listener import listen, own
 
 if TYPE_CHECKING:
-    from sim_hil.rig import Rig
+    from sim_hil.hil.rig import Rig
 
 SOCKET_NAME: Final = "rig.sock"
 MAX_PACKET: Final = 65_536
@@ -152,7 +152,7 @@ class Console:
     def _duty(self, request: dict[str, Any]) -> Reply:
         import numpy as np
 
-        from sim_hil.duty import Duty
+        from sim_hil.plant.duty import Duty
 
         if request["name"] == "published":
             duty = Duty.published(self._rig.machine.rig)

@@ -20,12 +20,12 @@ from firmware_py.launch import Launch
 from firmware_py.options import seed
 from firmware_py.wire.link import Link, codec_for, open_link
 from sim_hil.console import SOCKET_NAME, Console
-from sim_hil.drive import HEARTBEAT_LIMIT_DEFAULT_S, HEARTBEAT_LIMIT_S
+from sim_hil.plant.drive import HEARTBEAT_LIMIT_DEFAULT_S, HEARTBEAT_LIMIT_S
 from sim_hil.rigs import load_rig
 
 if TYPE_CHECKING:
-    from sim_hil.duty import Duty
-    from sim_hil.rig import Rig
+    from sim_hil.hil.rig import Rig
+    from sim_hil.plant.duty import Duty
 
 PERIOD_NS = 1_000_000
 WARM_UP_STEPS = 1200
@@ -45,8 +45,8 @@ def make_rig(
 ) -> Rig:
     """The rig of a name or folder on the wire of ``config``; its build is drawn from ``seed``
     unless ``nominal``."""
-    from sim_hil.build import Build
-    from sim_hil.rig import Rig, node_limits
+    from sim_hil.hil.rig import Rig, node_limits
+    from sim_hil.plant.build import Build
 
     data = load_rig(named)
     build = Build.nominal(data) if nominal else Build.of_seed(data, seed)
@@ -116,8 +116,8 @@ def main(argv: list[str]) -> int:
         "default 3)",
     )
     options = parser.parse_args(argv)
-    from sim_hil.domain import describe  # brings the compiler: only when the rig runs
-    from sim_hil.duty import Duty
+    from sim_hil.film.domain import describe  # brings the compiler: only when the rig runs
+    from sim_hil.plant.duty import Duty
 
     started = launch.from_options(options)
     named = played(started)

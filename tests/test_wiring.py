@@ -58,7 +58,7 @@ from firmware_py.wire.disarm_room import SOCKET, DisarmRoom
 from firmware_py.wire.link import codec_for
 from firmware_py.wire.rooms import RoomClient, RoomServer
 from sim_hil.closed_loop import ClosedLoop
-from sim_hil.rig import Rig, node_limits
+from sim_hil.hil.rig import Rig, node_limits
 from sim_hil.rigs import load_rig
 from tests.brain.machine import models
 

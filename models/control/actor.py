@@ -24,7 +24,7 @@ from models.control.learners import ActorSettings, Learned, board_name, learn_al
 from models.control.policies import OUTPUTS, RANGES, Columns, OfFile, OfModule, random_observations
 from models.control.scoreboard import as_drawn, directly, judge, on_machine, predictive, rivals
 from models.runs import TrainingRun
-from sim_hil.control_task import OBSERVATIONS
+from sim_hil.gym.control_task import OBSERVATIONS
 
 SETTINGS = ActorSettings
 

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from firmware_py.config import Config
 from firmware_py.guard.measurement.motion import DISPLACEMENTS
 from firmware_py.machine.probes import after_zeroing
-from sim_hil.build import Build
-from sim_hil.control_task import OBSERVATIONS, Episode
+from sim_hil.gym.control_task import OBSERVATIONS, Episode
+from sim_hil.plant.build import Build
 from sim_hil.rigs import RigData, RotorData
 
 CLEARANCE_ERROR_M: Final = 0.5e-6

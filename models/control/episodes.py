@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from models.control.shielded import Observation, ShieldedRotor, ShieldedRotors, column
 from models.workers import map_in_order
-from sim_hil.control_task import CONTROL_S, EpisodeLimits, actions_of
-from sim_hil.environment import RotorEnv
 from sim_hil.film.direct_reynolds import ReynoldsLaw
 from sim_hil.film.table import FilmTable
+from sim_hil.gym.control_task import CONTROL_S, EpisodeLimits, actions_of
+from sim_hil.gym.environment import RotorEnv
+from sim_hil.gym.vector_environment import RotorVectorEnv
 from sim_hil.rigs import RigData, load_rig
-from sim_hil.vector_environment import RotorVectorEnv
 
 Floats = NDArray[np.float64]
 
@@ -72,7 +72,7 @@ class Board:
 
     Alone, the clearance stands on the unfed film; with the pressure, on the film fed from the
     groove, the pump's power counts, and so do the limits of flow and outlet
-    (:class:`sim_hil.control_task.EpisodeLimits`).  ``direct`` solves Reynolds' equation in every step
+    (:class:`sim_hil.gym.control_task.EpisodeLimits`).  ``direct`` solves Reynolds' equation in every step
     instead of reading the film from its table.
     """
 

@@ -28,9 +28,9 @@ from firmware_py.guard.envelope.shield import Shield
 from firmware_py.guard.measurement.motion import MotionMeter
 from firmware_py.guard.plausibility.pair import KINDS, PairCheck
 from firmware_py.records import Block
-from sim_hil.build import Build
-from sim_hil.duty import Duty
-from sim_hil.machine import SimulatedMachine
+from sim_hil.plant.build import Build
+from sim_hil.plant.duty import Duty
+from sim_hil.plant.machine import SimulatedMachine
 from sim_hil.rigs import load_rig
 from sim_hil.rotor.parameters import TRUTH_COLUMNS, Floats
 

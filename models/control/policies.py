@@ -20,7 +20,7 @@ from models.control.rivals import pressures
 from models.control.shielded import Observation
 from models.learning.ddpg import Actor, Scale
 from models.learning.dqn import Values
-from sim_hil.control_task import OBSERVATIONS, actions_of
+from sim_hil.gym.control_task import OBSERVATIONS, actions_of
 
 Floats = NDArray[np.float64]
 

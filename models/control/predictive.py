@@ -19,7 +19,7 @@ from firmware_py.brain.overrule import OverruleLimits, good
 from firmware_py.brain.prediction import HELD, Future, Predictor
 from firmware_py.brain.store import load_factors, load_model
 from models.control.shielded import Observation, column, shipped_config
-from sim_hil.control_task import CONTROL_S
+from sim_hil.gym.control_task import CONTROL_S
 
 Floats = NDArray[np.float64]
 

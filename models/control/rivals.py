@@ -17,7 +17,7 @@ from models.control.episodes import Board, SettingPolicy
 from models.control.shielded import Observation, column
 from models.workers import map_in_order
 from sim_hil import power_map
-from sim_hil.control_task import CONTROL_S, EpisodeLimits
+from sim_hil.gym.control_task import CONTROL_S, EpisodeLimits
 from sim_hil.rigs import RigData
 
 Floats = NDArray[np.float64]

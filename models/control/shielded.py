@@ -15,11 +15,11 @@ from firmware_py.config import Config
 from firmware_py.guard.envelope.load_estimate import LoadEstimator, Look
 from firmware_py.guard.envelope.shield import Ramp, Shield
 from models.control.commissioned import Commissioned
-from sim_hil.control_task import CONTROL_S, OBSERVATIONS, Episode, actions_of, targets
-from sim_hil.duty import RAD_S_PER_RPM, Duty
-from sim_hil.environment import RotorEnv
+from sim_hil.gym.control_task import CONTROL_S, OBSERVATIONS, Episode, actions_of, targets
+from sim_hil.gym.environment import RotorEnv
+from sim_hil.gym.vector_environment import RotorVectorEnv
+from sim_hil.plant.duty import RAD_S_PER_RPM, Duty
 from sim_hil.rigs import RigData
-from sim_hil.vector_environment import RotorVectorEnv
 
 Observation = NDArray[np.float32]
 Floats = NDArray[np.float64]

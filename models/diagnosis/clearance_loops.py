@@ -13,11 +13,11 @@ from firmware_py import config as configuration
 from firmware_py.acquire.windows import ChannelMap
 from firmware_py.guard.envelope.load_estimate import LoadEstimator, Look
 from firmware_py.guard.envelope.shield import Shield
-from sim_hil.duty import Duty
-from sim_hil.machine import Batch, SimulatedMachine
+from sim_hil.plant.duty import Duty
+from sim_hil.plant.machine import Batch, SimulatedMachine
+from sim_hil.plant.runs import run
 from sim_hil.rigs import RigData
 from sim_hil.rotor.parameters import TRUTH_COLUMNS
-from sim_hil.runs import run
 
 LOOPS: Final = ("fixed", "random actor", "agent")
 STEP_S: Final = 0.1

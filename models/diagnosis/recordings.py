@@ -12,14 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.diagnosis.clearance_loops import LOOPS, Loop, loop_of
-from sim_hil.build import Build
-from sim_hil.duty import Duty
 from sim_hil.faults.machine import RUB_GAP_M
-from sim_hil.machine import Batch, SimulatedMachine
+from sim_hil.plant.build import Build
+from sim_hil.plant.duty import Duty
+from sim_hil.plant.machine import Batch, SimulatedMachine
+from sim_hil.plant.runs import recording_of, run
 from sim_hil.rigs import RigData, load_rig
 from sim_hil.rotor.assembly import RUB_CLEARANCE_M
 from sim_hil.rotor.parameters import TRUTH_COLUMNS
-from sim_hil.runs import recording_of, run
 
 Floats = NDArray[np.float64]
 

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models.film.judge import FilmBar, FilmModel
-from sim_hil.build import Build
-from sim_hil.duty import Duty
 from sim_hil.film.equilibrium import equilibrium, whirl_threshold
-from sim_hil.response import Force, Trajectory, simulate
+from sim_hil.plant.build import Build
+from sim_hil.plant.duty import Duty
+from sim_hil.plant.response import Force, Trajectory, simulate
 from sim_hil.rigs import RigData
 from sim_hil.rotor.network_law import ReducedNetworkLaw
 

@@ -27,12 +27,12 @@ from firmware_py.config import Config
 from firmware_py.machine.probes import after_zeroing
 from firmware_py.records import Block, Quality, RigReading, RigStatus
 from models.prediction.truth import damping_ratio
-from sim_hil.build import Build
-from sim_hil.duty import RAD_S_PER_RPM, Duty
 from sim_hil.faults.machine import STARVED_SHARE, WEAR_M, worn_bore
-from sim_hil.machine import Batch, SimulatedMachine
+from sim_hil.plant.build import Build
+from sim_hil.plant.duty import RAD_S_PER_RPM, Duty
+from sim_hil.plant.machine import Batch, SimulatedMachine
+from sim_hil.plant.runs import SimulatedRecording, recording_of, run
 from sim_hil.rigs import RigData
-from sim_hil.runs import SimulatedRecording, recording_of, run
 
 Floats = NDArray[np.float64]
 

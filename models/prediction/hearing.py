@@ -26,8 +26,8 @@ from models.prediction.episodes import (
     truth_at,
 )
 from models.prediction.rivals import forecasts
+from sim_hil.plant.runs import SimulatedRecording
 from sim_hil.rigs import RigData
-from sim_hil.runs import SimulatedRecording
 
 Floats = NDArray[np.float64]
 

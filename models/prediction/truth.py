@@ -9,9 +9,9 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_hil.build import Build
 from sim_hil.film.table import FilmTable
 from sim_hil.film.table_kernel import table_force
+from sim_hil.plant.build import Build
 from sim_hil.rigs import RigData
 
 Floats = NDArray[np.float64]

@@ -23,11 +23,11 @@ from models.diagnosis.scores import balanced_accuracy
 from models.reproduce.claims import SIX_CLASSES, TWO_CLASSES
 from models.reproduce.report import ClaimRow, Series
 from models.runs import progress_bar
-from sim_hil.build import Build
-from sim_hil.duty import Duty
+from sim_hil.plant.build import Build
+from sim_hil.plant.duty import Duty
+from sim_hil.plant.runs import SimulatedRecording, record
 from sim_hil.plots.style import BLUE, RED, new_figure, plain
 from sim_hil.rigs import load_rig
-from sim_hil.runs import SimulatedRecording, record
 
 Floats = NDArray[np.float64]
 

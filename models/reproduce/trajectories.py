@@ -19,11 +19,11 @@ from models.film.rivals import TrainedBearing, raw_network
 from models.film.surrogate import law_of
 from models.reproduce.claims import SPEED, TRANSIENTS
 from models.reproduce.report import ClaimRow, Series
-from sim_hil.build import Build
-from sim_hil.duty import RAD_S_PER_RPM, Duty
 from sim_hil.film import equilibrium, film_force
+from sim_hil.plant.build import Build
+from sim_hil.plant.duty import RAD_S_PER_RPM, Duty
+from sim_hil.plant.response import Force, simulate
 from sim_hil.plots.style import BLUE, GREEN, GREY, ORANGE, new_figure, plain
-from sim_hil.response import Force, simulate
 from sim_hil.rigs import RigData, load_rig
 
 Floats = NDArray[np.float64]

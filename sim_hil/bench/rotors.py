@@ -13,20 +13,20 @@ import numpy as np
 from sim_hil.bench.film import repeat_of_reference
 from sim_hil.bench.reference_kernel import spread_reference
 from sim_hil.bench.timing import ROUNDS, Timing, beside, wall
-from sim_hil.build import Build
-from sim_hil.control_task import CONTROL_S
-from sim_hil.duty import RAD_S_PER_RPM, Duty
 from sim_hil.film.table import FilmTable
-from sim_hil.fleet import STEP_S as FLEET_STEP_S
-from sim_hil.fleet import advance_fleet, records
-from sim_hil.machine import Batch, SimulatedMachine
-from sim_hil.response import equilibrium_at
+from sim_hil.gym.control_task import CONTROL_S
+from sim_hil.gym.fleet import STEP_S as FLEET_STEP_S
+from sim_hil.gym.fleet import advance_fleet, records
+from sim_hil.gym.vector_environment import RotorVectorEnv
+from sim_hil.plant.build import Build
+from sim_hil.plant.duty import RAD_S_PER_RPM, Duty
+from sim_hil.plant.machine import Batch, SimulatedMachine
+from sim_hil.plant.response import equilibrium_at
 from sim_hil.rigs import RigData, load_rig
 from sim_hil.rotor.assembly import assemble
 from sim_hil.rotor.film_law import DirectLaw, Law
 from sim_hil.rotor.parameters import Floats, Plant, new_state
 from sim_hil.rotor.rigid import COLUMNS, advance_rotor, advance_rotors
-from sim_hil.vector_environment import RotorVectorEnv
 
 LOAD_N: Final = 100.0
 CLEARANCE_M: Final = 60e-6

@@ -11,8 +11,8 @@ from typing import Final
 _PROGRAM: Final = """
 import time
 start = time.perf_counter()
-from sim_hil.duty import Duty
-from sim_hil.response import simulate
+from sim_hil.plant.duty import Duty
+from sim_hil.plant.response import simulate
 from sim_hil.rigs import load_rig
 imported = time.perf_counter()
 simulate(load_rig("bench"), Duty.hold(3000, 100, 0.01), clearance=60e-6)

@@ -114,7 +114,7 @@ def _cases(
     """The machine on the duty for each board, with and without warming oil."""
     from sim_hil.bound.case import BoundCase
     from sim_hil.bound.limits import BoundLimits, duty_of
-    from sim_hil.duty import Duty
+    from sim_hil.plant.duty import Duty
     from sim_hil.rigs import load_rig
 
     rig = load_rig(folder)

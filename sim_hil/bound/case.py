@@ -10,9 +10,9 @@ from functools import partial
 import numpy as np
 
 from sim_hil.bound.limits import ORBIT_SHARE, BoundLimits, orbit_share
-from sim_hil.build import Build
-from sim_hil.duty import Duty
-from sim_hil.response import SAMPLES_PER_TURN, PlayedSchedule, Trajectory, simulate
+from sim_hil.plant.build import Build
+from sim_hil.plant.duty import Duty
+from sim_hil.plant.response import SAMPLES_PER_TURN, PlayedSchedule, Trajectory, simulate
 from sim_hil.rigs import RigData
 from sim_hil.rotor.parameters import Floats
 from sim_hil.rotor.rigid import COLUMNS

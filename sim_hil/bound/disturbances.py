@@ -8,7 +8,7 @@ import numpy as np
 
 from sim_hil.bound.case import BIN_S, BoundCase
 from sim_hil.bound.maps import Map, Mapper, build_map, judged_alone
-from sim_hil.duty import RAD_S_PER_RPM, Duty
+from sim_hil.plant.duty import RAD_S_PER_RPM, Duty
 from sim_hil.rigs import RigData
 from sim_hil.rotor.parameters import Floats
 

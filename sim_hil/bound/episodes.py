@@ -7,14 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from sim_hil import control_task
 from sim_hil.bound.case import Profile, TargetPlan
 from sim_hil.bound.disturbances import RampLimits
 from sim_hil.bound.maps import Mapper
 from sim_hil.bound.reference import References, references
-from sim_hil.control_task import CONTROL_S, Episode, EpisodeLimits, actions_of
+from sim_hil.gym import control_task
+from sim_hil.gym.control_task import CONTROL_S, Episode, EpisodeLimits, actions_of
+from sim_hil.gym.vector_environment import RotorVectorEnv
 from sim_hil.rigs import load_rig
-from sim_hil.vector_environment import RotorVectorEnv
 
 
 def episode_references(

@@ -17,7 +17,7 @@ from sim_hil.bound.case import BoundCase, Profile, TargetPlan
 from sim_hil.whole_file import whole_file
 
 _SOURCES = Path(__file__).parent.parent
-_FOLDERS = (".", "bound", "film", "film/data", "rotor", "rigs")
+_FOLDERS = (".", "bound", "film", "film/data", "gym", "plant", "rotor", "rigs")
 
 
 def kept_profile(case: BoundCase, plan: TargetPlan) -> Profile:

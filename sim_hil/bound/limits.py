@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
-from sim_hil.duty import Duty
-from sim_hil.response import Trajectory
+from sim_hil.plant.duty import Duty
+from sim_hil.plant.response import Trajectory
 from sim_hil.rigs import RigData
 from sim_hil.rotor.parameters import Floats
 

@@ -19,8 +19,8 @@ from sim_hil.bound.disturbances import (
 from sim_hil.bound.limits import BoundLimits
 from sim_hil.bound.maps import Judge, Map, Mapper, build_map, judged_alone
 from sim_hil.bound.schedules import NoSchedule, causal, preview
-from sim_hil.build import Build
-from sim_hil.duty import RAD_S_PER_RPM, Duty
+from sim_hil.plant.build import Build
+from sim_hil.plant.duty import RAD_S_PER_RPM, Duty
 from sim_hil.rigs import RigData
 
 MOST_UM = 12

@@ -16,14 +16,14 @@ from typing import Final
 import numpy as np
 
 from sim_hil.bound.limits import path_share
-from sim_hil.build import Build
 from sim_hil.demo.observer import StoryTruth
 from sim_hil.demo.setting import Setting
-from sim_hil.duty import Duty
-from sim_hil.machine import SimulatedMachine
+from sim_hil.plant.build import Build
+from sim_hil.plant.duty import Duty
+from sim_hil.plant.machine import SimulatedMachine
+from sim_hil.plant.runs import run
 from sim_hil.rigs import RigData
 from sim_hil.rotor.parameters import TRUTH_COLUMNS, Floats
-from sim_hil.runs import run
 
 GRID_STEP_UM: Final = 5.0
 SETTLE_S: Final = 1.0

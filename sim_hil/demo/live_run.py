@@ -36,7 +36,7 @@ from sim_hil.demo.live import Quiet, beat_text
 from sim_hil.demo.observer import StoryObserver, StoryTruth
 from sim_hil.demo.setting import Setting
 from sim_hil.demo.story import Beat, Story
-from sim_hil.truth import RigTruth
+from sim_hil.plant.truth import RigTruth
 
 BRAIN_AWAY_S: Final = 3.0
 """How long a killed brain stays away, so that a person sees the guard without it."""

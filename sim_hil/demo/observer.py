@@ -16,7 +16,7 @@ from firmware_py.records import (
     RoomRecord,
 )
 from sim_hil.demo.story import Beat
-from sim_hil.truth import RigTruth
+from sim_hil.plant.truth import RigTruth
 
 
 @dataclass(frozen=True)

@@ -41,8 +41,8 @@ from firmware_py.records import (
 from firmware_py.wire.fields import SampleFlag
 from firmware_py.wire.link import codec_for, open_link
 from firmware_py.wire.rooms import RoomClient
-from sim_hil.node import Node
-from sim_hil.rig import node_limits
+from sim_hil.hil.node import Node
+from sim_hil.hil.rig import node_limits
 from sim_hil.rigs import load_rig
 
 PRIORITY: Final = 20

@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 
 from firmware_py.config import SHIPPED, Config, load
-from sim_hil.build import Build
+from sim_hil.plant.build import Build
 from sim_hil.rigs import RigData, load_rig
 
 

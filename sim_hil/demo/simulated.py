@@ -16,7 +16,7 @@ from sim_hil.demo.live import Quiet, beat_text
 from sim_hil.demo.observer import StoryObserver, StoryTruth
 from sim_hil.demo.setting import Setting
 from sim_hil.demo.story import Beat, Story
-from sim_hil.rig import Rig, node_limits
+from sim_hil.hil.rig import Rig, node_limits
 
 BRAIN_AWAY_S = 3.0
 """How long a killed brain stays away."""

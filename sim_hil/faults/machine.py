@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-from sim_hil.build import Build, unbalance_of_grade
+from sim_hil.plant.build import Build, unbalance_of_grade
 from sim_hil.rigs import RigData
 from sim_hil.rotor.parameters import Foot, Four, Plant, four
 

@@ -10,10 +10,10 @@ from matplotlib.figure import Figure
 from scipy.signal import spectrogram
 
 from sim_hil.bound.limits import ORBIT_SHARE, BoundLimits, orbit_share
-from sim_hil.build import Build
-from sim_hil.duty import RAD_S_PER_RPM, Duty
+from sim_hil.plant.build import Build
+from sim_hil.plant.duty import RAD_S_PER_RPM, Duty
+from sim_hil.plant.response import Trajectory, equilibrium_at, simulate
 from sim_hil.plots.style import BLUE, GREEN, GREY, ORANGE, RED, limit_line, new_figure, plain, point
-from sim_hil.response import Trajectory, equilibrium_at, simulate
 from sim_hil.rigs import RigData, load_rig
 from sim_hil.rotor.assembly import assemble
 from sim_hil.rotor.modes import Support, modes

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_py.wire.layout import SCHEMA_1
-from sim_hil.build import Build
 from sim_hil.faults.sensor import Samples, sensor_fault
+from sim_hil.plant.build import Build
 from sim_hil.rigs import RigData
 from sim_hil.rotor.parameters import Floats
 

@@ -9,10 +9,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from sim_hil.build import unbalance_of_grade
-from sim_hil.domain import domain
-from sim_hil.duty import RAD_S_PER_RPM, Duty
 from sim_hil.film import Equilibrium, equilibrium
+from sim_hil.film.domain import domain
+from sim_hil.plant.build import unbalance_of_grade
+from sim_hil.plant.duty import RAD_S_PER_RPM, Duty
 from sim_hil.rigs import load_rig
 from sim_hil.sensors.antialias import antialias_taps
 from sim_hil.verify.row import ComparisonRow, residual

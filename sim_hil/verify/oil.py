@@ -10,12 +10,12 @@ from functools import partial
 
 import numpy as np
 
-from sim_hil.build import Build
-from sim_hil.duty import RAD_S_PER_RPM, Duty
 from sim_hil.film import FeedPatch
 from sim_hil.film.fed import FedTable, fed_force
 from sim_hil.film.thermal import thermal_equilibrium
-from sim_hil.response import simulate
+from sim_hil.plant.build import Build
+from sim_hil.plant.duty import RAD_S_PER_RPM, Duty
+from sim_hil.plant.response import simulate
 from sim_hil.rigs import load_rig
 from sim_hil.verify.closed_forms import MU, OMEGA, C, R
 from sim_hil.verify.properties import apart, film_of, states

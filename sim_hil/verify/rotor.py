@@ -11,17 +11,17 @@ import numpy as np
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
-from sim_hil.build import Build
-from sim_hil.duty import RAD_S_PER_RPM, Duty
-from sim_hil.machine import SimulatedMachine
-from sim_hil.response import Force, Trajectory, equilibrium_at, simulate
+from sim_hil.plant.build import Build
+from sim_hil.plant.duty import RAD_S_PER_RPM, Duty
+from sim_hil.plant.machine import SimulatedMachine
+from sim_hil.plant.response import Force, Trajectory, equilibrium_at, simulate
+from sim_hil.plant.runs import run
 from sim_hil.rigs import RigData, load_rig
 from sim_hil.rotor.assembly import assemble
 from sim_hil.rotor.film_law import LinearLaw
 from sim_hil.rotor.modes import Support, modes, state_matrix
 from sim_hil.rotor.parameters import TRUTH_COLUMNS, new_state
 from sim_hil.rotor.rigid import COLUMNS, advance_rotor
-from sim_hil.runs import run
 from sim_hil.verify.row import ComparisonRow, residual
 
 _FACTS = "rig_bench.json"

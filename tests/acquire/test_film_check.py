@@ -17,11 +17,11 @@ from firmware_py.config import read_machine
 from firmware_py.machine.contact import ROUGHNESS_M, contact_volt, film_of, film_per_volt
 from firmware_py.machine.lubricant import viscosity_Pa_s
 from firmware_py.records import Quality
-from sim_hil.build import Build
-from sim_hil.duty import Duty
+from sim_hil.plant.build import Build
+from sim_hil.plant.duty import Duty
+from sim_hil.plant.runs import record
 from sim_hil.rigs import load_rig
 from sim_hil.rotor.assembly import contact_parameters
-from sim_hil.runs import record
 from sim_hil.sensors.kernel import contact_voltage
 
 from .test_features import last_window

@@ -21,11 +21,11 @@ from firmware_py.brain.baseline import (
 from firmware_py.brain.diagnosis import Diagnoser
 from firmware_py.brain.store import load_models
 from firmware_py.records import Diagnosis
-from sim_hil.build import Build
-from sim_hil.duty import Duty
-from sim_hil.machine import Batch, SimulatedMachine
+from sim_hil.plant.build import Build
+from sim_hil.plant.duty import Duty
+from sim_hil.plant.machine import Batch, SimulatedMachine
+from sim_hil.plant.runs import recording_of, run
 from sim_hil.rigs import load_rig
-from sim_hil.runs import recording_of, run
 
 BENCH = config.load(config.SHIPPED / "bench")[0]
 MACHINE = BENCH.machine

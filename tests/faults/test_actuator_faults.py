@@ -10,7 +10,7 @@ from firmware_py.guard.core import GuardCore
 from firmware_py.records import CommandRequest, Cycle, Event, RawFrame
 from firmware_py.wire.link import codec_for
 from sim_hil.faults import ACTUATOR_FAULTS, NODE_FAULTS, UnknownFault, check_fault
-from sim_hil.rig import Rig, node_limits
+from sim_hil.hil.rig import Rig, node_limits
 from sim_hil.rigs import load_rig
 
 MS = 1_000_000

@@ -22,7 +22,7 @@ from firmware_py.records import Advice, Mode, PlannedRamp, RawFrame, RoomRecord
 from firmware_py.wire.link import codec_for
 from sim_hil.closed_loop import ClosedLoop, Listener, RigStage
 from sim_hil.demo.setting import Setting, prepare
-from sim_hil.rig import Rig, node_limits
+from sim_hil.hil.rig import Rig, node_limits
 
 START_NS: Final = 5_000_000_000
 SESSION: Final = 0x601DE

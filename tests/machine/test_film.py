@@ -9,9 +9,9 @@ import pytest
 
 from firmware_py.machine.film import ECCENTRICITY_MAX, KNOTS, StaticFilm
 from sim_hil import simulate
-from sim_hil.build import Build
-from sim_hil.duty import RAD_S_PER_RPM, Duty
 from sim_hil.film import Equilibrium, equilibrium
+from sim_hil.plant.build import Build
+from sim_hil.plant.duty import RAD_S_PER_RPM, Duty
 from sim_hil.rigs import load_rig
 
 RADIUS_M, CLEARANCE_M, VISCOSITY, SPEED = 0.02, 60e-6, 0.01, 600.0

@@ -22,11 +22,11 @@ from models.control.shielded import (
     fast_ramps,
     shipped_config,
 )
-from sim_hil.control_task import OBSERVATIONS, actions_of
-from sim_hil.duty import RAD_S_PER_RPM, Duty
-from sim_hil.environment import RotorEnv
+from sim_hil.gym.control_task import OBSERVATIONS, actions_of
+from sim_hil.gym.environment import RotorEnv
+from sim_hil.gym.vector_environment import RotorVectorEnv
+from sim_hil.plant.duty import RAD_S_PER_RPM, Duty
 from sim_hil.rigs import load_rig
-from sim_hil.vector_environment import RotorVectorEnv
 
 REACH = (40e-6, 160e-6)
 

@@ -68,9 +68,9 @@ def test_a_torn_recording_is_refused(tmp_path):
 
 def test_every_loop_moves_the_clearance_inside_the_bearing():
     from models.diagnosis.clearance_loops import LOOPS, loop_of
-    from sim_hil.build import Build
-    from sim_hil.duty import Duty
-    from sim_hil.machine import SimulatedMachine
+    from sim_hil.plant.build import Build
+    from sim_hil.plant.duty import Duty
+    from sim_hil.plant.machine import SimulatedMachine
     from sim_hil.rigs import load_rig
 
     rig = load_rig("bench")
@@ -90,10 +90,10 @@ def test_every_loop_moves_the_clearance_inside_the_bearing():
 def test_features_do_not_depend_on_the_rate():
     """One machine without ambient noise, sampled at both rates: what turns with the shaft is the
     same."""
-    from sim_hil.build import Build
-    from sim_hil.duty import Duty
+    from sim_hil.plant.build import Build
+    from sim_hil.plant.duty import Duty
+    from sim_hil.plant.runs import record
     from sim_hil.rigs import load_rig
-    from sim_hil.runs import record
 
     rig = load_rig("bench")
     found = []

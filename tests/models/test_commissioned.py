@@ -16,9 +16,9 @@ from models.control.commissioned import (
 )
 from models.control.episodes import Board, FixedSetting, play
 from models.control.shielded import column, shipped_config
-from sim_hil.build import Build
-from sim_hil.control_task import OBSERVATIONS, Disturbances, Episode
 from sim_hil.film.equilibrium import equilibrium
+from sim_hil.gym.control_task import OBSERVATIONS, Disturbances, Episode
+from sim_hil.plant.build import Build
 from sim_hil.rigs import load_rig
 
 CONFIG, RIG = shipped_config("bench"), load_rig("bench")

@@ -4,7 +4,7 @@ import warnings
 
 import pytest
 
-from sim_hil.environment import RotorEnv
+from sim_hil.gym.environment import RotorEnv
 
 checker = pytest.importorskip(
     "stable_baselines3.common.env_checker", reason="stable-baselines3 is not installed"

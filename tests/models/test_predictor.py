@@ -14,7 +14,7 @@ from models.prediction.episodes import FORECASTS_S, after_procedure, draw, play,
 from models.prediction.hearing import Said, join, listen
 from models.prediction.scores import conformal, intervals, report, rival_widths, winkler
 from models.prediction.truth import damping_ratio
-from sim_hil.build import Build
+from sim_hil.plant.build import Build
 from sim_hil.rigs import load_rig
 
 RIG = load_rig("bench")

@@ -39,7 +39,7 @@ from firmware_py.replay.decisions import DecisionReplay, Replayed
 from firmware_py.replay.taken import read_steps
 from firmware_py.wire.link import codec_for
 from sim_hil.closed_loop import ClosedLoop
-from sim_hil.rig import Rig, node_limits
+from sim_hil.hil.rig import Rig, node_limits
 from sim_hil.rigs import load_rig
 
 BENCH = config.load(config.SHIPPED / "bench")[0]

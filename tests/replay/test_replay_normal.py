@@ -13,7 +13,7 @@ from firmware_py.records import Baseline, Diagnosis, Normal, WindowRecord
 from firmware_py.replay import command
 from firmware_py.wire.link import codec_for
 from sim_hil.closed_loop import ClosedLoop
-from sim_hil.rig import Rig, node_limits
+from sim_hil.hil.rig import Rig, node_limits
 from sim_hil.rigs import load_rig
 from tests.brain.machine import models
 

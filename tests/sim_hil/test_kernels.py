@@ -20,18 +20,18 @@ SIMULATOR = ("film", "rotor", "sensors")
 
 MACHINE = """
 import hashlib
-from sim_hil.build import Build
-from sim_hil.duty import Duty
-from sim_hil.machine import SimulatedMachine
+from sim_hil.plant.build import Build
+from sim_hil.plant.duty import Duty
+from sim_hil.plant.machine import SimulatedMachine
 from sim_hil.rigs import load_rig
-from sim_hil.runs import run
+from sim_hil.plant.runs import run
 rig = load_rig("bench")
 machine = SimulatedMachine(rig, Build.nominal(rig), 1)
 print(hashlib.sha256(run(machine, Duty.hold(6000.0, 60.0), 0.3, clearance=60e-6).truth.tobytes()).hexdigest())
 """
 ROTOR_ON_FED_FILM_FIRST = """
-from sim_hil.duty import Duty
-from sim_hil.response import simulate
+from sim_hil.plant.duty import Duty
+from sim_hil.plant.response import simulate
 from sim_hil.rigs import load_rig
 simulate(load_rig("bench"), Duty.hold(6000.0, 60.0), clearance=60e-6, seconds=0.02, fed=True)
 simulate(load_rig("bench"), Duty.hold(6000.0, 60.0), clearance=60e-6, seconds=0.02)

@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim_hil.build import Build
 from sim_hil.faults import apply_machine_faults
+from sim_hil.plant.build import Build
 from sim_hil.rigs import RigData, load_rig
 from sim_hil.rotor.assembly import assemble
 from sim_hil.rotor.kernel import move_supply

@@ -11,12 +11,12 @@ import numpy as np
 from firmware_py.config import Config
 from firmware_py.guard.envelope.load_estimate import LoadEstimator, Look
 from firmware_py.machine.lubricant import CredibleOil
-from sim_hil.build import Build
-from sim_hil.duty import Duty
-from sim_hil.machine import SimulatedMachine
+from sim_hil.plant.build import Build
+from sim_hil.plant.duty import Duty
+from sim_hil.plant.machine import SimulatedMachine
+from sim_hil.plant.runs import SimulatedRecording, recording_of, run
 from sim_hil.rigs import load_rig
 from sim_hil.rotor.parameters import TRUTH_COLUMNS, Floats
-from sim_hil.runs import SimulatedRecording, recording_of, run
 
 from ..scripted_node import bench
 

@@ -18,9 +18,9 @@ from firmware_py.guard.envelope.shield import (
 from firmware_py.machine.film import static_film
 from firmware_py.machine.lubricant import viscosity_Pa_s
 from sim_hil import simulate
-from sim_hil.build import Build
-from sim_hil.duty import Duty
 from sim_hil.film import equilibrium
+from sim_hil.plant.build import Build
+from sim_hil.plant.duty import Duty
 from sim_hil.rigs import load_rig
 
 from ..scripted_node import bench

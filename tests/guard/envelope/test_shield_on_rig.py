@@ -17,11 +17,11 @@ from firmware_py.records import (
 from firmware_py.wire.codec import CanCodec
 from models.control.episodes import UNTRIPPED
 from models.control.shielded import ANNOUNCED_S, ShieldedRotors, fast_ramps
-from sim_hil.control_task import CONTROL_S, Disturbances, actions_of
-from sim_hil.duty import RAD_S_PER_RPM, Duty
-from sim_hil.rig import Rig, node_limits
+from sim_hil.gym.control_task import CONTROL_S, Disturbances, actions_of
+from sim_hil.gym.vector_environment import RotorVectorEnv
+from sim_hil.hil.rig import Rig, node_limits
+from sim_hil.plant.duty import RAD_S_PER_RPM, Duty
 from sim_hil.rigs import load_rig
-from sim_hil.vector_environment import RotorVectorEnv
 
 from ..scripted_node import MS, bench
 

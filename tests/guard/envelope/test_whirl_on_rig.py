@@ -10,11 +10,11 @@ from firmware_py.guard.envelope import shield
 from firmware_py.machine.film import static_film
 from models.control.commissioned import apparent_mass_kg
 from models.control.episodes import UNTRIPPED
-from sim_hil.control_task import CONTROL_S, Disturbances, actions_of
-from sim_hil.duty import Duty
+from sim_hil.gym.control_task import CONTROL_S, Disturbances, actions_of
+from sim_hil.gym.vector_environment import RotorVectorEnv
+from sim_hil.plant.duty import Duty
 from sim_hil.rigs import load_rig
 from sim_hil.rotor.parameters import CLEARANCE, OIL
-from sim_hil.vector_environment import RotorVectorEnv
 
 RIG = load_rig("bench")
 SEEDS = [1135, 65, 2845, 99, 2048, 2409, 1842, 3520, 3149, 2180]

@@ -18,12 +18,12 @@ from sim_hil.bound.maps import Map
 from sim_hil.bound.reference import cut, references
 from sim_hil.bound.schedules import NoSchedule, causal, foreseen, narrowed, preview, viable
 from sim_hil.bound.study import study
-from sim_hil.build import Build
-from sim_hil.duty import Duty
-from sim_hil.response import Trajectory
+from sim_hil.gym.vector_environment import RotorVectorEnv
+from sim_hil.plant.build import Build
+from sim_hil.plant.duty import Duty
+from sim_hil.plant.response import Trajectory
 from sim_hil.rigs import load_rig
 from sim_hil.rotor.rigid import COLUMNS
-from sim_hil.vector_environment import RotorVectorEnv
 
 LIMITS = BoundLimits(10e-6, 50e-6)
 DUTY_FILE = Path(__file__).resolve().parents[4] / "shared/reference/duty_bench.json"

@@ -10,7 +10,7 @@ from sim_hil import Duty, load_rig, simulate
 from sim_hil.film.model import tabulate
 from sim_hil.film.table import FilmTable
 from sim_hil.film.table_kernel import table_force
-from sim_hil.response import SimulationError
+from sim_hil.plant.response import SimulationError
 
 BENCH = load_rig("bench")
 DUTY = Duty.hold(6000, 100, 0.1)

@@ -7,10 +7,10 @@ import pytest
 
 import sim_hil
 from sim_hil import Support, modes, simulate
-from sim_hil.build import Build
-from sim_hil.duty import Duty
 from sim_hil.film.table import FilmTable
-from sim_hil.response import SimulationError, equilibrium_at
+from sim_hil.plant.build import Build
+from sim_hil.plant.duty import Duty
+from sim_hil.plant.response import SimulationError, equilibrium_at
 from sim_hil.rotor.assembly import assemble
 from sim_hil.rotor.modes import ModesError
 
@@ -22,7 +22,7 @@ def hold(rpm, load, seconds=0.3, **options):
 
 
 def test_simulate_is_the_function_whatever_was_imported_before():
-    import sim_hil.runs
+    import sim_hil.plant.runs
 
     assert callable(sim_hil.simulate)
     assert callable(sim_hil.power_map)
