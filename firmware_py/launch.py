@@ -19,7 +19,7 @@ from typing import Final
 
 import msgspec
 
-from firmware_py.config import SHIPPED, Check, Config, Device, Source, load, read_device
+from firmware_py.config import SHIPPED, Check, Config, DeviceConfig, Source, load, read_device
 from firmware_py.machine import folder
 from firmware_py.machine.values import NAME_PATTERN, WORDS
 from firmware_py.wire.listener import INSTANCE_MODE
@@ -140,7 +140,7 @@ def from_options(options: argparse.Namespace) -> Launch:
 class Place:
     """Where a device runs, and what it is called."""
 
-    device: Device
+    device: DeviceConfig
     runtime: Path
 
 

@@ -22,7 +22,7 @@ from dbc_wire import DBC, Wire
 AUTO, ARMED = 2, 3
 
 
-class Device:
+class PlayedDevice:
     """What the device has seen, and the session under which it speaks."""
 
     def __init__(self) -> None:
@@ -64,7 +64,7 @@ class Device:
 
 
 def play(wire: Wire, seconds: float, clearance_um: float, pressure_bar: float) -> dict[str, object]:
-    device, start = Device(), time.monotonic()
+    device, start = PlayedDevice(), time.monotonic()
     heartbeat_due = command_due = start
     following = states = 0
     while (now := time.monotonic()) < start + seconds:

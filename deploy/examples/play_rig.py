@@ -30,7 +30,7 @@ SPEED_RPM = 3000.0
 ENDS = ("min", "max")
 
 
-class Node:
+class PlayedNode:
     """Actuator and drive: what it follows, where it stands, what it refused."""
 
     def __init__(self) -> None:
@@ -165,7 +165,7 @@ def samples(
     return values
 
 
-def readings(wire: Wire, layout: Layout, node: Node, tick: int) -> None:
+def readings(wire: Wire, layout: Layout, node: PlayedNode, tick: int) -> None:
     """The slow readings: RIG_STATUS, or the pages of READINGS."""
     told = {
         "shaft_power": 87.0,
@@ -215,7 +215,7 @@ def node_info(wire: Wire, layout: Layout, period_us: int, tick: int) -> None:
     )
 
 
-def slow_messages(wire: Wire, layout: Layout, node: Node, now_us: int) -> None:
+def slow_messages(wire: Wire, layout: Layout, node: PlayedNode, now_us: int) -> None:
     """Status and state, every 50 ms."""
     tick = now_us & 0xFFFFFFFF
     bad = sum(count for name, count in wire.counts.items() if name.startswith("bad "))
@@ -234,7 +234,7 @@ def slow_messages(wire: Wire, layout: Layout, node: Node, now_us: int) -> None:
     )
 
 
-def play(wire: Wire, node: Node, seconds: float, period_us: int) -> None:
+def play(wire: Wire, node: PlayedNode, seconds: float, period_us: int) -> None:
     layout = Layout(wire)
     start, sample, slow_due, info_due, moved_us = time.monotonic(), 0, 0, 0, 0
     while (now_us := int((time.monotonic() - start) * 1e6)) < seconds * 1e6:
@@ -260,7 +260,7 @@ def main() -> None:
     parser.add_argument("--rate", type=int, default=5000, help="sampling rate in Hz")
     parser.add_argument("--dbc", type=Path, default=DBC, help="that of the rig (default: schema 1)")
     options = parser.parse_args()
-    node = Node()
+    node = PlayedNode()
     with can.Bus(channel=options.channel, interface=options.interface, fd=True) as bus:
         wire = Wire(bus, options.dbc)
         with contextlib.suppress(KeyboardInterrupt):

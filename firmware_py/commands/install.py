@@ -52,7 +52,7 @@ class InstallError(OrbitdError):
 
 
 @dataclass(frozen=True)
-class Target:
+class InstallPlace:
     """Where to: ``prefix`` is ``/`` on the host itself, another folder for packaging or tests."""
 
     prefix: Path
@@ -92,7 +92,7 @@ def main(argv: list[str]) -> int:
         help="stop and remove the service; rig, recordings and users stay",
     )
     options = parser.parse_args(argv)
-    target = Target(options.prefix, options.python)
+    target = InstallPlace(options.prefix, options.python)
     try:
         return _remove(target) if options.remove else _install(target, options.rig)
     except OSError as error:
@@ -117,7 +117,7 @@ def source_folder() -> Path:
     raise InstallError(f"no unit files in {tree} or {shared}; install orbitd again")
 
 
-def _install(target: Target, wanted: Path) -> int:
+def _install(target: InstallPlace, wanted: Path) -> int:
     _check_python(target.python)
     there = [name for name in (RIG, FIRST) if (target.prefix / name).exists()]
     name, kept = (there[0], True) if there else (RIG, False)
@@ -155,7 +155,7 @@ def _check_python(python: Path) -> None:
             )
 
 
-def _words(target: Target, source: Path, rig: str, bus: Bus) -> dict[str, str]:
+def _words(target: InstallPlace, source: Path, rig: str, bus: Bus) -> dict[str, str]:
     """What stands for what in the templates.
 
     The guard has the last processor for itself where there are two; which ones the machine has is
@@ -186,7 +186,7 @@ def _write(path: Path, text: str) -> None:
     path.write_text(text, encoding="utf-8")
 
 
-def _host_steps(target: Target) -> None:
+def _host_steps(target: InstallPlace) -> None:
     if target.is_host:
         for step in HOST_STEPS:
             _host(*step)
@@ -205,7 +205,7 @@ def _host(*step: str) -> None:
         )
 
 
-def _remove(target: Target) -> int:
+def _remove(target: InstallPlace) -> int:
     if target.is_host and (target.prefix / FILES["systemd/orbitd.target"]).exists():
         _host("systemctl", "disable", "--now", "orbitd.target")
     for place in FILES.values():

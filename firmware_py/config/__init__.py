@@ -8,15 +8,15 @@ once, each with file, line, key, value, limit and next step: :class:`ConfigError
 from __future__ import annotations
 
 from firmware_py.config.schema import (
-    Authority,
+    AuthorityConfig,
     Bus,
     Config,
-    Device,
+    DeviceConfig,
     Drive,
     Limits,
     Metrics,
-    Models,
-    Recorder,
+    ModelsConfig,
+    RecorderConfig,
     Sampling,
     Zenoh,
 )
@@ -26,19 +26,19 @@ from firmware_py.machine.folder import SHIPPED
 
 __all__ = [
     "SHIPPED",
-    "Authority",
+    "AuthorityConfig",
     "Bus",
     "Check",
     "Config",
     "ConfigError",
     "ConfigFile",
-    "Device",
+    "DeviceConfig",
     "Drive",
     "Fault",
     "Limits",
     "Metrics",
-    "Models",
-    "Recorder",
+    "ModelsConfig",
+    "RecorderConfig",
     "Sampling",
     "Source",
     "Zenoh",

@@ -44,7 +44,7 @@ OIL_DANGER_C: Final = 10.0
 """Danger of a hot outlet above ``lubricant.film_max_C``, where it is not set."""
 
 
-class Device(Section, frozen=True):
+class DeviceConfig(Section, frozen=True):
     """Who this device is, and how it starts."""
 
     site: Name
@@ -126,7 +126,7 @@ class LimitsAt(Section, frozen=True):
     displacement_danger_um: DisplacementUm
 
 
-class Authority(Section, frozen=True):
+class AuthorityConfig(Section, frozen=True):
     """How the model's right to act is lost and regained."""
 
     good_advices: Annotated[int, Meta(ge=1, le=1000)] = 10
@@ -138,7 +138,7 @@ class Authority(Section, frozen=True):
     provisional_may_act: bool = False
 
 
-class Models(Section, frozen=True):
+class ModelsConfig(Section, frozen=True):
     """Where the ONNX files lie; empty means the ones shipped with the package."""
 
     directory: FilePath = ""
@@ -172,7 +172,7 @@ class Zenoh(Section, frozen=True):
     tls_private_key: FilePath = ""
 
 
-class Recorder(Section, frozen=True):
+class RecorderConfig(Section, frozen=True):
     """The flight recorder."""
 
     enabled: bool = True
@@ -191,17 +191,17 @@ class Metrics(Section, frozen=True):
 class Config(Section, frozen=True):
     """The whole: the machine (``machine.toml``) and the tables of ``device.toml``."""
 
-    device: Device
+    device: DeviceConfig
     machine: Machine
     limits: Limits
     limits_at: list[LimitsAt] = msgspec.field(default_factory=list)
     bus: Bus = Bus()
     sampling: Sampling = Sampling()
-    authority: Authority = Authority()
-    models: Models = Models()
+    authority: AuthorityConfig = AuthorityConfig()
+    models: ModelsConfig = ModelsConfig()
     drive: Drive = Drive()
     zenoh: Zenoh = Zenoh()
-    recorder: Recorder = Recorder()
+    recorder: RecorderConfig = RecorderConfig()
     metrics: Metrics = Metrics()
 
     def replaced(self, **sections: Any) -> Config:

@@ -13,7 +13,7 @@ import msgspec
 from firmware_py.config.checks import RELATED
 from firmware_py.config.convert import FaultedError, Found, convert, ends_of, view
 from firmware_py.config.limits import with_limits
-from firmware_py.config.schema import Config, Device
+from firmware_py.config.schema import Config, DeviceConfig
 from firmware_py.config.source import (
     ConfigError,
     ConfigFile,
@@ -73,7 +73,7 @@ def read_machine(named: str) -> Machine:
     return load(find(named))[0].machine
 
 
-def read_device(path: Path) -> Device:
+def read_device(path: Path) -> DeviceConfig:
     """Who the device of ``path`` is, whatever else is wrong with it.
 
     Raises
@@ -87,7 +87,7 @@ def read_device(path: Path) -> Device:
     faults = [_placed(source, *each) for each in found if each[0].partition(".")[0] == "device"]
     if faults:
         raise ConfigError(faults)
-    return msgspec.convert(values["device"], Device)
+    return msgspec.convert(values["device"], DeviceConfig)
 
 
 def decode(data: str | bytes, path: Path) -> Config:

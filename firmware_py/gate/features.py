@@ -33,7 +33,7 @@ class ChannelFeatures(msgspec.Struct, frozen=True):
     ok: bool
 
 
-class Features(msgspec.Struct, frozen=True, kw_only=True):
+class SignalFeatures(msgspec.Struct, frozen=True, kw_only=True):
     """All channels over the last 0.1 s; ``rms`` is about the mean."""
 
     seq: int
@@ -43,7 +43,7 @@ class Features(msgspec.Struct, frozen=True, kw_only=True):
     channel: dict[str, ChannelFeatures]
 
 
-class Orbit(msgspec.Struct, frozen=True):
+class OrbitPath(msgspec.Struct, frozen=True):
     """The path of the journal in micrometres, x right and y up."""
 
     t_acq_ns: int
@@ -52,7 +52,7 @@ class Orbit(msgspec.Struct, frozen=True):
 
 
 class Decimator:
-    """Collects blocks and gives :class:`Features` ten times a second of sample time.
+    """Collects blocks and gives :class:`SignalFeatures` ten times a second of sample time.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ class Decimator:
         self._counts: NDArray[np.int16] = np.zeros((0, len(self._names)), np.int16)
         self._t_acq_ns = 0
 
-    def step(self, block: Block) -> Features | None:
+    def step(self, block: Block) -> SignalFeatures | None:
         """Take ``block``; the features when a tenth of a second is full."""
         self._blocks.append(block)
         first = self._blocks[0]
@@ -82,7 +82,7 @@ class Decimator:
         self._seq += 1
         return self._features(blocks)
 
-    def _features(self, blocks: list[Block]) -> Features:
+    def _features(self, blocks: list[Block]) -> SignalFeatures:
         last, quality, ok = blocks[-1], 0, -1
         for block in blocks:
             quality |= block.quality
@@ -91,7 +91,7 @@ class Decimator:
         mean = self._counts.mean(axis=0) * scale + self._channels.offset
         rms = self._counts.std(axis=0) * np.abs(scale)
         spread = (self._counts.max(axis=0).astype(float) - self._counts.min(axis=0)) * np.abs(scale)
-        return Features(
+        return SignalFeatures(
             seq=self._seq,
             t_acq_ns=last.t_acq_ns,
             quality=quality,
@@ -104,7 +104,7 @@ class Decimator:
             },
         )
 
-    def orbit(self) -> Orbit:
+    def orbit(self) -> OrbitPath:
         """The orbit in the last full tenth of a second, at most :data:`ORBIT_POINTS` points."""
         path_um = np.round(self._channels.to_si(self._counts[-ORBIT_POINTS:])[:, :2] * 1e6, 2)
-        return Orbit(self._t_acq_ns, path_um[:, 0].tolist(), path_um[:, 1].tolist())
+        return OrbitPath(self._t_acq_ns, path_um[:, 0].tolist(), path_um[:, 1].tolist())

@@ -11,7 +11,7 @@ from firmware_py import signals
 from firmware_py.acquire.slow_pages import doubt_of
 from firmware_py.config import Config
 from firmware_py.config.instances import fast_signals, slow_signals
-from firmware_py.gate.features import Features
+from firmware_py.gate.features import SignalFeatures
 from firmware_py.records import ReadingQuality, RigReading, SlowValue
 
 
@@ -44,7 +44,7 @@ class Instances:
         self._fast = fast_signals(config.machine.channel)
         self._slow = slow_signals(config)
 
-    def channels(self, features: Features | None) -> list[ShownSignal]:
+    def channels(self, features: SignalFeatures | None) -> list[ShownSignal]:
         """Every fast channel in wire order."""
         found = features.channel if features else {}
         shown = []

@@ -10,7 +10,7 @@ from prometheus_client.core import GaugeMetricFamily, UnknownMetricFamily
 from prometheus_client.metrics_core import Metric
 from prometheus_client.registry import Collector
 
-from firmware_py.gate.features import Features
+from firmware_py.gate.features import SignalFeatures
 from firmware_py.gate.instances import ShownSignal
 from firmware_py.gate.view import DeviceState
 
@@ -29,7 +29,7 @@ _GUARD: Final = (
 
 
 def render(
-    state: DeviceState, features: Features | None, readings: Iterable[ShownSignal] = ()
+    state: DeviceState, features: SignalFeatures | None, readings: Iterable[ShownSignal] = ()
 ) -> bytes:
     """Prometheus exposition text of ``state``, ``features`` and slow ``readings``."""
     registry = CollectorRegistry(auto_describe=False)
@@ -81,7 +81,7 @@ def _gauge(name: str, text: str, value: float) -> Metric:
     return GaugeMetricFamily(f"orbitd_{name}", text, value=value)
 
 
-def _channels(features: Features | None) -> list[Metric]:
+def _channels(features: SignalFeatures | None) -> list[Metric]:
     rms = GaugeMetricFamily(
         "orbitd_channel_rms",
         "Root mean square about the mean, SI unit of the channel",

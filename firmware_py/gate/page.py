@@ -12,7 +12,7 @@ import msgspec
 
 from firmware_py.errors import OrbitdError
 from firmware_py.gate.core import Gate
-from firmware_py.gate.features import Features, Orbit
+from firmware_py.gate.features import OrbitPath, SignalFeatures
 from firmware_py.gate.http import HttpServer
 from firmware_py.gate.instances import ShownSignal
 from firmware_py.gate.metrics import render
@@ -32,8 +32,8 @@ class Live(msgspec.Struct, frozen=True):
     """What the page polls (``/live.json``)."""
 
     state: DeviceState
-    features: Features | None
-    orbit: Orbit
+    features: SignalFeatures | None
+    orbit: OrbitPath
     events: list[Event]
     channels: list[ShownSignal]
     readings: list[ShownSignal]

@@ -7,7 +7,7 @@ from collections import Counter
 import zenoh
 
 from firmware_py.gate import keys
-from firmware_py.gate.features import Features
+from firmware_py.gate.features import SignalFeatures
 from firmware_py.gate.queries import MSGPACK, Queries, to_json, to_msgpack
 from firmware_py.gate.session import Door, SessionError
 from firmware_py.records import Alarm, Block, Event, Record, Severity
@@ -51,7 +51,7 @@ class Telemetry:
         elif key := keys.PUBLISHED.get(type(record)):
             self._put(key, to_json(record))
 
-    def publish_features(self, features: Features) -> None:
+    def publish_features(self, features: SignalFeatures) -> None:
         """Send out the decimated features."""
         self._put(keys.FEATURES, to_json(features))
 

@@ -12,7 +12,7 @@ from typing import Final
 import msgspec
 
 from firmware_py.config import Config
-from firmware_py.gate.features import Decimator, Features
+from firmware_py.gate.features import Decimator, SignalFeatures
 from firmware_py.gate.instances import Instances
 from firmware_py.gate.losses import Losses
 from firmware_py.records import (
@@ -85,7 +85,7 @@ class View:
         self.advice: Advice | None = None
         self.brain: BrainState | None = None
         self.commission: CommissionState | None = None
-        self.features: Features | None = None
+        self.features: SignalFeatures | None = None
         self.decimator = Decimator(config)
         self.instances = Instances(config)
         self.counters: Counter[str] = Counter()

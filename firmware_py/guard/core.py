@@ -10,7 +10,7 @@ from firmware_py.guard import facts, judging, report, requests, surroundings
 from firmware_py.guard.alarms.alarm import Notice
 from firmware_py.guard.authority.failsafe import Situation
 from firmware_py.guard.authority.model_authority import is_ahead
-from firmware_py.guard.authority.speaker import Codec
+from firmware_py.guard.authority.speaker import GuardCodec
 from firmware_py.guard.protection.permit import Start
 from firmware_py.guard.state import NEVER_NS, CoreState, Stages
 from firmware_py.records import ArmState, CommandReply, Cycle, Decision, Mode, RawFrame, Snapshot
@@ -38,7 +38,7 @@ class GuardCore:
     def __init__(
         self,
         config: Config,
-        codec: Codec,
+        codec: GuardCodec,
         session: int,
         latched: list[str] | None = None,
         start: Start | None = None,

@@ -9,7 +9,7 @@ from firmware_py.guard.plausibility.pair import NO_FACTS
 from firmware_py.guard.plausibility.readings import CLEARANCE, PRESSURE
 from firmware_py.guard.protection.permit import PermitFacts
 from firmware_py.guard.state import Stages
-from firmware_py.guard.supervision import Heard, Measured
+from firmware_py.guard.supervision import ActuatorReadings, NodeReports
 from firmware_py.records import ArmState, Block
 
 
@@ -48,10 +48,10 @@ def judge_speed(g: Stages, acquired: AcquireOutput, now_ns: int) -> list[Notice]
 def supervise(g: Stages, acquired: AcquireOutput, now_ns: int) -> list[Notice]:
     """Hold what node and actuator report against what they were told."""
     a = g.acquire
-    measured = Measured(g.readings.value(CLEARANCE), g.readings.value(PRESSURE))
+    measured = ActuatorReadings(g.readings.value(CLEARANCE), g.readings.value(PRESSURE))
     resting = not (g.turning or g.arming.state.commanding)
     return g.supervision.step(
-        Heard(
+        NodeReports(
             acquired.node_states,
             measured if acquired.readings else None,
             acquired.restarted,

@@ -12,7 +12,7 @@ from firmware_py.config import Config
 from firmware_py.guard.alarms.condition import Condition, ConditionState
 from firmware_py.guard.alarms.telling import Telling, Told
 from firmware_py.guard.authority.arming import Arming, ArmingState
-from firmware_py.guard.authority.speaker import Codec, Speaker, SpeakerState
+from firmware_py.guard.authority.speaker import GuardCodec, Speaker, SpeakerState
 from firmware_py.guard.envelope.announcements import Announced, Announcements
 from firmware_py.guard.envelope.load_estimate import LoadEstimator, LoadInterval, LoadState
 from firmware_py.guard.envelope.shield import Shield
@@ -100,7 +100,7 @@ class Stages:
     def __init__(
         self,
         config: Config,
-        codec: Codec,
+        codec: GuardCodec,
         session: int,
         latched: list[str] | None = None,
         start: Start | None = None,

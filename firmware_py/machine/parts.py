@@ -22,7 +22,7 @@ BEARING, CLEARANCE, LOAD, RAMPS = "bearing", "clearance", "load", "ramps"
 READINGS, OTHERS = "reading", "other_bearing"
 
 
-class Part(NamedTuple):
+class OptionalPart(NamedTuple):
     """A part of the description that a rig folder may leave out.
 
     ``table`` of ``machine.toml`` holds it, whole or the keys of ``stand_in`` alone; ``off`` is what
@@ -37,16 +37,16 @@ class Part(NamedTuple):
 
 
 PARTS: Final = (
-    Part(
+    OptionalPart(
         ACTUATOR, "actuator",
         {"safe_radial_clearance_um": 100.0, "safe_pressure_bar": 1.0, "rate_um_s": 50.0},
         "commands and arming; the clearance is fixed",
     ),
-    Part(
+    OptionalPart(
         FEED, "feed", {"pressure_min_bar": 1.0, "pressure_max_bar": 1.0},
         "limits of the supply pressure, and the commanded pressure",
     ),
-    Part(
+    OptionalPart(
         LUBRICANT, "lubricant",
         {
             "viscosity_at_40C_Pa_s": 0.03, "viscosity_slope_per_K": 0.03,
@@ -54,15 +54,15 @@ PARTS: Final = (
         },
         "laws of the film, limits of the oil's temperature",
     ),
-    Part(
+    OptionalPart(
         ROTOR, "rotor", {"unbalance_normal_kg_m": 0.0, "effective_mass_at_bearing_kg": 1.0},
         "onset of whirl, envelope",
     ),
-    Part(
+    OptionalPart(
         BEARING, "bearing", {"journal_radius_m": 0.02, "length_m": 0.02},
         "laws of the film: static position, load, envelope", whole=False,
     ),
-    Part(
+    OptionalPart(
         CLEARANCE, "bearing",
         {
             "radial_clearance_min_um": 100.0, "radial_clearance_max_um": 100.0,
@@ -71,11 +71,11 @@ PARTS: Final = (
         "the cap of displacement limits by the clearance, plausibility of the probes by position",
         whole=False,
     ),
-    Part(
+    OptionalPart(
         LOAD, "operating", {"load_min_N": 1.0, "load_max_N": 1.0},
         "plausibility of the probes by static position, envelope", whole=False,
     ),
-    Part(
+    OptionalPart(
         RAMPS, "operating", {"speed_ramp_unannounced_rpm_s": 1.0, "load_ramp_unannounced_N_s": 0.01},
         "announcements, envelope", whole=False,
     ),

@@ -90,7 +90,7 @@ def frames(layout: WireLayout) -> dict[type, Frame]:
 
 
 @dataclass(frozen=True, slots=True)
-class _Message:
+class _CanMessage:
     """One message: identifier, CRC seed, field layout, and the way to and from its record."""
 
     frame_id: int
@@ -101,10 +101,10 @@ class _Message:
     write: Callable[..., Fields]
 
 
-def _message(frame: Frame, conversion: Conversion) -> _Message:
+def _message(frame: Frame, conversion: Conversion) -> _CanMessage:
     used = Struct("<" + conversion.layout).size + protection.CRC_BYTES
     body = Struct(f"<{conversion.layout}{frame.size - used}x")
-    return _Message(
+    return _CanMessage(
         int(frame.frame_id),
         protection.seed(frame.data_id),
         body,

@@ -440,7 +440,7 @@ def _readings(layout: WireLayout) -> Described:
 
 
 @dataclass(frozen=True)
-class _Message:
+class _DbcMessage:
     """A described message with its place on the bus, and its signals with their first bits."""
 
     told: Described
@@ -477,10 +477,10 @@ def text(
     )
 
 
-def _messages(layout: WireLayout) -> list[_Message]:
+def _messages(layout: WireLayout) -> list[_DbcMessage]:
     codec, told = CanCodec(layout), described(layout)
     found = [
-        _Message(
+        _DbcMessage(
             told[kind],
             int(frame.frame_id),
             frame.data_id,
@@ -502,7 +502,7 @@ def _placed(rows: Iterable[Signal]) -> Iterator[tuple[Signal, int]]:
         bit += signal.bits
 
 
-def _blocks(messages: list[_Message]) -> Iterator[str]:
+def _blocks(messages: list[_DbcMessage]) -> Iterator[str]:
     for m in messages:
         yield f"BO_ {m.frame_id} {m.told.name}: {m.size} {m.told.sender}"
         receiver = NODE if m.told.sender == DEVICE else DEVICE
@@ -520,7 +520,7 @@ def _blocks(messages: list[_Message]) -> Iterator[str]:
         yield ""
 
 
-def _comments(messages: list[_Message]) -> Iterator[str]:
+def _comments(messages: list[_DbcMessage]) -> Iterator[str]:
     yield f'CM_ "{_ABOUT}";'
     yield f'CM_ BU_ {DEVICE} "orbitd: reads samples, sends heartbeat and commands.";'
     yield f'CM_ BU_ {NODE} "Sensor and actuator node of the rig.";'
@@ -532,7 +532,7 @@ def _comments(messages: list[_Message]) -> Iterator[str]:
 
 
 def _attributes(
-    messages: list[_Message], layout: WireLayout, nominal_bitrate: int, data_bitrate: int
+    messages: list[_DbcMessage], layout: WireLayout, nominal_bitrate: int, data_bitrate: int
 ) -> Iterator[str]:
     hashed = layout.schema > 1
     formats = ",".join(
@@ -592,7 +592,7 @@ def _attributes(
         yield f'BA_ "ExampleBytes" BO_ {m.frame_id} "{m.example.hex(" ").upper()}";'
 
 
-def _choices(messages: list[_Message]) -> Iterator[str]:
+def _choices(messages: list[_DbcMessage]) -> Iterator[str]:
     for m in messages:
         for s, _ in m.placed:
             if s.choices:

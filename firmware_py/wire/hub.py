@@ -61,7 +61,7 @@ REMOTE: Final = 32
 OWN: Final = 128  # to the hub: send it back to me too; from the hub: you sent this
 
 
-class Client:
+class HubClient:
     """One node on the bus and its queue."""
 
     def __init__(self, sock: socket.socket) -> None:
@@ -108,7 +108,7 @@ class Hub:
     def __init__(self, listener: socket.socket, *, open_to_all: bool = False) -> None:
         self._listener = listener
         self._open = open_to_all
-        self._clients: dict[int, Client] = {}
+        self._clients: dict[int, HubClient] = {}
         self._epoll = select.epoll()
         self._epoll.register(listener, select.EPOLLIN)
         self._packet = bytearray(MAX_PACKET)
@@ -136,7 +136,7 @@ class Hub:
         if not self._welcome(sock):
             sock.close()
             return True
-        self._clients[sock.fileno()] = Client(sock)
+        self._clients[sock.fileno()] = HubClient(sock)
         self._epoll.register(sock, select.EPOLLIN)
         return True
 
@@ -163,7 +163,7 @@ class Hub:
         for descriptor in list(self._clients):
             self._remove(descriptor)
 
-    def _receive(self, sender: Client) -> bool:
+    def _receive(self, sender: HubClient) -> bool:
         """Pass on at most BATCH frames of ``sender``; False when it has left or sends what is no
         frame."""
         for _ in range(BATCH):
@@ -180,7 +180,7 @@ class Hub:
             self._pass_on(sender, self._view[:size])
         return True
 
-    def _pass_on(self, sender: Client, packet: memoryview) -> None:
+    def _pass_on(self, sender: HubClient, packet: memoryview) -> None:
         struct.pack_into("<Q", packet, 0, time.time_ns())
         echo = packet[FLAGS_OFFSET] & OWN
         packet[FLAGS_OFFSET] &= 0xFF ^ OWN

@@ -72,7 +72,7 @@ FROM_DEVICE: Final = (DeviceHeartbeat, Command, DriveCommand)
 
 
 @dataclass(frozen=True, slots=True)
-class _Message:
+class _MavMessage:
     """One message: ids, payload layout, the order of the payload, and the way to and from its
     record."""
 
@@ -85,14 +85,14 @@ class _Message:
     write: Callable[..., Fields]
 
 
-def _message(record: type, message_id: int, conversion: Conversion) -> _Message:
+def _message(record: type, message_id: int, conversion: Conversion) -> _MavMessage:
     formats = [f for f in re.findall(r"\d*[a-zA-Z]", conversion.layout) if f[-1] != "x"]
     arrays = iter(conversion.elements)
     sizes = [next(arrays) if form[-1] == "s" else _SIZES[form] for form in formats]
     order = sorted(range(len(formats)), key=lambda i: -sizes[i])
     back = sorted(range(len(order)), key=lambda i: order[i])
     payload = Struct("<" + "".join(formats[i] for i in order))
-    return _Message(
+    return _MavMessage(
         message_id,
         DEVICE if record in FROM_DEVICE else RIG,
         payload,
@@ -166,7 +166,7 @@ class MavCodec:
         return RawFrame(now_ns, form.message_id, packet)
 
 
-def _refusal(frame: RawFrame, message: _Message) -> str:
+def _refusal(frame: RawFrame, message: _MavMessage) -> str:
     """Why ``frame`` is not an intact packet of its message; empty when it is."""
     data = frame.data
     if len(data) <= mav_packet.OVERHEAD_BYTES or data[0] != mav_packet.MAGIC or data[2]:

@@ -36,7 +36,7 @@ class NoBusError(OrbitdError):
 
 
 @dataclass
-class Tally:
+class MessageCount:
     """One message: how often it came, what its counter says is missing or came twice, its newest
     record."""
 
@@ -63,7 +63,7 @@ class Monitor:
 
     config: Config
     codec: Codec
-    tallies: dict[int, Tally] = field(default_factory=dict)
+    tallies: dict[int, MessageCount] = field(default_factory=dict)
     rejected: Counter[str] = field(default_factory=Counter)
     busy_s: float = 0.0
 
@@ -75,7 +75,7 @@ class Monitor:
             if isinstance(message, Rejected):
                 self.rejected[message.reason] += 1
             else:
-                self.tallies.setdefault(frame.frame_id, Tally(frame.frame_id, message)).take(
+                self.tallies.setdefault(frame.frame_id, MessageCount(frame.frame_id, message)).take(
                     message
                 )
 

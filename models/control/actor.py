@@ -20,7 +20,7 @@ from torch import nn
 from models import card, export, figures
 from models.control.episodes import Board, SettingPolicy
 from models.control.judge import Bench, beats
-from models.control.learners import ActorSettings, Learned, board_name, learn_all
+from models.control.learners import ActorSettings, LearnedActor, board_name, learn_all
 from models.control.policies import OUTPUTS, RANGES, Columns, OfFile, OfModule, random_observations
 from models.control.scoreboard import as_drawn, directly, judge, on_machine, predictive, rivals
 from models.runs import TrainingRun
@@ -57,7 +57,7 @@ def train(run: TrainingRun, settings: ActorSettings) -> dict[str, object]:
 
 def learned_and_judged(
     run: TrainingRun, settings: ActorSettings, board: Board
-) -> tuple[Learned, dict[str, Any]]:
+) -> tuple[LearnedActor, dict[str, Any]]:
     """What was learned on a board, and its report; each part is done once where a training is
     resumed."""
     name, started = board_name(board), time.monotonic()
@@ -119,7 +119,9 @@ def _better(report: dict[str, Any]) -> str:
     return "ddpg" if times[0] <= times[1] and beats(report["ddpg_less_lookup"]) else "lookup"
 
 
-def _export_all(run: TrainingRun, board: Board, learned: Learned, report: dict[str, Any]) -> float:
+def _export_all(
+    run: TrainingRun, board: Board, learned: LearnedActor, report: dict[str, Any]
+) -> float:
     """Write DDPG, lookup table and what ships; returns the largest distance of a file from its
     module."""
     stem = run.model.with_name("actor_pair.onnx") if board.pressure else run.model

@@ -73,7 +73,7 @@ Curve = list[tuple[int, float]]
 
 
 @dataclass(frozen=True)
-class Learned:
+class LearnedActor:
     """What was learned on a board: agents of all seeds, the number of the best, values of choices,
     the table."""
 
@@ -113,7 +113,7 @@ def learn(
     return BoundedSettings(actor, board.reach), curve
 
 
-def learn_all(run: TrainingRun, settings: ActorSettings, board: Board) -> Learned:
+def learn_all(run: TrainingRun, settings: ActorSettings, board: Board) -> LearnedActor:
     """Everything that is learned on ``board``, agents side by side; done once where a training is
     resumed."""
     name = board_name(board)
@@ -124,7 +124,9 @@ def learn_all(run: TrainingRun, settings: ActorSettings, board: Board) -> Learne
             f"{name}-lookup", partial(lookup, board, settings.lookup_points, settings.workers, bar)
         )
     best = run.kept(f"{name}-best", partial(_choose, agents, settings, board, run.seed))
-    return Learned(agents, best, OfValues(values, choices(board, settings.dqn_clearances)), table)
+    return LearnedActor(
+        agents, best, OfValues(values, choices(board, settings.dqn_clearances)), table
+    )
 
 
 def board_name(board: Board) -> str:

@@ -16,7 +16,7 @@ from models.control.episodes import Board
 from models.control.rivals import PRESSURES_PA
 from models.manifest import write_whole
 from models.workers import map_in_order
-from sim_hil.bound import Reference, episode_references
+from sim_hil.bound import ReferenceRun, episode_references
 
 SPACING_UM = 12
 """Clearances of the map that are run: half the time of the standard spacing, and every schedule is
@@ -66,5 +66,5 @@ def _kept(folder: Path, board: Board, seed: int) -> ReferencePower:
     return power
 
 
-def _power(reference: Reference | None) -> float | None:
+def _power(reference: ReferenceRun | None) -> float | None:
     return None if reference is None else reference.verdict.mean_power_W

@@ -25,7 +25,7 @@ from models.diagnosis.dataset_folder import (
 )
 from models.diagnosis.folder_table import DEFAULT_GROUP, TABLE, signal_files
 from models.readers.assemble import roles
-from models.readers.channel_map import FILE_NAME, ChannelMap, FileRules
+from models.readers.channel_map import FILE_NAME, FileMap, FileRules
 from models.readers.signal_file import SignalFile, SignalFileError
 
 EXIT_BAD_INPUT = 2
@@ -142,7 +142,7 @@ def _map_of(path: Path, rules: FileRules) -> str:
     except SignalFileError as error:
         said = "\n".join(f"# {line}" for line in str(error).splitlines())
         return f"# {path.name} could not be read as it is:\n{said}\n[file]\n# rate_hz = 10000\n"
-    apart = roles(file, ChannelMap(file=rules))
+    apart = roles(file, FileMap(file=rules))
     signals = [i for i in range(len(file.channels)) if i not in apart]
     lines = [*_head_of(file, apart), *(line for i in signals for line in _entry(file, i))]
     return "\n".join(lines) + "\n"

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from models import readers
 from models.diagnosis.dataset import DatasetError
-from models.diagnosis.folder_table import DEFAULT_GROUP, Row, rows_of
+from models.diagnosis.folder_table import DEFAULT_GROUP, AnnouncedRecording, rows_of
 from models.readers import parquet
-from models.readers.assemble import Samples, assemble
-from models.readers.channel_map import FILE_NAME, ChannelMap, read_map
+from models.readers.assemble import EvenSamples, assemble
+from models.readers.channel_map import FILE_NAME, FileMap, read_map
 from models.readers.signal_file import SignalFileError
 
 LEAST_SAMPLES: Final = 64
@@ -94,7 +94,7 @@ def scan_folder(
     return found, [*problems, *more]
 
 
-def plan_of(folder: Path, channels: Path | None) -> ChannelMap:
+def plan_of(folder: Path, channels: Path | None) -> FileMap:
     """The channel map of ``folder``.
 
     Raises
@@ -104,7 +104,7 @@ def plan_of(folder: Path, channels: Path | None) -> ChannelMap:
     """
     path = channels or folder / FILE_NAME
     if channels is None and not path.is_file():
-        return ChannelMap()
+        return FileMap()
     try:
         return read_map(path)
     except SignalFileError as error:
@@ -122,7 +122,7 @@ def listed(problems: Sequence[str]) -> str:
 
 
 def _all(
-    announced: Iterator[tuple[Row, Callable[[], Samples]]],
+    announced: Iterator[tuple[AnnouncedRecording, Callable[[], EvenSamples]]],
 ) -> tuple[list[MeasuredRecording], list[str]]:
     found: list[MeasuredRecording] = []
     problems: list[str] = []
@@ -137,7 +137,7 @@ def _all(
     return found, problems
 
 
-def _reading(folder: Path, row: Row, plan: ChannelMap) -> Callable[[], Samples]:
+def _reading(folder: Path, row: AnnouncedRecording, plan: FileMap) -> Callable[[], EvenSamples]:
     return lambda: assemble(
         readers.read(folder / row.file, plan.file),
         plan,
@@ -149,8 +149,8 @@ def _reading(folder: Path, row: Row, plan: ChannelMap) -> Callable[[], Samples]:
 
 
 def _stored(
-    folder: Path, group: str, plan: ChannelMap
-) -> Iterator[tuple[Row, Callable[[], Samples]]]:
+    folder: Path, group: str, plan: FileMap
+) -> Iterator[tuple[AnnouncedRecording, Callable[[], EvenSamples]]]:
     """The recordings of a Parquet data set: ``fault_type`` is the label, ``bearing_id`` the group
     where there is one."""
     for each in parquet.recordings(folder):
@@ -162,7 +162,7 @@ def _stored(
             )
         rpm = row.get("speed_rpm")
         yield (
-            Row(
+            AnnouncedRecording(
                 f"{folder.name}/{name}",
                 name,
                 str(row["fault_type"]),
@@ -176,7 +176,7 @@ def _stored(
         )
 
 
-def _recording(row: Row, samples: Samples) -> MeasuredRecording:
+def _recording(row: AnnouncedRecording, samples: EvenSamples) -> MeasuredRecording:
     if len(samples.values) < LEAST_SAMPLES:
         raise SignalFileError(
             f"{row.file} has {len(samples.values)} samples, at least {LEAST_SAMPLES} are needed"

@@ -21,7 +21,7 @@ SUFFIXES: Final = tuple(READERS)
 
 
 @dataclass(frozen=True)
-class Row:
+class AnnouncedRecording:
     """One recording as it is announced; ``place`` is where, for messages.
 
     ``columns`` holds every column of the table; ``rate_hz`` and ``rpm`` are None where it tells
@@ -40,7 +40,7 @@ class Row:
     columns: Mapping[str, str] = field(default_factory=dict)
 
 
-def rows_of(folder: Path, group: str) -> tuple[list[Row], list[str]]:
+def rows_of(folder: Path, group: str) -> tuple[list[AnnouncedRecording], list[str]]:
     """Rows of the table in ``folder`` and what is wrong with others; without a table, one row a
     file with its subfolder as label.
 
@@ -59,7 +59,7 @@ def rows_of(folder: Path, group: str) -> tuple[list[Row], list[str]]:
         raise DatasetError(f"{folder}: no such folder; give the folder of the recordings")
     if not (folder / TABLE).is_file():
         return list(_by_subfolder(folder, group)), []
-    rows: list[Row] = []
+    rows: list[AnnouncedRecording] = []
     problems: list[str] = []
     for number, cells in _cells(folder / TABLE, group):
         try:
@@ -71,7 +71,7 @@ def rows_of(folder: Path, group: str) -> tuple[list[Row], list[str]]:
     return rows, problems
 
 
-def _by_subfolder(folder: Path, group: str) -> Iterator[Row]:
+def _by_subfolder(folder: Path, group: str) -> Iterator[AnnouncedRecording]:
     files = signal_files(folder)
     flat = [path for path in files if path.parent == folder]
     if not files:
@@ -92,7 +92,7 @@ def _by_subfolder(folder: Path, group: str) -> Iterator[Row]:
         )
     for path in files:
         name = path.relative_to(folder)
-        yield Row(str(path), str(name), name.parts[0], str(name))
+        yield AnnouncedRecording(str(path), str(name), name.parts[0], str(name))
 
 
 def signal_files(folder: Path) -> list[Path]:
@@ -130,13 +130,13 @@ def _cells(path: Path, group: str) -> Iterator[tuple[int, dict[str, str]]]:
             yield number, dict(zip(names, (cell.strip() for cell in row), strict=False))
 
 
-def _row(place: str, cells: Mapping[str, str], group: str) -> Row:
+def _row(place: str, cells: Mapping[str, str], group: str) -> AnnouncedRecording:
     column = group.casefold()
     needed = [*REQUIRED, *([column] if column in cells else [])]
     empty = [name for name in needed if not cells.get(name)]
     if empty:
         raise DatasetError(f"{place}: {', '.join(empty)} is empty; fill it or drop the row")
-    return Row(
+    return AnnouncedRecording(
         place,
         cells["file"],
         cells["label"],

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from models.readers import units
-from models.readers.channel_map import ChannelMap, ChannelRow, find
+from models.readers.channel_map import ChannelRow, FileMap, find
 from models.readers.shaft_angle import STUCK, turns_at
 from models.readers.signal_file import Channel, Floats, SignalFile, SignalFileError
 from models.readers.timing import rate_of_stamps, resampled, rounded_rate
@@ -28,7 +28,7 @@ RATE_LEAST_HZ: Final = 1.0
 
 
 @dataclass(frozen=True)
-class Samples:
+class EvenSamples:
     """Even samples of one recording.
 
     Attributes
@@ -51,13 +51,13 @@ class Samples:
 
 def assemble(
     file: SignalFile,
-    plan: ChannelMap,
+    plan: FileMap,
     *,
     rate_hz: float | None = None,
     rpm: float | None = None,
     span_s: tuple[float, float] = (0.0, math.inf),
     names: Sequence[str] = (),
-) -> Samples:
+) -> EvenSamples:
     """The chosen channels of ``file`` at one rate, in SI.
 
     Parameters
@@ -108,7 +108,7 @@ def assemble(
         mark=None if mark is None else timed[mark],
         rpm=constant,
     )
-    return Samples(
+    return EvenSamples(
         values,
         rate,
         tuple(each[0] for each in made),
@@ -119,7 +119,7 @@ def assemble(
 
 
 def _timed(
-    file: SignalFile, plan: ChannelMap, rate_hz: float | None, stamps: int | None
+    file: SignalFile, plan: FileMap, rate_hz: float | None, stamps: int | None
 ) -> tuple[list[Channel], list[str]]:
     """Channels with their rates, and notes."""
     channels, who = list(file.channels), file.path.name
@@ -140,7 +140,7 @@ def _timed(
     return found, notes
 
 
-def _time_channel(who: str, channels: Sequence[Channel], plan: ChannelMap) -> int | None:
+def _time_channel(who: str, channels: Sequence[Channel], plan: FileMap) -> int | None:
     if plan.time.column != "":
         return find(channels, plan.time.column, f"{who}: [time] in {plan.source}")
     for i, channel in enumerate(channels):
@@ -157,7 +157,7 @@ def _time_channel(who: str, channels: Sequence[Channel], plan: ChannelMap) -> in
     return None
 
 
-def _rate_of(who: str, channel: Channel, plan: ChannelMap) -> float:
+def _rate_of(who: str, channel: Channel, plan: FileMap) -> float:
     text = plan.time.unit or channel.unit
     if not text:
         suffix = channel.name.casefold().rpartition("_")[2]
@@ -184,7 +184,7 @@ def _fact(facts: Mapping[str, float], names: Sequence[str]) -> float | None:
     return found if found is not None and 0.0 < found < math.inf else None
 
 
-def roles(file: SignalFile, plan: ChannelMap) -> tuple[int | None, int | None, int | None]:
+def roles(file: SignalFile, plan: FileMap) -> tuple[int | None, int | None, int | None]:
     """Which channel holds time, speed and mark: as the map says, else by unit and name; None: no
     such channel."""
     who = file.path.name
@@ -208,7 +208,7 @@ def roles(file: SignalFile, plan: ChannelMap) -> tuple[int | None, int | None, i
 
 def _rows(
     channels: Sequence[Channel],
-    plan: ChannelMap,
+    plan: FileMap,
     rest: Sequence[int],
     names: Sequence[str],
     who: str,

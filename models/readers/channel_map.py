@@ -100,7 +100,7 @@ class ChannelRow(Table, frozen=True):
     polarity: Literal[1, -1] = 1
 
 
-class ChannelMap(Table, frozen=True):
+class FileMap(Table, frozen=True):
     """The whole map; ``source`` is where it was read, for messages."""
 
     file: FileRules = FileRules()
@@ -111,7 +111,7 @@ class ChannelMap(Table, frozen=True):
     source: str = FILE_NAME
 
 
-def read_map(path: Path) -> ChannelMap:
+def read_map(path: Path) -> FileMap:
     """The map at ``path``.
 
     Raises
@@ -126,7 +126,7 @@ def read_map(path: Path) -> ChannelMap:
     except tomllib.TOMLDecodeError as error:
         raise SignalFileError(f"{path}: {error}; correct it there") from error
     try:
-        found = msgspec.convert({**tables, "source": path.name}, ChannelMap)
+        found = msgspec.convert({**tables, "source": path.name}, FileMap)
     except msgspec.ValidationError as error:
         known = ", ".join(
             f"{name}: {', '.join(kind.__struct_fields__)}"

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from models.readers import units
-from models.readers.channel_map import ChannelMap
+from models.readers.channel_map import FileMap
 from models.readers.signal_file import Channel, Floats, SignalFile, SignalFileError
 
 HYSTERESIS: Final = 0.2
@@ -22,7 +22,7 @@ STUCK: Final = "never moves: the sensor is not connected, or the column holds so
 def turns_at(
     time_s: Floats,
     file: SignalFile,
-    plan: ChannelMap,
+    plan: FileMap,
     *,
     speed: Channel | None,
     mark: Channel | None,
@@ -70,7 +70,7 @@ def turns_at(
     return None if rpm is None else time_s * (rpm / 60.0)
 
 
-def _mark_times(file: SignalFile, plan: ChannelMap, mark: Channel) -> Floats:
+def _mark_times(file: SignalFile, plan: FileMap, mark: Channel) -> Floats:
     """Times (s) at which the pulses of a mark pass their level, one a turn."""
     values = mark.values if plan.mark.edge == "rising" else -mark.values
     low, high = (float(q) for q in (values.min(), values.max()))

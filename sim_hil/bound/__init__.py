@@ -25,13 +25,13 @@ if TYPE_CHECKING:
     from sim_hil.bound.case import BoundCase, TargetPlan
     from sim_hil.bound.disturbances import RampLimits
     from sim_hil.bound.episodes import episode_references
-    from sim_hil.bound.reference import Reference, References, references
+    from sim_hil.bound.reference import ReferenceRun, References, references
     from sim_hil.bound.study import Entry
 
 __all__ = [
     "DutyFileError",
     "RampLimits",
-    "Reference",
+    "ReferenceRun",
     "References",
     "TargetPlan",
     "episode_references",
@@ -45,7 +45,7 @@ BOARDS = {"clearance": "clearance alone", "pair": "clearance with supply pressur
 _HOMES = {
     "RampLimits": "disturbances",
     "TargetPlan": "case",
-    "Reference": "reference",
+    "ReferenceRun": "reference",
     "References": "reference",
     "episode_references": "episodes",
     "references": "reference",

@@ -29,7 +29,7 @@ _AROUND_BINS = 4
 
 
 @dataclass(frozen=True)
-class Reference:
+class ReferenceRun:
     """A schedule and what it came to in the time domain."""
 
     plan: TargetPlan
@@ -44,8 +44,8 @@ class References:
     """
 
     map: Map
-    preview: Reference | None
-    causal: Reference | None
+    preview: ReferenceRun | None
+    causal: ReferenceRun | None
 
 
 def references(
@@ -149,8 +149,8 @@ def best_preview(
     judge: Judge,
     lead_s: float,
     start_m: float | None = None,
-    blind: Reference | None = None,
-) -> Reference | None:
+    blind: ReferenceRun | None = None,
+) -> ReferenceRun | None:
     """The cheapest path that keeps the limits in time, or the causal one `blind` if that is cheaper
     still.
 
@@ -162,7 +162,7 @@ def best_preview(
         while margin.max() <= MOST_UM:
             plan = preview(found, margin, rate_of(case), lead_s, start_m)
             (profile,) = judge([plan])
-            way = Reference(plan, LimitVerdict.of(profile))
+            way = ReferenceRun(plan, LimitVerdict.of(profile))
             if way.verdict.feasible:
                 cheaper = best is None or way.verdict.mean_power_W < best.verdict.mean_power_W
                 return way if cheaper else best
@@ -177,7 +177,7 @@ def best_causal(
     expected: RampLimits,
     judge: Judge,
     start_m: float | None = None,
-) -> Reference | None:
+) -> ReferenceRun | None:
     """The causal path of the smallest margin that keeps the limits in time."""
     ready = around.ready(case, expected, rate_of(case), found.clearance_m.size)
     ramps = in_sight(found, expected, case.duty)
@@ -185,7 +185,7 @@ def best_causal(
         with suppress(NoSchedule):
             plan = causal(found, margin, ready, ramps, rate_of(case), start_m)
             (profile,) = judge([plan])
-            way = Reference(plan, LimitVerdict.of(profile))
+            way = ReferenceRun(plan, LimitVerdict.of(profile))
             if way.verdict.feasible:
                 return way
     return None

@@ -9,7 +9,7 @@ import numpy as np
 from sim_hil.bound.case import BoundCase, LimitVerdict, TargetPlan
 from sim_hil.bound.disturbances import RampLimits, surroundings
 from sim_hil.bound.maps import Judge, Map, Mapper, build_map, judged_alone
-from sim_hil.bound.reference import Reference, best_causal, best_preview
+from sim_hil.bound.reference import ReferenceRun, best_causal, best_preview
 from sim_hil.bound.schedules import cell_of
 
 FINE, QUICK = (4, 12), (10, 20)
@@ -36,7 +36,7 @@ class Entry:
     pressure_Pa: tuple[float, float]
 
     @classmethod
-    def of(cls, name: str, found: Reference) -> Entry:
+    def of(cls, name: str, found: ReferenceRun) -> Entry:
         """From a plan and its verdict."""
         c, p = found.plan.clearance_m, found.plan.pressure_Pa
         return cls(
@@ -66,7 +66,7 @@ def study(
     around = surroundings(case, tuple(dict.fromkeys((levels_Pa[0], levels_Pa[-1]))), mapper)
     blind = best_causal(case, found, around, RampLimits.of_rig(case.rig), judge)
     ways = {
-        NOMINAL: Reference(nominal, LimitVerdict.of(judge([nominal])[0])),
+        NOMINAL: ReferenceRun(nominal, LimitVerdict.of(judge([nominal])[0])),
         FIXED: best_fixed(found, judge),
         PREVIEW: best_preview(case, found, judge, case.rig.actuator.time_constant_s, blind=blind),
         CAUSAL: blind,
@@ -74,7 +74,7 @@ def study(
     return [Entry.of(name, way) for name, way in ways.items() if way is not None]
 
 
-def best_fixed(found: Map, judge: Judge) -> Reference | None:
+def best_fixed(found: Map, judge: Judge) -> ReferenceRun | None:
     """The cheapest setting that keeps the limits in time, on a grid of 1 um around the map's
     best."""
     power = np.where(found.admissible.all(axis=-1), found.power_W.mean(axis=-1), np.inf)
@@ -91,7 +91,7 @@ def best_fixed(found: Map, judge: Judge) -> Reference | None:
             for i in near
         ]
         tried = [
-            Reference(plan, LimitVerdict.of(profile))
+            ReferenceRun(plan, LimitVerdict.of(profile))
             for plan, profile in zip(plans, judge(plans), strict=True)
         ]
         feasible = [each for each in tried if each.verdict.feasible]

@@ -73,7 +73,7 @@ class LiveRun:
     recording: str
 
 
-class Stage:
+class DemoProcesses:
     """The processes of one demo and the two ways to talk to them.
 
     Everything lives in one folder: configuration, sockets, logs, recording.
@@ -146,7 +146,7 @@ class Stage:
 
 
 @contextlib.contextmanager
-def open_stage(setting: Setting, seed: int) -> Iterator[Stage]:
+def open_stage(setting: Setting, seed: int) -> Iterator[DemoProcesses]:
     """Processes on a bus (or cable) of their own, ended and removed afterwards."""
     signal.signal(
         signal.SIGTERM, signal.default_int_handler
@@ -157,7 +157,7 @@ def open_stage(setting: Setting, seed: int) -> Iterator[Stage]:
             shaped = setting.on(serial_port=str(pty_cable.ends(folder)[0]))
         else:
             shaped = setting.on(channel=folder.name)
-        stage = Stage(shaped, seed, folder)
+        stage = DemoProcesses(shaped, seed, folder)
         try:
             yield stage
         finally:
@@ -165,7 +165,7 @@ def open_stage(setting: Setting, seed: int) -> Iterator[Stage]:
 
 
 def play(
-    stage: Stage, story: Story, screen: Quiet, observer: StoryObserver, started_s: float
+    stage: DemoProcesses, story: Story, screen: Quiet, observer: StoryObserver, started_s: float
 ) -> LiveRun:
     """Play ``story``; ``started_s`` is when the command was typed (for the time to the first
     command)."""
@@ -206,7 +206,7 @@ class _Performer:
     """Does what the beats say, through the rig's console and the device's own commands."""
 
     def __init__(
-        self, stage: Stage, client: Client, screen: Quiet, observer: StoryObserver
+        self, stage: DemoProcesses, client: Client, screen: Quiet, observer: StoryObserver
     ) -> None:
         self._stage, self._client, self._screen, self._observer = stage, client, screen, observer
         self._truth_ns = 0

@@ -83,7 +83,7 @@ class Story:
 
 
 @dataclass(frozen=True)
-class _Point:
+class _OperatingPoint:
     """An operating point of the rig."""
 
     speed_rpm: float
@@ -124,8 +124,8 @@ def draw(seconds: float, seed: int, operating: OperatingRange, fault: str | None
     return Story(seconds, seed, tuple(acts), tuple(beats))
 
 
-_Scene = tuple[StoryAct, list[Beat], _Point]
-_START = _Point(6000.0, 100.0)
+_Scene = tuple[StoryAct, list[Beat], _OperatingPoint]
+_START = _OperatingPoint(6000.0, 100.0)
 
 
 @dataclass(frozen=True)
@@ -137,7 +137,7 @@ class _Teller:
     operating: OperatingRange
     fault: str | None
 
-    def healthy(self, start: float, end: float, point: _Point) -> _Scene:
+    def healthy(self, start: float, end: float, point: _OperatingPoint) -> _Scene:
         return (
             StoryAct(
                 "healthy", start, end, "healthy running; the device checks, is armed, takes over"
@@ -146,7 +146,7 @@ class _Teller:
             point,
         )
 
-    def duty(self, start: float, end: float, point: _Point) -> _Scene:
+    def duty(self, start: float, end: float, point: _OperatingPoint) -> _Scene:
         """Holds of 4 to 7 s at speeds and loads of the whole range, joined by ramps within the
         declared rate."""
         speeds = np.array([1500, 3000, 4500, 6000, 9000, 12000])
@@ -156,7 +156,7 @@ class _Teller:
         )
         beats, t = [], start
         while t < end - LONGEST_RAMP_S:
-            target = _Point(
+            target = _OperatingPoint(
                 float(self.rng.choice(speeds[in_range])), self._load(float(self.rng.choice(loads)))
             )
             ramp = self._ramp_s(point, target)
@@ -170,14 +170,14 @@ class _Teller:
             point,
         )
 
-    def unbalance(self, start: float, end: float, point: _Point) -> _Scene:
+    def unbalance(self, start: float, end: float, point: _OperatingPoint) -> _Scene:
         return self._injected("unbalance", start, end, point)
 
-    def second_fault(self, start: float, end: float, point: _Point) -> _Scene:
+    def second_fault(self, start: float, end: float, point: _OperatingPoint) -> _Scene:
         bolts = [name for name in FAULT_VERDICTS if name != "unbalance"]
         return self._injected(self.fault or str(self.rng.choice(bolts)), start, end, point)
 
-    def kill(self, start: float, end: float, point: _Point) -> _Scene:
+    def kill(self, start: float, end: float, point: _OperatingPoint) -> _Scene:
         beats = [Beat(start + float(self.rng.uniform(1.0, 2.0)), "kill_brain")]
         return (
             StoryAct(
@@ -187,14 +187,14 @@ class _Teller:
             point,
         )
 
-    def _injected(self, name: str, start: float, end: float, point: _Point) -> _Scene:
+    def _injected(self, name: str, start: float, end: float, point: _OperatingPoint) -> _Scene:
         """A hold, one fault injected at a drawn moment, cleared at the end of the act."""
         low, high = self.operating.speed_min_rpm, self.operating.speed_max_rpm
         severity = float(
             self.rng.choice(UNBALANCE_GRADES_G if name == "unbalance" else BOLT_PRELOADS_PERCENT)
         )
         speed_rpm = float(self.rng.uniform(max(low, 0.25 * high), 0.6 * high))
-        hold = _Point(speed_rpm, self._load(float(self.rng.uniform(60, 200))))
+        hold = _OperatingPoint(speed_rpm, self._load(float(self.rng.uniform(60, 200))))
         ramp = self._ramp_s(point, hold)
         beats = [
             Beat(start, "operating", hold.speed_rpm, hold.load_N, ramp),
@@ -217,7 +217,7 @@ class _Teller:
     def _load(self, load_N: float) -> float:
         return min(max(load_N, self.operating.load_min_N), self.operating.load_max_N)
 
-    def _ramp_s(self, start: _Point, end: _Point) -> float:
+    def _ramp_s(self, start: _OperatingPoint, end: _OperatingPoint) -> float:
         """Shortest ramp that keeps within :data:`RAMP_SHARE` of the declared rates, at least 1
         s."""
         speed_s = abs(end.speed_rpm - start.speed_rpm) / (

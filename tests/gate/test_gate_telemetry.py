@@ -11,7 +11,7 @@ import msgspec
 import zenoh
 
 from firmware_py.config import Config
-from firmware_py.gate.features import Features
+from firmware_py.gate.features import SignalFeatures
 from firmware_py.gate.session import endpoint
 from firmware_py.records import Advice, Alarm, Block, Diagnosis, Event, GuardState, Severity
 
@@ -69,7 +69,7 @@ def test_raw_blocks_go_out_as_msgpack_and_features_follow(stage, client, make_bl
     assert str(sample.encoding) == "application/msgpack"
     assert msgspec.msgpack.decode(sample.payload.to_bytes(), type=Block) == block
     sample = deliver(stage, features, lambda: stage.guard.send("gate", block))
-    decoded = msgspec.json.decode(sample.payload.to_bytes(), type=Features)
+    decoded = msgspec.json.decode(sample.payload.to_bytes(), type=SignalFeatures)
     assert decoded.channel["disp_x"].rms == 0.0
 
 

@@ -12,7 +12,7 @@ from msgspec.structs import replace
 
 from firmware_py.acquire.speed import SpeedState
 from firmware_py.guard import facts, report
-from firmware_py.guard.measurement.motion import Motion
+from firmware_py.guard.measurement.motion import ShaftMotion
 from firmware_py.guard.plausibility.rest import Rest
 from firmware_py.machine.probes import PROBES
 
@@ -167,7 +167,7 @@ def test_only_both_probes_that_are_ok_say_that_a_shaft_is_quiet_or_moves(
     p2p_um: float, complete: bool, probes_ok: bool, seen: tuple[float, float]
 ) -> None:
     rest = Rest(bench().machine)
-    motion = Motion(complete, (0.2, p2p_um), (0.0, 0.0, 0.0), 0.0, 0.0)
+    motion = ShaftMotion(complete, (0.2, p2p_um), (0.0, 0.0, 0.0), 0.0, 0.0)
     rest.look(motion, probes_ok, SpeedState(), 0)
     assert rest.look(motion, probes_ok, SpeedState(), 1000 * MS) == seen
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from models.readers.assemble import assemble
-from models.readers.channel_map import ChannelMap, find, read_map
+from models.readers.channel_map import FileMap, find, read_map
 from models.readers.signal_file import Channel, SignalFile, SignalFileError
 
 RATE, N = 2000.0, 4000
@@ -62,7 +62,7 @@ def test_a_column_of_speed_gives_the_angle(tmp_path):
     )
     found = assemble(file, planned(tmp_path, "[speed]\ncolumn = 'n'"))
     assert found.turns[-1] == pytest.approx(30.0, rel=0.01)
-    assert assemble(made(tmp_path, Channel("x", WAVE, "um", RATE)), ChannelMap()).turns is None
+    assert assemble(made(tmp_path, Channel("x", WAVE, "um", RATE)), FileMap()).turns is None
     constant = planned(tmp_path, "[speed]\nrpm = 3000")
     assert assemble(made(tmp_path, Channel("x", WAVE, "um", RATE)), constant).turns[-1] == (
         pytest.approx(50.0 * TIME[-1])
@@ -77,7 +77,7 @@ def test_several_rates_are_refused_or_brought_to_one(tmp_path):
         Channel("b", np.sin(2.0 * np.pi * 25.0 * half), "", RATE / 2),
     )
     with pytest.raises(SignalFileError, match=r"several rates \(a 2000 Hz, b 1000 Hz\).*= 1000"):
-        assemble(file, ChannelMap())
+        assemble(file, FileMap())
     found = assemble(file, planned(tmp_path, "[file]\nresample_hz = 1000"))
     assert found.rate_hz == 1000.0
     assert np.abs(found.values[100:-100, 0] - found.values[100:-100, 1]).max() < 1e-3
@@ -119,10 +119,10 @@ def test_what_is_wrong_with_a_map_is_named(tmp_path, text, match):
 def test_spans_and_their_refusal(tmp_path):
     file = made(tmp_path, Channel("acc", WAVE, "", RATE))
     assert np.array_equal(
-        assemble(file, ChannelMap(), span_s=(0.5, 1.0)).values[:, 0], WAVE[1000:2000]
+        assemble(file, FileMap(), span_s=(0.5, 1.0)).values[:, 0], WAVE[1000:2000]
     )
     with pytest.raises(SignalFileError, match=r"from 0.5 s to 9 s of 2.000 s; correct start_s"):
-        assemble(file, ChannelMap(), span_s=(0.5, 9.0))
+        assemble(file, FileMap(), span_s=(0.5, 9.0))
 
 
 def test_a_column_that_stands_twice_is_not_guessed():

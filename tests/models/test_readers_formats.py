@@ -8,7 +8,7 @@ import pytest
 from models import readers
 from models.diagnosis.dataset_folder import read_folder
 from models.readers.assemble import assemble
-from models.readers.channel_map import ChannelMap, FileRules
+from models.readers.channel_map import FileMap, FileRules
 from models.readers.signal_file import SignalFileError
 
 N, RATE = 512, 1000.0
@@ -16,7 +16,7 @@ VALUES = np.random.default_rng(0).normal(size=(N, 2))
 
 
 def samples(path, **given):
-    return assemble(readers.read(path, FileRules()), ChannelMap(), **given)
+    return assemble(readers.read(path, FileRules()), FileMap(), **given)
 
 
 @pytest.mark.parametrize(
@@ -118,8 +118,8 @@ def test_mdf4(tmp_path):
     file = readers.read(tmp_path / "a.mf4", FileRules())
     assert [c.name for c in file.channels] == ["acc0", "acc1", "event"]
     with pytest.raises(SignalFileError, match=r"a.mf4: event: .*(gap|uneven).*or choose other ch"):
-        assemble(file, ChannelMap())
-    rows = ChannelMap(channel=tuple(readers.channel_map.ChannelRow(f"acc{i}") for i in range(2)))
+        assemble(file, FileMap())
+    rows = FileMap(channel=tuple(readers.channel_map.ChannelRow(f"acc{i}") for i in range(2)))
     found = assemble(file, rows)
     assert np.array_equal(found.values, VALUES)
     assert (found.rate_hz, found.units) == (RATE, ("m/s2", "m/s2"))

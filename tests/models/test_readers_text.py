@@ -5,7 +5,7 @@ import pytest
 
 from models import readers
 from models.readers.assemble import assemble
-from models.readers.channel_map import ChannelMap, FileRules
+from models.readers.channel_map import FileMap, FileRules
 from models.readers.signal_file import SignalFileError
 
 N = 200
@@ -32,7 +32,7 @@ def read(path, text, encoding="utf-8", rules=None):
 
 
 def samples(path, text, encoding="utf-8", plan=None):
-    return assemble(read(path, text, encoding, plan.file if plan else None), plan or ChannelMap())
+    return assemble(read(path, text, encoding, plan.file if plan else None), plan or FileMap())
 
 
 DIALECTS = {

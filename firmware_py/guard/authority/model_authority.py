@@ -8,7 +8,7 @@ from typing import Final
 
 import msgspec
 
-from firmware_py.config import Authority as AuthorityConfig
+from firmware_py.config import AuthorityConfig
 from firmware_py.guard.alarms.alarm import Notice
 from firmware_py.records import Advice, Severity
 

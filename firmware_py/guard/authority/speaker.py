@@ -16,7 +16,7 @@ HURRY_GAP_NS: Final = 5_000_000
 bus."""
 
 
-class Codec(Protocol):
+class GuardCodec(Protocol):
     """Both halves of a link's codec."""
 
     def decode(self, frame: RawFrame) -> WireMessage | Rejected:
@@ -50,7 +50,7 @@ class Speaker:
         Nonce of this run of the device.
     """
 
-    def __init__(self, config: Config, codec: Codec, session: int) -> None:
+    def __init__(self, config: Config, codec: GuardCodec, session: int) -> None:
         self._codec = codec
         self._session = session
         self._command_period_ns = config.machine.actuator.command_period_ms * 1_000_000

@@ -18,7 +18,12 @@ from typing import Final
 import msgspec
 
 from firmware_py.config import Config
-from firmware_py.guard.envelope.oil_estimate import OilEstimator, OilInterval, OilState, Steady
+from firmware_py.guard.envelope.oil_estimate import (
+    OilEstimator,
+    OilInterval,
+    OilState,
+    SteadyInstant,
+)
 from firmware_py.guard.measurement.motion import DISPLACEMENTS, WINDOW_S
 from firmware_py.machine.film import ECCENTRICITY_MAX, KNOTS, static_film
 from firmware_py.machine.groove import Groove
@@ -149,7 +154,7 @@ class LoadEstimator:
         if newest.power_W is not None:
             self._oil.learn(
                 self.state.oil,
-                Steady(
+                SteadyInstant(
                     newest.time_s,
                     newest.speed_rad_s,
                     newest.clearance_m,

@@ -37,7 +37,7 @@ FORGOTTEN_1_S: Final = 2e-4
 """What is known widens at this rate: oil ages, and other oil is filled in."""
 
 
-class Steady(msgspec.Struct, frozen=True):
+class SteadyInstant(msgspec.Struct, frozen=True):
     """One instant of a machine that may be steady."""
 
     time_s: float
@@ -51,7 +51,7 @@ class Steady(msgspec.Struct, frozen=True):
         return self.speed_rad_s, self.clearance_m, self.temperature_C, self.power_W
 
 
-class Window(msgspec.Struct):
+class SteadyWindow(msgspec.Struct):
     """Instants that were steady together; ``settled``: so were those of the window before."""
 
     start_s: float
@@ -64,12 +64,12 @@ class Window(msgspec.Struct):
     places: tuple[int, int]
 
     @classmethod
-    def of(cls, now: Steady, credible: tuple[int, int], *, settled: bool) -> Window:
+    def of(cls, now: SteadyInstant, credible: tuple[int, int], *, settled: bool) -> SteadyWindow:
         """The window that begins now."""
         values = now.values()
         return cls(now.time_s, now.time_s, settled, 1, values, values, values, credible)
 
-    def add(self, now: Steady, credible: tuple[int, int]) -> bool:
+    def add(self, now: SteadyInstant, credible: tuple[int, int]) -> bool:
         """Take ``now`` in; whether all is steady still."""
         (w0, c0, t0, p0), (w1, c1, t1, p1) = self.lows, self.highs
         w, c, t, p = now.values()
@@ -87,10 +87,10 @@ class Window(msgspec.Struct):
             and p1 - p0 <= STEADY_POWER * abs(p1) + STEADY_W
         )
 
-    def mean(self) -> Steady:
+    def mean(self) -> SteadyInstant:
         """Of all instants."""
         w, c, t, p = (total / self.count for total in self.sums)
-        return Steady(self.last_s, w, c, t, p)
+        return SteadyInstant(self.last_s, w, c, t, p)
 
 
 class OilInterval(msgspec.Struct, frozen=True):
@@ -109,7 +109,7 @@ class OilState(msgspec.Struct):
     thickest: float
     thinnest_wide: float
     learnt_s: float = 0.0
-    window: Window | None = None
+    window: SteadyWindow | None = None
 
 
 class OilEstimator:
@@ -157,7 +157,7 @@ class OilEstimator:
             return oil.thickest
         return oil.thickest * self._law.law(self._coldest_C) / self._law.law(temperature_C)
 
-    def learn(self, state: OilState, now: Steady, credible: tuple[int, int]) -> None:
+    def learn(self, state: OilState, now: SteadyInstant, credible: tuple[int, int]) -> None:
         """Narrow what is known by the power at a place between two knots of the film.
 
         The same power in a wider bearing means thicker oil, and position then means less load all
@@ -200,7 +200,9 @@ class OilEstimator:
                 max(state.thinnest_wide, wide),
             )
 
-    def _steady(self, state: OilState, now: Steady, credible: tuple[int, int]) -> Window | None:
+    def _steady(
+        self, state: OilState, now: SteadyInstant, credible: tuple[int, int]
+    ) -> SteadyWindow | None:
         """The window that ``now`` completes, if the one before it was steady too."""
         window = state.window
         steady = (
@@ -209,11 +211,11 @@ class OilEstimator:
             and window.add(now, credible)
         )
         if window is None or not steady:
-            state.window = Window.of(now, credible, settled=False)
+            state.window = SteadyWindow.of(now, credible, settled=False)
             return None
         if now.time_s - window.start_s < STEADY_S - 1e-6:
             return None
-        state.window = Window.of(now, credible, settled=True)
+        state.window = SteadyWindow.of(now, credible, settled=True)
         return window if window.settled else None
 
     def forget(self, state: OilState, time_s: float) -> None:

@@ -40,7 +40,7 @@ class BlockSums(msgspec.Struct, array_like=True, gc=False):
     t_ns: int = 0
 
 
-class Motion(msgspec.Struct, frozen=True):
+class ShaftMotion(msgspec.Struct, frozen=True):
     """Statistics over the window; ``complete`` says that it covers a full turn of both
     displacements without a gap.
 
@@ -96,7 +96,7 @@ class MotionMeter:
         self._to_xy = probes_to_xy(channels[0].angle_deg, channels[1].angle_deg)
         self.window: list[BlockSums] = []
 
-    def step(self, block: Block) -> Motion:
+    def step(self, block: Block) -> ShaftMotion:
         """Statistics including ``block``."""
         window = self.window
         window.append(self._sums(block))
@@ -134,7 +134,7 @@ class MotionMeter:
             hole = hole or b.gap
         return Good(good, n, n >= needed and not hole)
 
-    def _motion(self, good: list[Good], needed: float) -> Motion:
+    def _motion(self, good: list[Good], needed: float) -> ShaftMotion:
         """Of the good blocks of each channel; the mean position of those that are good on both
         probes."""
         both, n = good[0].blocks, good[0].count
@@ -167,7 +167,7 @@ class MotionMeter:
             scale = self._scales[self._watched[i]]
             return sqrt(square / (n * max(float(n), needed))) * scale if n else 0.0
 
-        return Motion(
+        return ShaftMotion(
             complete=whole[0] and whole[1],
             peak_to_peak_um=(span_um(0), span_um(1)),
             rms_m_s2=tuple(rms(i) for i in range(len(DISPLACEMENTS), len(self._watched))),

@@ -179,7 +179,7 @@ class PairState(msgspec.Struct):
     off_m: tuple[float, float] | None = None
 
 
-class Window(NamedTuple):
+class PairStatistics(NamedTuple):
     """What a window says, SI: means of the probes and of the shaft, rms of the axes, area over pi,
     correlations."""
 
@@ -354,7 +354,7 @@ class PairCheck:
         s.turns += len(rows) * self._period_s * block.speed_rad_s / (2.0 * pi)
         s.p2p_m = max(s.p2p_m, peak_to_peak_m)
 
-    def _window(self) -> Window:
+    def _window(self) -> PairStatistics:
         s, n = self.state, self.state.n
         a, b, aa, bb, ab, cross, daa, dbb, dab = s.sums
         (ka, oa), (kb, ob) = self._scales
@@ -372,7 +372,7 @@ class PairCheck:
         xy = xa * ya * va + (xa * yb + xb * ya) * vab + xb * yb * vb
         half, apart = 0.5 * (xx + yy), sqrt(0.25 * (xx - yy) * (xx - yy) + xy * xy)
         a_m, b_m = a / n * ka + oa, b / n * kb + ob
-        return Window(
+        return PairStatistics(
             a_m,
             b_m,
             xa * a_m + xb * b_m,
@@ -387,7 +387,7 @@ class PairCheck:
 
     # ------------------------------------------------------------------ verdicts
 
-    def _judge(self, w: Window, facts: Facts, block: Block) -> list[Notice]:
+    def _judge(self, w: PairStatistics, facts: Facts, block: Block) -> list[Notice]:
         """What the window says of each kind; nothing said leaves a kind as it is."""
         found = {BACKWARD: self._backward(w), COPIED_KIND: _copied(w)}
         usable = facts.usable and self.state.start is not None and self.state.start.usable
@@ -405,7 +405,7 @@ class PairCheck:
                 notices += _count(name, self.state.kinds[name], found[name], t_ns)
         return notices
 
-    def _backward(self, w: Window) -> Verdict:
+    def _backward(self, w: PairStatistics) -> Verdict:
         limit = (
             self._runout_m
             * (self._runout_m + FLAT_SHARE * sqrt(2.0) * w.major_m)
@@ -415,7 +415,7 @@ class PairCheck:
             -w.area_m2 * 1e12, limit * 1e12, "the orbit runs against the rotation, um2 over pi"
         )
 
-    def _at_rest(self, w: Window, facts: Facts) -> Verdict:
+    def _at_rest(self, w: PairStatistics, facts: Facts) -> Verdict:
         """How far a shaft that stands is off the wall on which it lies.
 
         Which part of the wall does not matter: friction and the direction of the load do not.
@@ -428,7 +428,7 @@ class PairCheck:
         off = abs(sqrt(w.x_m * w.x_m + w.y_m * w.y_m) - clearance_m)
         return Verdict(off * 1e6, limit * 1e6, "the shaft stands, but off the bearing's wall, um")
 
-    def _outside(self, w: Window, facts: Facts) -> Verdict:
+    def _outside(self, w: PairStatistics, facts: Facts) -> Verdict:
         clearance_m = max(
             facts.clearance_m, self.state.start.clearance_m if self.state.start else 0.0
         )
@@ -441,7 +441,7 @@ class PairCheck:
             "the mean position lies outside the clearance, um",
         )
 
-    def _position(self, w: Window, facts: Facts, speed_rad_s: float) -> Verdict | None:
+    def _position(self, w: PairStatistics, facts: Facts, speed_rad_s: float) -> Verdict | None:
         """How far a probe is off the nearest place that is admissible, over what is allowed for;
         None: not at rest."""
         s = self.state
@@ -491,7 +491,7 @@ class PairCheck:
         last = next((k for k in range(KNOTS, -1, -1) if load[k] * least <= self._loads_N[1]), 0)
         return max(first - 1, 0), min(max(last, first) + 1, KNOTS)
 
-    def _another_zero(self, w: Window, clearance_m: float, off: bool) -> bool:
+    def _another_zero(self, w: PairStatistics, clearance_m: float, off: bool) -> bool:
         """Whether a mean off the curve is that of the first window, and the orbit shows that both
         probes are right.
 
@@ -524,7 +524,7 @@ def _says_nothing(block: Block) -> bool:
     )
 
 
-def _copied(w: Window) -> Verdict:
+def _copied(w: PairStatistics) -> Verdict:
     """Both correlations, as far as there is a signal."""
     value = (
         min(abs(w.correlation), abs(w.noise_correlation))

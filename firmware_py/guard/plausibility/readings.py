@@ -82,7 +82,7 @@ NEVER_NS: Final = -(1 << 62)
 TICKS: Final = 1 << 32
 
 
-class Row(msgspec.Struct, frozen=True):
+class ReadingRow(msgspec.Struct, frozen=True):
     """What a reading can be: its range, its greatest rate per second, and how far two readings at
     rest may differ."""
 
@@ -104,7 +104,7 @@ class Known(NamedTuple):
     power_W: float | None
 
 
-class Seen(NamedTuple):
+class OilEvidence(NamedTuple):
     """What counts for a limit of the oil.
 
     ``value`` is the lowest pressure, or the outlet, that may be believed, None where nothing may.
@@ -176,7 +176,7 @@ class Readings:
         most_W = r.shaft_power_max_W or power_max_W(config)
         most_bar = r.pressure_max_bar or PRESSURE_MARGIN * f.pressure_max_bar
         self.rows = {
-            OIL: Row(
+            OIL: ReadingRow(
                 "oil_outlet_C",
                 "degC",
                 "readings.oil_outlet_min_C .. oil_outlet_max_C",
@@ -185,7 +185,7 @@ class Readings:
                 r.oil_outlet_rate_C_s,
                 r.oil_outlet_scatter_C,
             ),
-            CLEARANCE: Row(
+            CLEARANCE: ReadingRow(
                 "clearance_actual_um",
                 "um",
                 "bearing.radial_clearance_min_um .. radial_clearance_max_um",
@@ -194,8 +194,10 @@ class Readings:
                 RATE_MARGIN * config.machine.actuator.rate_um_s,
                 r.clearance_scatter_um,
             ),
-            POWER: Row("shaft_power_W", "W", "readings.shaft_power_max_W", -most_W, most_W),
-            PRESSURE: Row("pressure_actual_bar", "bar", "readings.pressure_max_bar", 0.0, most_bar),
+            POWER: ReadingRow("shaft_power_W", "W", "readings.shaft_power_max_W", -most_W, most_W),
+            PRESSURE: ReadingRow(
+                "pressure_actual_bar", "bar", "readings.pressure_max_bar", 0.0, most_bar
+            ),
         }
         alarms = {
             name: AlarmState(f"{name}_not_ok", int(Severity.FAULT), latching=False)
@@ -431,7 +433,7 @@ class Readings:
             return None
         return Known(oil_C, clearance_um, pressure_bar, self.value(POWER))
 
-    def pressure(self, now_ns: int) -> Seen:
+    def pressure(self, now_ns: int) -> OilEvidence:
         """The lower of reading and channel where they are OK.
 
         Where neither is, the lower of what each shows that is plausible by itself: it may still
@@ -440,16 +442,20 @@ class Readings:
         s, doubted_bar = self.state, self._doubted(PRESSURE, now_ns)
         found = [bar for bar in (self.value(PRESSURE), self.supply_bar(now_ns)) if bar is not None]
         if found:
-            return Seen(min(found), len(found) == 2 or now_ns - s.both_ns >= ALONE_NS)
+            return OilEvidence(min(found), len(found) == 2 or now_ns - s.both_ns >= ALONE_NS)
         doubted = [] if doubted_bar is None else [doubted_bar]
         if s.supply_doubted_bar is not None and now_ns - s.supply_ns <= self._age_max_ns:
             doubted.append(s.supply_doubted_bar)
-        return Seen(min(doubted, default=None), whole=False)
+        return OilEvidence(min(doubted, default=None), whole=False)
 
-    def outlet(self, now_ns: int) -> Seen:
+    def outlet(self, now_ns: int) -> OilEvidence:
         """The oil outlet where it is OK, else what it shows that it may have come to since then."""
         value = self.value(OIL)
-        return Seen(self._doubted(OIL, now_ns), False) if value is None else Seen(value, True)
+        return (
+            OilEvidence(self._doubted(OIL, now_ns), False)
+            if value is None
+            else OilEvidence(value, True)
+        )
 
     def _doubted(self, name: str, now_ns: int) -> float | None:
         """A reading that is not OK, but plausible by itself and within reach of the last one that
@@ -473,7 +479,7 @@ class Readings:
 
 
 def _implausible(
-    row: Row, before: float, value: float, passed_s: float | None, target: float | None
+    row: ReadingRow, before: float, value: float, passed_s: float | None, target: float | None
 ) -> tuple[str, float]:  # fmt: skip
     """Why ``value`` cannot be, after ``before`` so long ago, and the limit; an empty reason when it
     can.

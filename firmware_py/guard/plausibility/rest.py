@@ -15,7 +15,7 @@ import msgspec
 
 from firmware_py.acquire.speed import SpeedState
 from firmware_py.guard.alarms.alarm import Notice
-from firmware_py.guard.measurement.motion import Motion
+from firmware_py.guard.measurement.motion import ShaftMotion
 from firmware_py.machine.probes import PROBES, probe_noise_m
 from firmware_py.machine.schema import Machine
 from firmware_py.records import Severity
@@ -32,7 +32,7 @@ FALL: Final = 0.5
 fast."""
 
 
-class Seen(NamedTuple):
+class StandstillEvidence(NamedTuple):
     """For how long the probes have shown a still shaft, or a moving one; 0 for both: they cannot
     say."""
 
@@ -60,7 +60,9 @@ class Rest:
         self.quiet_um = max(noise_um, QUIET_COUNTS * 1e6 * digit_m)
         self.state = RestState()
 
-    def look(self, motion: Motion, probes_ok: bool, speed: SpeedState, now_ns: int) -> Seen:
+    def look(
+        self, motion: ShaftMotion, probes_ok: bool, speed: SpeedState, now_ns: int
+    ) -> StandstillEvidence:
         """What ``motion`` says of the last window, with the newest block at ``now_ns``."""
         s = self.state
         p2p_um, judged = max(motion.peak_to_peak_um), motion.complete and probes_ok
@@ -70,7 +72,7 @@ class Rest:
         quiet = p2p_um <= most_um
         s.quiet_ns = _since(s.quiet_ns, judged and quiet, now_ns)
         s.moving_ns = _since(s.moving_ns, judged and not quiet, now_ns)
-        return Seen(_lasted_s(s.quiet_ns, now_ns), _lasted_s(s.moving_ns, now_ns))
+        return StandstillEvidence(_lasted_s(s.quiet_ns, now_ns), _lasted_s(s.moving_ns, now_ns))
 
     def step(self, speed: SpeedState) -> list[Notice]:
         """Tell of a shaft that stands after its marks went away too fast."""

@@ -16,7 +16,7 @@ import msgspec
 
 from firmware_py.config import Config
 from firmware_py.guard.alarms.alarm import QUIET_NS, AlarmState, Notice
-from firmware_py.guard.plausibility.readings import Seen
+from firmware_py.guard.plausibility.readings import OilEvidence
 from firmware_py.machine.lubricant import coldest_outlet_C
 from firmware_py.records import Alarm, Severity
 
@@ -75,7 +75,9 @@ class OilProtection:
             if name in self.state.alarms:
                 self.state.alarms[name].standing = True
 
-    def step(self, pressure_bar: Seen, outlet_C: Seen, turning: bool, now_ns: int) -> list[Notice]:
+    def step(
+        self, pressure_bar: OilEvidence, outlet_C: OilEvidence, turning: bool, now_ns: int
+    ) -> list[Notice]:
         """Judge the lower credible supply pressure and the outlet; None where nothing is credible.
 
         What is not whole counts where it passes a limit, and ends nothing.

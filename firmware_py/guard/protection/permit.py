@@ -93,7 +93,7 @@ class PermitState(msgspec.Struct):
     no_samples: ConditionState = msgspec.field(default_factory=ConditionState)
 
 
-class Row(msgspec.Struct, frozen=True):
+class PermitRow(msgspec.Struct, frozen=True):
     """One reason: its name, when it holds (facts, state, longest time without samples in ns), and
     the text."""
 
@@ -103,16 +103,16 @@ class Row(msgspec.Struct, frozen=True):
 
 
 ROWS: Final = (
-    Row("tripped", lambda f, s, _: bool(f.tripped),
+    PermitRow("tripped", lambda f, s, _: bool(f.tripped),
         "tripped: an alarm is latched; remove the cause, then `reset`"),
-    Row("foreign", lambda f, s, _: f.foreign,
+    PermitRow("foreign", lambda f, s, _: f.foreign,
         "foreign: the node follows commands of another device; disconnect that one"),
-    Row("restarts", lambda f, s, _: s.barred,
+    PermitRow("restarts", lambda f, s, _: s.barred,
         "restarts: the guard was restarted twice within 10 min; read its log, then `reset` or "
         "`arm`"),
-    Row("unseen", lambda f, s, _: not s.seen,
+    PermitRow("unseen", lambda f, s, _: not s.seen,
         "unseen: no OK samples since the guard started; check node and displacement probes"),
-    Row("blind", lambda f, s, blind_ns: s.seen and s.blind_ns > blind_ns,
+    PermitRow("blind", lambda f, s, blind_ns: s.seen and s.blind_ns > blind_ns,
         "blind: samples were missing for longer than drive.blind_max_s (2 s after a restart); "
         "check link and node"),
 )  # fmt: skip

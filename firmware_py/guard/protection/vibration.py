@@ -23,8 +23,8 @@ from firmware_py.guard.alarms.alarm import QUIET_NS, AlarmState, Notice
 from firmware_py.guard.measurement.motion import (
     DISPLACEMENTS,
     BlockSums,
-    Motion,
     MotionMeter,
+    ShaftMotion,
     watched,
 )
 from firmware_py.guard.protection.permit import UNREADABLE, UNREADABLE_TEXT
@@ -33,7 +33,7 @@ from firmware_py.records import N_CHANNELS, Alarm, Block, ChannelCause, Severity
 ZONES: Final = (("A", 4800.0), ("B", 9000.0), ("C", 13200.0))
 """Zone boundaries ``k / sqrt(rpm)`` um peak-to-peak, by analogy with ISO 20816 / ISO 7919."""
 
-QUIET: Final = Motion(False, (0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0)
+QUIET: Final = ShaftMotion(False, (0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0)
 
 
 OUT_OF_VOTE: Final = frozenset({ChannelCause.OPEN, ChannelCause.STUCK})
@@ -58,7 +58,7 @@ class ProtectionState(msgspec.Struct):
     alarms: dict[str, AlarmState]
     not_ok: dict[str, AlarmState]
     window: list[BlockSums]
-    motion: Motion = QUIET
+    motion: ShaftMotion = QUIET
     saturated: dict[str, AlarmState] = {}
     causes: list[int] = msgspec.field(default_factory=lambda: [0] * N_CHANNELS)
 
@@ -151,7 +151,7 @@ class Protection:
     # ------------------------------------------------------------------ what stands now
 
     @property
-    def motion(self) -> Motion:
+    def motion(self) -> ShaftMotion:
         """Statistics of the last full turn."""
         return self._state.motion
 

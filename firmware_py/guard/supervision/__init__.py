@@ -39,14 +39,14 @@ class SupervisionState(msgspec.Struct):
     two_senders: Supervised
 
 
-class Measured(NamedTuple):
+class ActuatorReadings(NamedTuple):
     """Readings of a new RIG_STATUS; None where one is not OK, which is an alarm of its own."""
 
     clearance_um: float | None
     pressure_bar: float | None
 
 
-class Heard(NamedTuple):
+class NodeReports(NamedTuple):
     """What one cycle brought from the node, and what is known of it; ``measured`` is None without a
     RIG_STATUS.
 
@@ -54,7 +54,7 @@ class Heard(NamedTuple):
     """
 
     states: list[NodeState]
-    measured: Measured | None
+    measured: ActuatorReadings | None
     restarted: bool
     node: NodeState | None
     info: NodeInfo | None
@@ -121,7 +121,7 @@ class Supervision:
         """This device has just sent a command."""
         self._watch.sent(counter, target, now_ns)
 
-    def step(self, heard: Heard, now_ns: int) -> list[Notice]:
+    def step(self, heard: NodeReports, now_ns: int) -> list[Notice]:
         """Judge what one cycle brought."""
         notices = self._senders(heard.two_senders, now_ns)
         if heard.restarted:
@@ -156,7 +156,9 @@ class Supervision:
         self._clearance.reset()
         self._pressure.reset()
 
-    def _follow(self, heard: Heard, measured: Measured, boot: Target, now_ns: int) -> list[Notice]:
+    def _follow(
+        self, heard: NodeReports, measured: ActuatorReadings, boot: Target, now_ns: int
+    ) -> list[Notice]:
         """Hold a reading against where the actuator may be; a node's own target counts beside the
         commanded one.
 

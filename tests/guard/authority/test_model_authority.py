@@ -1,7 +1,7 @@
 import msgspec
 import pytest
 
-from firmware_py.config import Authority as AuthorityConfig
+from firmware_py.config import AuthorityConfig
 from firmware_py.guard.authority.model_authority import AHEAD_MAX_NS, Authority
 from firmware_py.records import Advice
 

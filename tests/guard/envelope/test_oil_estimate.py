@@ -9,7 +9,7 @@ import pytest
 
 from firmware_py.config import Config
 from firmware_py.guard.envelope.load_estimate import LoadEstimator, Look
-from firmware_py.guard.envelope.oil_estimate import OilEstimator, OilState, Steady
+from firmware_py.guard.envelope.oil_estimate import OilEstimator, OilState, SteadyInstant
 from firmware_py.machine.film import StaticFilm
 from firmware_py.machine.lubricant import viscosity_Pa_s
 from sim_hil.film import Equilibrium, equilibrium
@@ -40,7 +40,7 @@ def learnt(share: float, error_W: float, built_m: float, clearance_m: float = 60
     )
     knot = int(film.eccentricity_ratio / 0.0025)
     for tick in range(21):
-        now = Steady(0.05 * tick, FAST, clearance_m, 45.0, power_W)
+        now = SteadyInstant(0.05 * tick, FAST, clearance_m, 45.0, power_W)
         estimator(config).learn(state, now, (knot - 2, knot + 3))
     return state
 
@@ -65,7 +65,7 @@ def test_a_zeroed_torque_meter_tells_more_of_the_oil() -> None:
     for known in (zeroed, config):
         oil, state = estimator(known), estimator(known).unknown()
         for tick in range(21):
-            oil.learn(state, Steady(0.05 * tick, FAST, 60e-6, 45.0, 230.0), (80, 90))
+            oil.learn(state, SteadyInstant(0.05 * tick, FAST, 60e-6, 45.0, 230.0), (80, 90))
         widths.append(state.thickest - state.thinnest)
     assert widths[0] < widths[1]
 
@@ -82,12 +82,14 @@ def test_nothing_is_learnt_while_the_speed_changes_nor_from_a_film_that_is_not_k
     ):
         oil, state = estimator(changed), estimator(changed).unknown()
         for tick in range(40):
-            oil.learn(state, Steady(0.05 * tick, FAST, 60e-6, 45.0, 250.0), (80, 90))
+            oil.learn(state, SteadyInstant(0.05 * tick, FAST, 60e-6, 45.0, 250.0), (80, 90))
         assert oil.interval(state) == oil.interval(oil.unknown())
     oil, state = estimator(config), estimator(config).unknown()
     for tick in range(40):
         oil.learn(
-            state, Steady(0.05 * tick, FAST * (1 + 0.0005 * tick), 60e-6, 45.0, 250.0), (80, 90)
+            state,
+            SteadyInstant(0.05 * tick, FAST * (1 + 0.0005 * tick), 60e-6, 45.0, 250.0),
+            (80, 90),
         )
     assert oil.interval(state) == oil.interval(oil.unknown())
 
@@ -96,11 +98,11 @@ def test_a_contradiction_forgets_and_an_hour_of_silence_too() -> None:
     state, oil = learnt(0.9, 0.0, 0.0), estimator(bench())
     narrow = oil.interval(state)
     for tick in range(21):
-        oil.learn(state, Steady(2.0 + 0.05 * tick, FAST, 60e-6, 45.0, 400.0), (80, 90))
+        oil.learn(state, SteadyInstant(2.0 + 0.05 * tick, FAST, 60e-6, 45.0, 400.0), (80, 90))
     assert oil.interval(state) == oil.interval(oil.unknown()) != narrow
     state = learnt(0.9, 0.0, 0.0)
     for tick in range(21):
-        oil.learn(state, Steady(3600.0 + 0.05 * tick, 300.0, 60e-6, 45.0, 5.0), (80, 90))
+        oil.learn(state, SteadyInstant(3600.0 + 0.05 * tick, 300.0, 60e-6, 45.0, 5.0), (80, 90))
     assert oil.interval(state) == oil.interval(oil.unknown())
 
 
@@ -181,7 +183,7 @@ def held(change: dict[str, float], ticks: int = 60) -> bool:
     oil, state = estimator(bench()), estimator(bench()).unknown()
     start = {"speed_rad_s": FAST, "clearance_m": 60e-6, "temperature_C": 45.0, "power_W": 250.0}
     for tick in range(ticks):
-        now = Steady(
+        now = SteadyInstant(
             0.05 * tick,
             **{name: value + tick * change.get(name, 0.0) for name, value in start.items()},
         )
@@ -204,11 +206,13 @@ def test_one_reading_that_jumps_teaches_nothing_and_a_gap_begins_anew() -> None:
     oil, state = estimator(bench()), estimator(bench()).unknown()
     for tick in range(15):
         oil.learn(
-            state, Steady(0.05 * tick, FAST, 60e-6, 45.0, 250.0 + 400.0 * (tick == 12)), (80, 90)
+            state,
+            SteadyInstant(0.05 * tick, FAST, 60e-6, 45.0, 250.0 + 400.0 * (tick == 12)),
+            (80, 90),
         )
     assert oil.interval(state) == oil.interval(oil.unknown())
     for tick in range(15):
-        oil.learn(state, Steady(5.0 + 0.3 * tick, FAST, 60e-6, 45.0, 250.0), (80, 90))
+        oil.learn(state, SteadyInstant(5.0 + 0.3 * tick, FAST, 60e-6, 45.0, 250.0), (80, 90))
     assert oil.interval(state) == oil.interval(oil.unknown())
 
 

@@ -11,9 +11,9 @@ from firmware_py.guard.plausibility.readings import (
     OIL,
     POWER,
     PRESSURE,
+    OilEvidence,
     Readings,
     ReadingsState,
-    Seen,
     power_max_W,
 )
 from firmware_py.records import Block, ChannelCause, NodeMode, NodeState, RigStatus, cause_bits
@@ -268,7 +268,7 @@ class TwoSources(Alone):
         return told
 
     @property
-    def pressure(self) -> Seen:
+    def pressure(self) -> OilEvidence:
         return self.stage.pressure(self.now_ns)
 
 

@@ -4,7 +4,7 @@ that hold."""
 import msgspec
 import pytest
 
-from firmware_py.guard.plausibility.readings import Seen
+from firmware_py.guard.plausibility.readings import OilEvidence
 from firmware_py.guard.protection.oil import OilProtection, OilProtectionState
 from firmware_py.records import ArmState
 
@@ -33,7 +33,7 @@ class Alone:
             told += [
                 n.name
                 for n in self.stage.step(
-                    Seen(bar, whole), Seen(outlet_C, whole), turning, self.now_ns
+                    OilEvidence(bar, whole), OilEvidence(outlet_C, whole), turning, self.now_ns
                 )
             ]
         return told

@@ -6,7 +6,7 @@ import msgspec
 import pytest
 
 from firmware_py.guard.alarms.alarm import Notice
-from firmware_py.guard.supervision import Heard, Measured, Supervision
+from firmware_py.guard.supervision import ActuatorReadings, NodeReports, Supervision
 from firmware_py.guard.supervision.following import AGAIN_NS, Following, Quantity
 from firmware_py.guard.supervision.node_watch import Refusals
 
@@ -215,14 +215,14 @@ def test_a_time_without_readings_counts_neither_for_an_error_nor_against_it() ->
 # ------------------------------------------------------------------ both quantities together
 
 
-def heard(clearance_um: float | None, bar: float | None, **more: object) -> Heard:
+def heard(clearance_um: float | None, bar: float | None, **more: object) -> NodeReports:
     """A reading without any account of the node itself."""
     facts: dict[str, object] = {"states": [], "restarted": False, "node": None, "info": None,
                                 "tick_us": None, "two_senders": []}  # fmt: skip
-    return Heard(measured=Measured(clearance_um, bar), **(facts | more))  # type: ignore[arg-type]
+    return NodeReports(measured=ActuatorReadings(clearance_um, bar), **(facts | more))  # type: ignore[arg-type]
 
 
-def supervise(measured: Heard, lag_s: float = 0.0) -> list[str]:
+def supervise(measured: NodeReports, lag_s: float = 0.0) -> list[str]:
     """Two seconds where the device commands nothing; a lag of the actuator lets it be late."""
     config = bench()
     actuator = config.machine.actuator
