@@ -2,9 +2,9 @@
 
     python make_dialect.py [OUTPUT]
 
-``orbitd.xml`` includes ``common.xml``, as ground stations want it; the whole of that is 30 000 lines of
-Python.  Here it is cut down to the messages that the device itself speaks, taken unchanged from the
-XML files that pymavlink ships.
+``orbitd.xml`` includes ``common.xml``, as ground stations want it; the whole of that is 30 000
+lines of Python.  Here it is cut down to the messages that the device itself speaks, taken unchanged
+from the XML files that pymavlink ships.
 """
 
 from __future__ import annotations

@@ -68,10 +68,25 @@ class Topic(NamedTuple):
 
 
 _RECORDS: Final[tuple[type[Record], ...]] = (
-    CycleRecord, Snapshot, Block, RigReading, GuardState, Event, CommandRequest, CommandReply, Diagnosis,
-    WindowRecord, Forecast, Advice, BrainState, CommissionState, Normal, WallClock,
-    BrainStep, BrainSnapshot,
-)  # fmt: skip
+    CycleRecord,
+    Snapshot,
+    Block,
+    RigReading,
+    GuardState,
+    Event,
+    CommandRequest,
+    CommandReply,
+    Diagnosis,
+    WindowRecord,
+    Forecast,
+    Advice,
+    BrainState,
+    CommissionState,
+    Normal,
+    WallClock,
+    BrainStep,
+    BrainSnapshot,
+)
 _ROWS: Final = {row.record: row for row in signals.STREAMS}
 
 TOPICS: Final[dict[type[Record], Topic]] = {

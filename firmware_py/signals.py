@@ -208,7 +208,8 @@ VALUES_MAX: Final = 24
 CHANNELS_RANGE: Final = (2, VALUES_MAX)
 """Channels that wire schema 2 carries: one instant of the most of them fills a frame."""
 SPAN_MAX_US: Final = 5000
-"""Time from one sample frame to the next: what is lost with one, and what its first sample waits."""
+"""Time from one sample frame to the next: what is lost with one, and what its first sample
+waits."""
 VALUES_PER_S_MAX: Final = 120_000
 """Channels times rate: 5000 full frames a second."""
 

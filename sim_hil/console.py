@@ -179,12 +179,18 @@ class Console:
     def _status(self, request: dict[str, Any]) -> Reply:
         rig = self._rig
         return {
-            "time_s": rig.time_s, "speed_rpm": rig.drive.speed_rad_s * 30 / math.pi, "load_N": rig.drive.load_N,
-            "coasting": rig.drive.coasting, "coast_reason": rig.drive.reason, "faults": rig.faults,
-            "lag_ms_max": rig.lag_ms_max, "periods_left_out": rig.periods_left_out,
-            "session": rig.node.session, "refused": rig.node.refused,
+            "time_s": rig.time_s,
+            "speed_rpm": rig.drive.speed_rad_s * 30 / math.pi,
+            "load_N": rig.drive.load_N,
+            "coasting": rig.drive.coasting,
+            "coast_reason": rig.drive.reason,
+            "faults": rig.faults,
+            "lag_ms_max": rig.lag_ms_max,
+            "periods_left_out": rig.periods_left_out,
+            "session": rig.node.session,
+            "refused": rig.node.refused,
             "target_clearance_um": rig.node.clearance_um,
-        }  # fmt: skip
+        }
 
     def _quit(self, request: dict[str, Any]) -> Reply:
         self.quit = True

@@ -1,4 +1,5 @@
-"""Configurations of the first schema, one file for machine and device, as people still have them."""
+"""Configurations of the first schema, one file for machine and device, as people still have
+them."""
 
 from __future__ import annotations
 

@@ -268,7 +268,8 @@ class Live(SimClock):
                 self.heard.note(Stage.BRAIN, Stage.GATE, batch)
             return records
 
-        self.doors.guard.poll, self.doors.brain.poll = guard_poll, brain_poll  # type: ignore[method-assign]
+        self.doors.guard.poll = guard_poll  # type: ignore[method-assign]
+        self.doors.brain.poll = brain_poll  # type: ignore[method-assign]
 
 
 def simulated() -> Heard:

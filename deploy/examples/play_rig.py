@@ -1,6 +1,7 @@
 """Plays the rig and its node on a CAN FD bus: made-up orbits, real duties (see ../NODE.md).
 
-    python play_rig.py --seconds 10 [--channel orbitd0] [--interface orbitd_hub] [--rate 5000] [--dbc FILE]
+    python play_rig.py --seconds 10 [--channel orbitd0] [--interface orbitd_hub] [--rate 5000]
+    [--dbc FILE]
 
 It knows the DBC alone: that of wire schema 1, or the one that `orbitd rig dbc` wrote for a rig.
 The shaft turns at a fixed speed on a circular orbit whose size follows the clearance.  At its end,

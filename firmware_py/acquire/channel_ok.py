@@ -151,7 +151,8 @@ class ChannelOk:
     def step(
         self, samples: npt.NDArray[np.int16], speed_rad_s: float = 0.0, gap: bool = False
     ) -> int:
-        """Mask of OK channels for the diagnosis, after the next ``samples`` (``n x channels`` counts).
+        """Mask of OK channels for the diagnosis, after the next ``samples`` (``n x channels``
+        counts).
 
         ``gap`` says that samples are missing before them; a speed of 0 is unknown.
         """

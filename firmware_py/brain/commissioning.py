@@ -54,22 +54,44 @@ MODES: Final = (Mode.MONITOR, Mode.MANUAL)
 
 SHAPING: Final[dict[type, tuple[str, ...]]] = {
     FastChannel: (
-        "name", "unit", "scale", "ok_low", "ok_high", "offset", "angle_deg",
-        "slow_roll_um", "slow_roll_deg", "zeroed",
+        "name",
+        "unit",
+        "scale",
+        "ok_low",
+        "ok_high",
+        "offset",
+        "angle_deg",
+        "slow_roll_um",
+        "slow_roll_deg",
+        "zeroed",
     ),
     JournalBearing: (
-        "journal_radius_m", "length_m", "radial_clearance_min_um", "radial_clearance_max_um",
-        "radial_clearance_nominal_um", "radial_clearance_offset_um", "radial_clearance_error_um",
-        "load_error_share", "attitude_error_deg", "friction_error_share",
+        "journal_radius_m",
+        "length_m",
+        "radial_clearance_min_um",
+        "radial_clearance_max_um",
+        "radial_clearance_nominal_um",
+        "radial_clearance_offset_um",
+        "radial_clearance_error_um",
+        "load_error_share",
+        "attitude_error_deg",
+        "friction_error_share",
     ),
     ContactCircuit: ("circuit_V", "circuit_ohm", "film_ohm_per_m", "film_error_share"),
     Lubricant: (
-        "viscosity_at_40C_Pa_s", "viscosity_slope_per_K", "inlet_min_C", "inlet_max_C", "film_max_C",
-        "viscosity_error_share", "film_at_outlet", "thermal_capacity_J_K", "cooling_W_K",
+        "viscosity_at_40C_Pa_s",
+        "viscosity_slope_per_K",
+        "inlet_min_C",
+        "inlet_max_C",
+        "film_max_C",
+        "viscosity_error_share",
+        "film_at_outlet",
+        "thermal_capacity_J_K",
+        "cooling_W_K",
     ),
     RotorDrawing: ("mass_at_bearing_kg", "windage_W_s3", "shaft_power_error_W"),
     SlowReadings: ("oil_outlet_error_C",),
-}  # fmt: skip
+}
 """Figures of the machine on which features depend: with others a learned state is another
 machine's."""
 

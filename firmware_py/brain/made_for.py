@@ -56,48 +56,73 @@ ROWS: Final = (
     Row(
         "bearing.radial_clearance_um",
         lambda m: (m.bearing.radial_clearance_min_um, m.bearing.radial_clearance_max_um),
-        "within", 1.0,
+        "within",
+        1.0,
     ),
     Row(
         "lubricant.viscosity_at_40C_Pa_s",
-        lambda m: m.lubricant.viscosity_at_40C_Pa_s, "share", 0.1,
+        lambda m: m.lubricant.viscosity_at_40C_Pa_s,
+        "share",
+        0.1,
     ),
-    Row("lubricant.viscosity_slope_per_K", lambda m: m.lubricant.viscosity_slope_per_K, "share", 0.1),
+    Row(
+        "lubricant.viscosity_slope_per_K", lambda m: m.lubricant.viscosity_slope_per_K, "share", 0.1
+    ),
     Row(
         "lubricant.inlet_C",
-        lambda m: (m.lubricant.inlet_min_C, m.lubricant.inlet_max_C), "within", 5.0,
+        lambda m: (m.lubricant.inlet_min_C, m.lubricant.inlet_max_C),
+        "within",
+        5.0,
     ),
     Row(
         "feed.pressure_bar",
-        lambda m: (m.feed.pressure_min_bar, m.feed.pressure_max_bar), "within", 0.1,
+        lambda m: (m.feed.pressure_min_bar, m.feed.pressure_max_bar),
+        "within",
+        0.1,
     ),
     Row("rotor.mass_at_bearing_kg", lambda m: m.rotor.mass_at_bearing_kg, "share", 0.1),
     Row(
         "rotor.coupling_stiffness_N_m",
-        lambda m: m.rotor.coupling_stiffness_N_m, "share", 0.5, DIAGNOSIS,
+        lambda m: m.rotor.coupling_stiffness_N_m,
+        "share",
+        0.5,
+        DIAGNOSIS,
     ),
     Row(
         "operating.speed_rpm",
-        lambda m: (m.operating.speed_min_rpm, m.operating.speed_max_rpm), "within", 60.0,
+        lambda m: (m.operating.speed_min_rpm, m.operating.speed_max_rpm),
+        "within",
+        60.0,
     ),
     Row(
         "operating.load_N",
-        lambda m: (m.operating.load_min_N, m.operating.load_max_N), "within", 10.0,
+        lambda m: (m.operating.load_min_N, m.operating.load_max_N),
+        "within",
+        10.0,
     ),
     Row("actuator.rate_um_s", lambda m: m.actuator.rate_um_s, "share", 0.2, ("actor",)),
     Row(
         "contact.circuit_V",
-        lambda m: m.contact.circuit_V if m.contact else None, "share", 0.02, DIAGNOSIS,
+        lambda m: m.contact.circuit_V if m.contact else None,
+        "share",
+        0.02,
+        DIAGNOSIS,
     ),
     Row(
         "contact.circuit_ohm",
-        lambda m: m.contact.circuit_ohm if m.contact else None, "share", 0.05, DIAGNOSIS,
+        lambda m: m.contact.circuit_ohm if m.contact else None,
+        "share",
+        0.05,
+        DIAGNOSIS,
     ),
     Row(
         "contact.film_ohm_per_m",
-        lambda m: m.contact.film_ohm_per_m if m.contact else None, "share", 0.1, DIAGNOSIS,
+        lambda m: m.contact.film_ohm_per_m if m.contact else None,
+        "share",
+        0.1,
+        DIAGNOSIS,
     ),
-)  # fmt: skip
+)
 """Every figure that a model may depend on.
 
 Bearings are ground to better than 2 %, and film force goes with the square of the sizes over
@@ -158,10 +183,12 @@ def outside_domain(domain: Mapping[str, Range], machine: Machine) -> list[str]:
     lacking = {
         name
         for part, name in (
-            (BEARING, "length_over_diameter"), (CLEARANCE, "clearance_m"), (FEED, "supply_pressure_bar")
+            (BEARING, "length_over_diameter"),
+            (CLEARANCE, "clearance_m"),
+            (FEED, "supply_pressure_bar"),
         )
         if not has(machine, part)
-    }  # fmt: skip
+    }
     ratio = b.length_m / (2 * b.journal_radius_m)
     ranges: dict[str, Range] = {
         "length_over_diameter": (ratio, ratio),

@@ -6,7 +6,7 @@ of the user's, each ``NAME.onnx`` needs ``NAME.onnx.sig``, an Ed25519 signature 
 of ``models.public_keys``::
 
     openssl genpkey -algorithm ed25519 -out key.pem
-    openssl pkey -in key.pem -pubout                       # the middle line goes into models.public_keys
+    openssl pkey -in key.pem -pubout   # the middle line goes into models.public_keys
     openssl pkeyutl -sign -rawin -inkey key.pem -in actor.onnx -out actor.onnx.sig
 
 Hash, signature, metadata and session all see the same bytes, read once: nothing can be swapped in

@@ -1,4 +1,5 @@
-"""The verdict: which word a diagnosis says, as a pure function of what was found, many rows at once.
+"""The verdict: which word a diagnosis says, as a pure function of what was found, many rows at
+once.
 
 The device asks with one row (:class:`firmware_py.brain.diagnosis.Diagnoser`), training and
 evaluation with as many as they have: there is no second form of these rules.  The first that

@@ -96,8 +96,8 @@ def _rights(config: Config, admissible_um: tuple[float, float] | None) -> list[s
     low_um, high_um = admissible_um
     safe_um = config.machine.actuator.safe_radial_clearance_um
     return [
-        f"safe radial clearance {safe_um:g} um; {low_um:.1f} .. {high_um:.1f} um is admissible over "
-        f"the whole declared range"
+        f"safe radial clearance {safe_um:g} um; {low_um:.1f} .. {high_um:.1f} um is admissible "
+        "over the whole declared range"
     ]
 
 

@@ -112,7 +112,8 @@ def _shape(config: Config) -> Iterator[Found]:
             "machine.bearing.radial_clearance_min_um",
             bearing.radial_clearance_min_um,
             (
-                f"below {low_um:g} um, {CLEARANCE_RATIO_MIN:g} of machine.bearing.journal_radius_m; widen it"
+                f"below {low_um:g} um, {CLEARANCE_RATIO_MIN:g} of "
+                "machine.bearing.journal_radius_m; widen it"
             ),
         )
     if bearing.radial_clearance_max_um > high_um:
@@ -120,8 +121,8 @@ def _shape(config: Config) -> Iterator[Found]:
             "machine.bearing.radial_clearance_max_um",
             bearing.radial_clearance_max_um,
             (
-                f"above {high_um:g} um, {CLEARANCE_RATIO_MAX:g} of machine.bearing.journal_radius_m; "
-                f"narrow it"
+                f"above {high_um:g} um, {CLEARANCE_RATIO_MAX:g} of "
+                "machine.bearing.journal_radius_m; narrow it"
             ),
         )
 
@@ -168,9 +169,9 @@ def _oil_node(config: Config) -> Iterator[Found]:
             "machine.lubricant.thermal_capacity_J_K",
             capacity,
             (
-                f"its time constant over machine.lubricant.cooling_W_K = {cooling:g} is outside {low_s:g} .. "
-                f"{high_s:g} s; correct "
-                "one of them, or set 0 for no forecast of the oil"
+                f"its time constant over machine.lubricant.cooling_W_K = {cooling:g} is outside "
+                f"{low_s:g} .. {high_s:g} s; correct one of them, or set 0 for no forecast of the "
+                "oil"
             ),
         )
 
@@ -245,9 +246,8 @@ def _following(config: Config) -> Iterator[Found]:
             "machine.actuator.following_error_bar",
             a.following_error_bar,
             (
-                f"above machine.feed.pressure_min_bar ({feed.pressure_min_bar:g}), a supply that has "
-                f"failed is off by no more; "
-                "lower it"
+                f"above machine.feed.pressure_min_bar ({feed.pressure_min_bar:g}), a supply that "
+                "has failed is off by no more; lower it"
             ),
         )
     most = 30_000 // a.command_period_ms
@@ -256,8 +256,8 @@ def _following(config: Config) -> Iterator[Found]:
             "machine.actuator.reversals_per_minute_max",
             a.reversals_per_minute_max,
             (
-                f"above {most}, half of the commands of a minute (machine.actuator.command_period_ms); "
-                f"lower it"
+                f"above {most}, half of the commands of a minute "
+                "(machine.actuator.command_period_ms); lower it"
             ),
         )
 
@@ -287,15 +287,29 @@ def _windage(config: Config) -> Iterator[Found]:
             "machine.rotor.windage_W_s3",
             config.machine.rotor.windage_W_s3,
             (
-                f"{power_W:.3g} W at machine.operating.speed_max_rpm, at most {WINDAGE_MAX_W:g}; correct "
-                f"its unit"
+                f"{power_W:.3g} W at machine.operating.speed_max_rpm, at most {WINDAGE_MAX_W:g}; "
+                "correct its unit"
             ),
         )
 
 
 RELATED: Final[tuple[Callable[[Any], Iterator[Found]], ...]] = (
-    *(_ordered(*row) for row in ORDERED), _shape, _built, _groove, _oil_node, _displacement, _speed_high, _retreat,
-    _following, _unbalance, _windage, *MACHINE_CHECKS, *BEARING_CHECKS, *OIL_CHECKS, *CHANNEL_CHECKS, *BUS_CHECKS,
+    *(_ordered(*row) for row in ORDERED),
+    _shape,
+    _built,
+    _groove,
+    _oil_node,
+    _displacement,
+    _speed_high,
+    _retreat,
+    _following,
+    _unbalance,
+    _windage,
+    *MACHINE_CHECKS,
+    *BEARING_CHECKS,
+    *OIL_CHECKS,
+    *CHANNEL_CHECKS,
+    *BUS_CHECKS,
     *NETWORK_CHECKS,
-)  # fmt: skip
+)
 """Every check of values together."""

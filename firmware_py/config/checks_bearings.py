@@ -64,8 +64,8 @@ def _probes(config: Config) -> Iterator[Found]:
                     f"machine.channel[{found[1]}].angle_deg",
                     second,
                     f"less than {PROBES_APART_DEG:g} degrees from the axis of "
-                    f"machine.channel[{found[0]}].angle_deg = {first:g}; mount the probes 90 degrees "
-                    f"apart",
+                    f"machine.channel[{found[0]}].angle_deg = {first:g}; mount the probes 90 "
+                    "degrees apart",
                 )
 
 

@@ -64,9 +64,8 @@ def _freshness(config: Config) -> Iterator[Found]:
             "sampling.fresh_age_ms",
             fresh_ms,
             (
-                f"above {most_ms} ms, machine.actuator.time_to_live_ms less command_period_ms: the node "
-                f"would refuse commands that "
-                "rest on such samples; shorten it"
+                f"above {most_ms} ms, machine.actuator.time_to_live_ms less command_period_ms: the "
+                "node would refuse commands that rest on such samples; shorten it"
             ),
         )
 

@@ -158,9 +158,8 @@ def _probes(config: Config) -> Iterator[Found]:
             "machine.channel[1].angle_deg",
             second,
             (
-                f"less than {PROBES_APART_DEG:g} degrees from the axis of machine.channel[0].angle_deg = "
-                f"{first:g}; mount the "
-                "probes 90 degrees apart"
+                f"less than {PROBES_APART_DEG:g} degrees from the axis of "
+                f"machine.channel[0].angle_deg = {first:g}; mount the probes 90 degrees apart"
             ),
         )
 

@@ -37,8 +37,8 @@ def _pressure(config: Config) -> Iterator[Found]:
             "limits.oil_pressure_low_alert_bar",
             alert_bar,
             (
-                f"above machine.feed.pressure_min_bar ({config.machine.feed.pressure_min_bar:g}), which may be "
-                f"commanded; lower it"
+                f"above machine.feed.pressure_min_bar ({config.machine.feed.pressure_min_bar:g}), "
+                "which may be commanded; lower it"
             ),
         )
 
@@ -57,7 +57,8 @@ def _outlet(config: Config) -> Iterator[Found]:
             "limits.oil_outlet_high_alert_C",
             alert_C,
             (
-                f"below machine.lubricant.inlet_max_C ({oil.inlet_max_C:g}): oil as declared would alarm; raise it"
+                f"below machine.lubricant.inlet_max_C ({oil.inlet_max_C:g}): oil as declared would "
+                "alarm; raise it"
             ),
         )
     if alert_C > oil.film_max_C:
@@ -65,8 +66,8 @@ def _outlet(config: Config) -> Iterator[Found]:
             "limits.oil_outlet_high_alert_C",
             alert_C,
             (
-                f"above machine.lubricant.film_max_C ({oil.film_max_C:g}), up to which the film is proven; "
-                f"lower it"
+                f"above machine.lubricant.film_max_C ({oil.film_max_C:g}), up to which the film is "
+                "proven; lower it"
             ),
         )
     if danger_C >= config.machine.readings.oil_outlet_max_C:
@@ -95,8 +96,8 @@ def _readings(config: Config) -> Iterator[Found]:
             "machine.readings.pressure_max_bar",
             most_bar,
             (
-                f"not above machine.feed.pressure_max_bar ({feed.pressure_max_bar:g}), which may be "
-                f"commanded; raise it"
+                f"not above machine.feed.pressure_max_bar ({feed.pressure_max_bar:g}), which may "
+                "be commanded; raise it"
             ),
         )
 

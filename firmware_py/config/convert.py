@@ -191,9 +191,13 @@ def _said(value: object) -> str:
 
 
 _WORDS: Final[tuple[tuple[type, str], ...]] = (
-    (bool, "true or false"), (int, "a whole number"), (float, "a number"), (str, "text"), (list, "a list"),
+    (bool, "true or false"),
+    (int, "a whole number"),
+    (float, "a number"),
+    (str, "text"),
+    (list, "a list"),
     (dict, "a table"),
-)  # fmt: skip
+)
 
 
 def ends_of(key: str) -> tuple[float | None, float | None]:

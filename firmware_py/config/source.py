@@ -25,9 +25,11 @@ VALUE_SHOWN: Final = 60
 """Characters of a value that a fault repeats."""
 
 _MARKS: Final = (
-    (codecs.BOM_UTF32_LE, "UTF-32"), (codecs.BOM_UTF32_BE, "UTF-32"), (codecs.BOM_UTF16_LE, "UTF-16"),
+    (codecs.BOM_UTF32_LE, "UTF-32"),
+    (codecs.BOM_UTF32_BE, "UTF-32"),
+    (codecs.BOM_UTF16_LE, "UTF-16"),
     (codecs.BOM_UTF16_BE, "UTF-16"),
-)  # fmt: skip
+)
 _BARE: Final = r"[A-Za-z0-9_-]+"
 _KEY: Final = rf"""(?:{_BARE}|"[^"\\]*"|'[^']*')"""
 _DOTTED: Final = rf"({_KEY}(?:\s*\.\s*{_KEY})*)"

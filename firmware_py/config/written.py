@@ -25,11 +25,13 @@ from firmware_py.machine.values import MachineTable, Section
 
 _HEADS: Final = {
     MACHINE: (
-        "# What the machine `{name}` is.  Every key has its unit in its name; a key behind a # has its",
+        "# What the machine `{name}` is.  Every key has its unit in its name; a key behind a # has "
+        "its",
         "# default.",
     ),
     DEVICE: (
-        "# How the device runs on the rig `{name}`.  Every key has its unit in its name; a key behind a",
+        "# How the device runs on the rig `{name}`.  Every key has its unit in its name; a key "
+        "behind a",
         "# # has its default.  `orbitd check FOLDER` says what is wrong.",
     ),
 }

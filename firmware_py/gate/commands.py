@@ -166,7 +166,10 @@ class CommandDesk:
             self.counters["commands_timed_out"] += 1
             case = self._pending.pop(seq)
             room = stage_of(case.request.verb)
-            text = f"the {room} did not answer within {ANSWER_WITHIN_NS * 1e-9:g} s; see 'orbitd status'"
+            text = (
+                f"the {room} did not answer within {ANSWER_WITHIN_NS * 1e-9:g} s; see 'orbitd "
+                "status'"
+            )
             self._finish(case, CommandReply(seq=seq, accepted=False, reasons=[text]))
 
     def _sent(self, request: CommandRequest, answer: Answer, now_ns: int) -> None:

@@ -1,28 +1,28 @@
 """The key expressions of the device: ``orbitd/<site>/<rig>/<block>/<signal>``, blocks after ISO
 13374.
 
-================== ============================== ==================== ====================================
-key                payload                        when                 encoding
-================== ============================== ==================== ====================================
-da/block           ``Block`` (raw samples)        each block           application/msgpack
-da/reading         ``RigReading``                 20 Hz                application/json
-dm/features        ``Features``                   10 Hz                application/json
-sd/state           ``GuardState``                 10 Hz                application/json
-sd/alarms          list of ``Alarm``, all active  1 Hz, and on query   application/json
-ha/diagnosis       ``Diagnosis``                  each decision        application/json
-pa/forecast        ``Forecast``                   each forecast        application/json
-ag/advice          ``Advice``                     10 Hz                application/json
-ha/state           ``BrainState``                 1 Hz                 application/json
-ha/commission      ``CommissionState``            1 Hz                 application/json
-event/<severity>   ``Event``                      once                 application/json
-event              list of ``Event``              query, ``?since=N``  application/json
-state              ``DeviceState``                query                application/json
-config             effective configuration        query                application/json
-models             manifest and file metadata     query                application/json
-cmd/<verb>         ``CommandReply``               query, payload: see  application/json
-                                                  below
-live/<room>        liveliness token               while the room lives
-================== ============================== ==================== ====================================
+================ ============================== ===================== ====================
+key              payload                        when                  encoding
+================ ============================== ===================== ====================
+da/block         ``Block`` (raw samples)        each block            application/msgpack
+da/reading       ``RigReading``                 20 Hz                 application/json
+dm/features      ``SignalFeatures``             10 Hz                 application/json
+sd/state         ``GuardState``                 10 Hz                 application/json
+sd/alarms        list of ``Alarm``, all active  1 Hz, and on query    application/json
+ha/diagnosis     ``Diagnosis``                  each decision         application/json
+pa/forecast      ``Forecast``                   each forecast         application/json
+ag/advice        ``Advice``                     10 Hz                 application/json
+ha/state         ``BrainState``                 1 Hz                  application/json
+ha/commission    ``CommissionState``            1 Hz                  application/json
+event/<severity> ``Event``                      once                  application/json
+event            list of ``Event``              query, ``?since=N``   application/json
+state            ``DeviceState``                query                 application/json
+config           effective configuration        query                 application/json
+models           manifest and file metadata     query                 application/json
+cmd/<verb>       ``CommandReply``               query, payload: see   application/json
+                                                below
+live/<room>      liveliness token               while it lives
+================ ============================== ===================== ====================
 
 Queries answer in JSON, where a number that is not finite is null; with the parameter ``as=msgpack``
 in msgpack, exact.  ``since`` counts the guard's events from its last start.

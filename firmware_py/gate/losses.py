@@ -12,7 +12,8 @@ HOLD_NS: Final = 10_000_000_000
 """A loss counts as going on for this long after its counter last grew."""
 
 _LOSS: Final = re.compile(
-    r"(room_)?(lost|oversized|malformed)_(guard|brain|gate)|link_queue_overflow|link_send_failed|events_dropped"
+    r"(room_)?(lost|oversized|malformed)_(guard|brain|gate)|link_queue_overflow|link_send_failed"
+    r"|events_dropped"
     r"|trip_file_failures|recorder_(lost|dropped)\w*|station_lost|replies_dropped_\w+"
 )
 

@@ -65,7 +65,10 @@ class NormalFile:
             part.replace(self.path)
             self.trouble = ""
         except OSError as error:
-            self.trouble = f"{self.path}: cannot be written ({error.strerror}); what was learned is lost at a restart"
+            self.trouble = (
+                f"{self.path}: cannot be written ({error.strerror}); what was learned is lost at a "
+                "restart"
+            )
         return self.normal
 
     def forget(self) -> None:
@@ -82,4 +85,7 @@ class NormalFile:
         if self.trouble or self.normal is None:
             return self.trouble
         made = datetime.fromtimestamp(self.normal.made_unix_ns * 1e-9, UTC)
-        return f"{made:%Y-%m-%d %H:%M} UTC, {self.normal.minutes:.1f} min at {self.normal.points} operating points"
+        return (
+            f"{made:%Y-%m-%d %H:%M} UTC, {self.normal.minutes:.1f} min at {self.normal.points} "
+            "operating points"
+        )

@@ -54,7 +54,10 @@ def read(verb: str, payload: bytes) -> Wish:
         It is no JSON object with an id.
     """
     example = f', "value": {_EXAMPLES[verb]}' if verb in _EXAMPLES else ""
-    form = f'send a JSON object with a new id of 1 to 64 printable characters: {{"id": "7f3a"{example}}}'
+    form = (
+        "send a JSON object with a new id of 1 to 64 printable characters: "
+        f'{{"id": "7f3a"{example}}}'
+    )
     if not payload:
         raise MalformedCommandError(f"{verb}: the payload is empty; {form}")
     try:

@@ -78,7 +78,8 @@ def viscosity_table(lubricant: Lubricant) -> ViscosityTable:
 
 
 def viscosity_Pa_s(lubricant: Lubricant, temperature_C: float) -> float:
-    """Dynamic viscosity (Pa s) of the law at ``temperature_C``; of a reading that never came, nan."""
+    """Dynamic viscosity (Pa s) of the law at ``temperature_C``; of a reading that never came,
+    nan."""
     if isnan(temperature_C):
         return nan
     return viscosity_table(lubricant).law(temperature_C)

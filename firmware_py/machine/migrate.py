@@ -19,8 +19,20 @@ _OLD: Final = {"lubricant": "oil"}
 MOVED: Final = {_OLD.get(name, name): name for name in Machine.__struct_fields__ if name != "name"}
 """Tables of the first schema that describe the machine, and what they are called in it."""
 
-_NAMES: Final = (*MOVED, "device", "bus", "sampling", "limits", "limits_at", "authority", "models", "drive",
-                 "zenoh", "recorder", "metrics")  # fmt: skip
+_NAMES: Final = (
+    *MOVED,
+    "device",
+    "bus",
+    "sampling",
+    "limits",
+    "limits_at",
+    "authority",
+    "models",
+    "drive",
+    "zenoh",
+    "recorder",
+    "metrics",
+)
 _UNNAMED: Final = "unnamed"
 _GUESSED_MAX: Final = 20
 """Unknown tables of which it is guessed what they mean."""

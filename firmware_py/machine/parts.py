@@ -1,8 +1,9 @@
 """What a machine lacks, what that switches off, and for which reasons it is monitor only.
 
 A table or key that the rig folder leaves out is filled with a stand-in of :data:`PARTS`, so that
-:class:`~firmware_py.machine.schema.Machine` stays one type; ``Machine.absent`` names the parts whose
-figures are stand-ins.  No stand-in decides or is shown: who needs a part asks :func:`has` first.
+:class:`~firmware_py.machine.schema.Machine` stays one type; ``Machine.absent`` names the parts
+whose figures are stand-ins.  No stand-in decides or is shown: who needs a part asks :func:`has`
+first.
 
 :data:`REASONS` is the one place that says when a machine is **monitor only**: protection, orbit
 analysis and the machine's own normal state work; nothing is commanded, and no envelope is told.
@@ -38,48 +39,68 @@ class OptionalPart(NamedTuple):
 
 PARTS: Final = (
     OptionalPart(
-        ACTUATOR, "actuator",
+        ACTUATOR,
+        "actuator",
         {"safe_radial_clearance_um": 100.0, "safe_pressure_bar": 1.0, "rate_um_s": 50.0},
         "commands and arming; the clearance is fixed",
     ),
     OptionalPart(
-        FEED, "feed", {"pressure_min_bar": 1.0, "pressure_max_bar": 1.0},
+        FEED,
+        "feed",
+        {"pressure_min_bar": 1.0, "pressure_max_bar": 1.0},
         "limits of the supply pressure, and the commanded pressure",
     ),
     OptionalPart(
-        LUBRICANT, "lubricant",
+        LUBRICANT,
+        "lubricant",
         {
-            "viscosity_at_40C_Pa_s": 0.03, "viscosity_slope_per_K": 0.03,
-            "inlet_min_C": 20.0, "inlet_max_C": 50.0, "film_max_C": 90.0,
+            "viscosity_at_40C_Pa_s": 0.03,
+            "viscosity_slope_per_K": 0.03,
+            "inlet_min_C": 20.0,
+            "inlet_max_C": 50.0,
+            "film_max_C": 90.0,
         },
         "laws of the film, limits of the oil's temperature",
     ),
     OptionalPart(
-        ROTOR, "rotor", {"unbalance_normal_kg_m": 0.0, "effective_mass_at_bearing_kg": 1.0},
+        ROTOR,
+        "rotor",
+        {"unbalance_normal_kg_m": 0.0, "effective_mass_at_bearing_kg": 1.0},
         "onset of whirl, envelope",
     ),
     OptionalPart(
-        BEARING, "bearing", {"journal_radius_m": 0.02, "length_m": 0.02},
-        "laws of the film: static position, load, envelope", whole=False,
+        BEARING,
+        "bearing",
+        {"journal_radius_m": 0.02, "length_m": 0.02},
+        "laws of the film: static position, load, envelope",
+        whole=False,
     ),
     OptionalPart(
-        CLEARANCE, "bearing",
+        CLEARANCE,
+        "bearing",
         {
-            "radial_clearance_min_um": 100.0, "radial_clearance_max_um": 100.0,
+            "radial_clearance_min_um": 100.0,
+            "radial_clearance_max_um": 100.0,
             "radial_clearance_nominal_um": 100.0,
         },
         "the cap of displacement limits by the clearance, plausibility of the probes by position",
         whole=False,
     ),
     OptionalPart(
-        LOAD, "operating", {"load_min_N": 1.0, "load_max_N": 1.0},
-        "plausibility of the probes by static position, envelope", whole=False,
+        LOAD,
+        "operating",
+        {"load_min_N": 1.0, "load_max_N": 1.0},
+        "plausibility of the probes by static position, envelope",
+        whole=False,
     ),
     OptionalPart(
-        RAMPS, "operating", {"speed_ramp_unannounced_rpm_s": 1.0, "load_ramp_unannounced_N_s": 0.01},
-        "announcements, envelope", whole=False,
+        RAMPS,
+        "operating",
+        {"speed_ramp_unannounced_rpm_s": 1.0, "load_ramp_unannounced_N_s": 0.01},
+        "announcements, envelope",
+        whole=False,
     ),
-)  # fmt: skip
+)
 """Parts whose figures other stages read: stand-ins keep their types whole."""
 
 NOMINAL: Final = "radial_clearance_nominal_um"

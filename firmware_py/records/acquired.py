@@ -57,14 +57,14 @@ _CAUSES: Final = tuple(
 class Block(Record, frozen=True, tag=True):
     """A gap-free run of samples, time-stamped on the host's clock (ISO 13374 DA).
 
-    ``samples`` holds ``n x channels`` little-endian ``int16``, row = instant.  ``t_acq_ns`` is the mapped
-    host time of the first row, ``period_ns`` the sample period on the host's clock.
+    ``samples`` holds ``n x channels`` little-endian ``int16``, row = instant.  ``t_acq_ns`` is the
+    mapped host time of the first row, ``period_ns`` the sample period on the host's clock.
     ``mark_ticks_us`` are the (unwrapped) node ticks of the once-per-turn marks that fell inside the
     block; ``tick_us`` is the unwrapped node tick of the first row.  Bit ``i`` of ``channel_ok`` is
     channel ``i``: what the diagnosis goes by. ``channel_cause`` holds a :class:`ChannelCause` in
     four bits a channel (``channel_cause_high`` from channel 16 on; :attr:`causes` is both): what
-    protection goes by; bit ``i`` of ``unusable`` says that this block of
-    channel ``i`` is not to be judged at all.
+    protection goes by; bit ``i`` of ``unusable`` says that this block of channel ``i`` is not to be
+    judged at all.
     """
 
     seq: int

@@ -79,9 +79,9 @@ class BrainStep(Record, frozen=True, tag=True, omit_defaults=True):
 class BrainSnapshot(Record, frozen=True, tag=True):
     """A part of the brain's whole state before step ``seq``, but for its samples.
 
-    Those are in the blocks from ``first_block`` to ``last_block`` (0 to -1: none).  ``state`` of all
-    ``parts`` together is the tree of :mod:`firmware_py.brain.tree`.  ``cpu_features``: where the
-    outputs after it are exact to the bit.
+    Those are in the blocks from ``first_block`` to ``last_block`` (0 to -1: none).  ``state`` of
+    all ``parts`` together is the tree of :mod:`firmware_py.brain.tree`.  ``cpu_features``: where
+    the outputs after it are exact to the bit.
     """
 
     seq: int

@@ -36,9 +36,9 @@ from firmware_py.wire.layout import WireLayout, wire_step
 
 DEVICE, NODE = "Device", "Node"
 _CRC: Final = (
-    "CRC-16/CCITT-FALSE: polynomial 0x1021, start 0xFFFF, not reflected, no final xor; over the data id "
-    "(2 bytes, little endian, not transmitted), then payload bytes 2 to the last (reserved bytes "
-    "included)"
+    "CRC-16/CCITT-FALSE: polynomial 0x1021, start 0xFFFF, not reflected, no final xor; over the "
+    "data id (2 bytes, little endian, not transmitted), then payload bytes 2 to the last (reserved "
+    "bytes included)"
 )
 _COUNTER: Final = "Per message id; +1 with every frame sent, 65535 is followed by 0"
 _TICK: Final = "Node clock, 1 us per count, wraps after 71.6 min; "
@@ -46,10 +46,11 @@ _COVERAGE: Final = (
     "data id (2 bytes, little endian, not transmitted), then payload bytes 2 to the last"
 )
 _ABOUT: Final = (
-    "The wire of orbitd: CAN FD, 11-bit identifiers, bit rate switching, 1 Mbit/s arbitration, 5 Mbit/s "
-    "data, little endian. Reserved bits and bytes (those of no signal) are sent as 0 and ignored by "
-    "receivers, but the CRC covers them. The duties of a node stand in NODE.md. Every message carries "
-    "an attribute ExampleBytes: one whole frame, CRC included, whose values its comment names."
+    "The wire of orbitd: CAN FD, 11-bit identifiers, bit rate switching, 1 Mbit/s arbitration, 5 "
+    "Mbit/s data, little endian. Reserved bits and bytes (those of no signal) are sent as 0 and "
+    "ignored by receivers, but the CRC covers them. The duties of a node stand in NODE.md. Every "
+    "message carries an attribute ExampleBytes: one whole frame, CRC included, whose values its "
+    "comment names."
 )
 
 
@@ -127,8 +128,8 @@ HEARTBEAT: Final = Described(
     "DEVICE_HEARTBEAT",
     DEVICE,
     50_000,
-    "The rig's drive obeys it: it coasts down on trip_request, and on silence once a session has granted "
-    "run_permit.",
+    "The rig's drive obeys it: it coasts down on trip_request, and on silence once a session has "
+    "granted run_permit.",
     "counter 7, session 0x1234ABCD, AUTO, ARMED, run_permit 1, trip_request 0",
     DeviceHeartbeat(7, 0x1234ABCD, Mode.AUTO, ArmState.ARMED, True, False),
     (
@@ -145,8 +146,8 @@ COMMAND: Final = Described(
     "COMMAND",
     DEVICE,
     20_000,
-    "Target for the actuator node. Obeyed only when newest, of the followed session, and younger than the "
-    "time to live by the node's own clock.",
+    "Target for the actuator node. Obeyed only when newest, of the followed session, and younger "
+    "than the time to live by the node's own clock.",
     "counter 258, session 0x1234ABCD, echo_tick 5000000 us, clearance 62.50 um, pressure 1.500 bar",
     Command(258, 0x1234ABCD, 5_000_000, 62.5, 1.5),
     (
@@ -166,8 +167,8 @@ STATE: Final = Described(
     NODE,
     50_000,
     "Whom the node follows, where it goes, and what it refused (counts since boot, wrapping).",
-    "counter 65535, tick 5020000 us, session 0x1234ABCD, command_counter 258, FOLLOWING, at_target 0, "
-    "target 62.50 um and 1.500 bar, refused 1 stale, 2 check, 3 session, 4 range",
+    "counter 65535, tick 5020000 us, session 0x1234ABCD, command_counter 258, FOLLOWING, at_target "
+    "0, target 62.50 um and 1.500 bar, refused 1 stale, 2 check, 3 session, 4 range",
     NodeState(65535, 5_020_000, NodeMode.FOLLOWING, 0x1234ABCD, 258, 62.5, 1.5, False, 1, 2, 3, 4),
     (
         _MADE,
@@ -200,8 +201,8 @@ INFO: Final = Described(
     NODE,
     1_000_000,
     "What the node is: compared with the device's configuration before arming.",
-    "counter 1, tick 5000000 us, schema {schema}, sample_period {period} us, boot 50.00 um and 1.000 bar, "
-    "time_to_live 100 ms, rate 50.0 um/s",
+    "counter 1, tick 5000000 us, schema {schema}, sample_period {period} us, boot 50.00 um and "
+    "1.000 bar, time_to_live 100 ms, rate 50.0 um/s",
     NodeInfo(1, 5_000_000, 1, 200, 50.0, 1.0, 100, 50.0),
     (
         _MADE,
@@ -215,8 +216,8 @@ INFO: Final = Described(
         Signal(
             "time_to_live",
             16,
-            "Age of echo_tick from which a command is refused; silence after which the target is the boot "
-            "value",
+            "Age of echo_tick from which a command is refused; silence after which the target is "
+            "the boot value",
             "ms",
             least=1,
         ),
@@ -233,9 +234,9 @@ FIGURES: Final = Described(
     NODE,
     1_000_000,
     "What the node was built with; sent before NODE_INFO.",
-    "counter 1, tick 5000000 us, heartbeat_limit 3000 ms, coasts_on_silence 1, drive_commandable 1, "
-    "clearance 40 .. 160 um, pressure 0.5 .. 3 bar, lags 50 and 100 ms, drive_time_to_live 100 ms, speed "
-    "0 .. 15000 rpm, load 0 .. 500 N",
+    "counter 1, tick 5000000 us, heartbeat_limit 3000 ms, coasts_on_silence 1, drive_commandable "
+    "1, clearance 40 .. 160 um, pressure 0.5 .. 3 bar, lags 50 and 100 ms, drive_time_to_live 100 "
+    "ms, speed 0 .. 15000 rpm, load 0 .. 500 N",
     NodeFigures(
         1, 5_000_000, 3000, True, True, 40.0, 160.0, 0.5, 3.0, 50, 100, 100, 0.0, 15e3, 0.0, 500.0
     ),
@@ -266,8 +267,8 @@ DRIVE: Final = Described(
     "DRIVE_COMMAND",
     DEVICE,
     50_000,
-    "Setpoints for the drive, refused and expired like COMMAND; expired, the drive goes back to its local "
-    "setpoints.",
+    "Setpoints for the drive, refused and expired like COMMAND; expired, the drive goes back to "
+    "its local setpoints.",
     "counter 5, session 0x1234ABCD, echo_tick 5000000 us, 6000.0 rpm, 100.0 N, 500 rpm/s, 20 N/s",
     DriveCommand(5, 0x1234ABCD, 5_000_000, 6000.0, 100.0, 500, 20),
     (
@@ -284,8 +285,9 @@ DRIVE_STATE: Final = Described(
     NODE,
     50_000,
     "Whose setpoints the drive follows, where it stands, and what it refused.",
-    "counter 3, tick 5020000 us, session 0x1234ABCD, command_counter 5, FOLLOWING, setpoints 6000.0 rpm "
-    "and 100.0 N, at 5990.5 rpm and 99.5 N, refused 1 stale, 2 check, 3 session, 4 range",
+    "counter 3, tick 5020000 us, session 0x1234ABCD, command_counter 5, FOLLOWING, setpoints "
+    "6000.0 rpm and 100.0 N, at 5990.5 rpm and 99.5 N, refused 1 stale, 2 check, 3 session, 4 "
+    "range",
     DriveState(
         3, 5_020_000, 0x1234ABCD, 5, DriveMode.FOLLOWING, 6000.0, 100.0, 5990.5, 99.5, 1, 2, 3, 4
     ),
@@ -342,7 +344,8 @@ def _samples(layout: WireLayout) -> Described:
         Signal(
             "mark_tick",
             32,
-            "Tick of the newest once-per-turn mark at or before the last instant; valid when mark_valid is 1",
+            "Tick of the newest once-per-turn mark at or before the last instant; valid when "
+            "mark_valid is 1",
             "us",
         ),
         Signal("turn_count", 16, "Marks seen since boot, wrapping"),
@@ -368,19 +371,19 @@ def _samples(layout: WireLayout) -> Described:
     if layout.schema == 1:
         counts = [v + i for i in range(instants) for v in EXAMPLE_COUNTS]
         comment = (
-            "Three sampling instants, one sample period apart (NODE_INFO.sample_period), of eight channels. "
-            "Cycle time is three sample periods: 600 us at 5 kHz, 300 us at 10 kHz."
+            "Three sampling instants, one sample period apart (NODE_INFO.sample_period), of eight "
+            "channels. Cycle time is three sample periods: 600 us at 5 kHz, 300 us at 10 kHz."
         )
         told = (
-            f"{known}; instant 0: 12.50 um, -8.30 um, 0.15, -0.07, 0.03 m/s2, 0.120 Pa, 1.000 bar, 1.3000 V; "
-            "each raw value one higher at instant 1 and two higher at instant 2"
+            f"{known}; instant 0: 12.50 um, -8.30 um, 0.15, -0.07, 0.03 m/s2, 0.120 Pa, 1.000 bar, "
+            "1.3000 V; each raw value one higher at instant 1 and two higher at instant 2"
         )
     else:
         counts = [100 + k for k in range(n * instants)]
         head = (*head, _layout_tag(120))
         comment = (
-            f"Sampling instants: {instants}, one sample period apart (NODE_INFO.sample_period), of {n} "
-            f"channels, all channels of one instant together."
+            f"Sampling instants: {instants}, one sample period apart (NODE_INFO.sample_period), of "
+            f"{n} channels, all channels of one instant together."
         )
         told = f"{known}, layout {layout.tag}; raw values 100, 101 .. in the order of the signals"
     example = SampleFrame(4096, 5_000_000, 4_998_765, 321, 2, pack(f"<{len(counts)}h", *counts))
@@ -430,7 +433,8 @@ def _readings(layout: WireLayout) -> Described:
         NODE,
         50_000 // layout.pages,
         f"Slow readings, {layout.pages} page(s) in turn, all of them every 50 ms.",
-        f"counter 9, tick 5000000 us, page 0, layout {layout.tag}; raw values 1000, 2000 .., ages 10 ms, OK",
+        f"counter 9, tick 5000000 us, page 0, layout {layout.tag}; raw values 1000, 2000 .., ages "
+        "10 ms, OK",
         example,
         (*head, *rows),
     )

@@ -1,8 +1,8 @@
 """Records <-> the integer fields that both wires carry: one conversion, whatever the transport.
 
 A field tuple holds counts in the order of ``orbitd.dbc`` (and of ``orbitd.xml``), counter first.
-Reading is total: fields that name no state give the reason of their rejection.  Writing a value that does not fit is a
-programming error and raises ``ValueError``.
+Reading is total: fields that name no state give the reason of their rejection.  Writing a value
+that does not fit is a programming error and raises ``ValueError``.
 """
 
 from __future__ import annotations

@@ -89,7 +89,10 @@ class SerialLink:
                 f"{self._baud} at both "
                 "ends, and check the cable"
             )
-        return f"serial port {self._path}: no data; check that the node is powered, connected and sends"
+        return (
+            f"serial port {self._path}: no data; check that the node is powered, connected and "
+            "sends"
+        )
 
     def fileno(self) -> int:
         """Descriptor that polls readable with bytes, -1 while the port is away."""

@@ -72,8 +72,8 @@ class Board:
 
     Alone, the clearance stands on the unfed film; with the pressure, on the film fed from the
     groove, the pump's power counts, and so do the limits of flow and outlet
-    (:class:`sim_hil.gym.control_task.EpisodeLimits`).  ``direct`` solves Reynolds' equation in every step
-    instead of reading the film from its table.
+    (:class:`sim_hil.gym.control_task.EpisodeLimits`).  ``direct`` solves Reynolds' equation in
+    every step instead of reading the film from its table.
     """
 
     rig: str

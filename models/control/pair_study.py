@@ -2,8 +2,9 @@
 builds.
 
     python -m models.control.pair_study --hours 20            # false alarms of healthy builds
-    python -m models.control.pair_study --faults --builds 40  # share found, and time to detect, by fault
-    python -m models.control.pair_study --rest --builds 40    # shafts that stand, healthy and not
+    python -m models.control.pair_study --faults --builds 40  # share found, and time to detect, by
+    fault python -m models.control.pair_study --rest --builds 40    # shafts that stand, healthy and
+    not
 
 Rig, sample blocks and the guard's own parts, without wire and arming: the machine follows a random
 duty, and its clearance wanders through what the shield admits.  Each build draws its calibration,

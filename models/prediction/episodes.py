@@ -308,8 +308,8 @@ def as_shipped(config: Config, rng: np.random.Generator) -> Config:
 
 
 def after_procedure(config: Config, rig: RigData, build: Build, rng: np.random.Generator) -> Config:
-    """``config`` after the slow-roll and zero procedure on this build, with the residual errors that the
-    device reckons with.
+    """``config`` after the slow-roll and zero procedure on this build, with the residual errors
+    that the device reckons with.
 
     The first order at slow roll is measured (a recording of the turning machine through the
     device's own order analysis); zero and gain are set as if by a bump test, which this rig cannot

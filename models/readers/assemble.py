@@ -252,8 +252,8 @@ def _channel(
     if len(bad):
         what = "missing or no number" if np.isnan(raw[bad[0]]) else "infinite"
         raise SignalFileError(
-            f"{who}: {replace(channel, name=here).where(first + int(bad[0]))}: {what} ({len(bad)} such values, the "
-            f"first of them); cut them out (start_s, end_s), or leave the file out"
+            f"{who}: {replace(channel, name=here).where(first + int(bad[0]))}: {what} ({len(bad)} "
+            "such values, the first of them); cut them out (start_s, end_s), or leave the file out"
         )
     text = row.unit or channel.unit
     known = units.unit(text) if text else None

@@ -26,8 +26,8 @@ def read(path: Path, rules: FileRules) -> SignalFile:
         raise SignalFileError(str(error)) from error
     if not blocks:
         raise SignalFileError(
-            f"{path.name}: holds no samples: neither blocks nor cycles of the guard after a snapshot; "
-            "record for longer, while the node sends"
+            f"{path.name}: holds no samples: neither blocks nor cycles of the guard after a "
+            "snapshot; record for longer, while the node sends"
         )
     stretches = _stretches(blocks)
     longest = max(stretches, key=_seconds)

@@ -52,9 +52,9 @@ def turns_at(
             return _angle(inside, time_s)
         if mark is not None:
             raise SignalFileError(
-                f"{file.path.name}: {mark.name}: {len(inside)} marks in {time_s[-1] - time_s[0]:.3g} s, at least "
-                f"{MARKS_LEAST} are needed; give level, edge and per_turn under [mark] in "
-                f"{plan.source}, or [speed]"
+                f"{file.path.name}: {mark.name}: {len(inside)} marks in "
+                f"{time_s[-1] - time_s[0]:.3g} s, at least {MARKS_LEAST} are needed; give level, "
+                f"edge and per_turn under [mark] in {plan.source}, or [speed]"
             )
     if speed is not None:
         known = units.unit(plan.speed.unit or speed.unit or "rpm")

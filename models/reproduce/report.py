@@ -18,9 +18,11 @@ from models.reproduce.claims import MISPRINTS, OPEN, PAPER
 _BARS = ("model", "figure", "reached", "bar", "holds")
 
 _STYLE = """
-body { font: 15px/1.5 system-ui, sans-serif; max-width: 70em; margin: 2em auto; padding: 0 1em; color: #222; }
-table { border-collapse: collapse; width: 100%; margin: 1em 0; } td, th { border-bottom: 1px solid #ddd;
-padding: .4em .6em; text-align: left; vertical-align: top; } th { background: #f5f5f5; } img { max-width: 100%; }
+body { font: 15px/1.5 system-ui, sans-serif; max-width: 70em; margin: 2em auto; padding: 0 1em;
+color: #222; }
+table { border-collapse: collapse; width: 100%; margin: 1em 0; }
+td, th { border-bottom: 1px solid #ddd; padding: .4em .6em; text-align: left; vertical-align: top; }
+th { background: #f5f5f5; } img { max-width: 100%; }
 code { background: #f5f5f5; padding: .1em .3em; } figcaption { color: #555; font-size: 13px; }
 """
 
@@ -132,8 +134,8 @@ def _section(series: Series) -> str:
     )
     numbers = html.escape(json.dumps(series.measured, indent=2))
     return (
-        f"<h2>{html.escape(series.title)}</h2>{''.join(drawn)}<details><summary>all figures</summary>"
-        f"<pre>{numbers}</pre></details>"
+        f"<h2>{html.escape(series.title)}</h2>{''.join(drawn)}<details><summary>all "
+        f"figures</summary><pre>{numbers}</pre></details>"
     )
 
 
@@ -141,7 +143,8 @@ def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     cells = "".join(
         "<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows
     )
-    return f"<table><tr>{''.join(f'<th>{html.escape(name)}</th>' for name in head)}</tr>{cells}</table>"
+    heads = "".join(f"<th>{html.escape(name)}</th>" for name in head)
+    return f"<table><tr>{heads}</tr>{cells}</table>"
 
 
 def _png(figure: Figure) -> str:

@@ -98,9 +98,9 @@ def references(
         A pool's `map`, for several cores.
     judge
         Runs plans, fixed ones and schedules, in the caller's own simulation
-        (`TargetPlan.clearance(time_s)` is the target, m) and gives their profiles; the rotor alone on the
-        table film, at least 50 samples a turn, when None. Compare watts only within one simulation:
-        `sim_hil.bound.episode_references` does so for the environments.
+        (`TargetPlan.clearance(time_s)` is the target, m) and gives their profiles; the rotor alone
+        on the table film, at least 50 samples a turn, when None. Compare watts only within one
+        simulation: `sim_hil.bound.episode_references` does so for the environments.
     held_s
         How long that simulation holds a target; preview reads its plan that much further ahead.
     pressures_Pa

@@ -91,7 +91,10 @@ def beat_text(beat: Beat) -> str:
     """What a beat does, in plain words, for the person (the device is not told)."""
     match beat.verb:
         case "operating":
-            return f"the drive goes to {beat.speed_rpm:.0f} rpm, the load to {beat.load_N:.0f} N in {beat.ramp_s:.1f} s"
+            return (
+                f"the drive goes to {beat.speed_rpm:.0f} rpm, the load to {beat.load_N:.0f} N in "
+                f"{beat.ramp_s:.1f} s"
+            )
         case "inject":
             unit = "G" if beat.fault == "unbalance" else "% preload left"
             return f"injected, unknown to the device: {beat.fault} ({beat.severity:g} {unit})"

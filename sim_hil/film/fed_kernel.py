@@ -5,8 +5,9 @@ Reynolds rupture at ambient pressure between ambient ends, one groove held at it
 `p_s`. With the effective squeeze velocity `v_s = v - (omega/2) z x e`, the unfed film (F0, Q0) of
 `table_kernel` and
 
-    tau = f / (|F0| + f),   f = 2 R L p_s          (0: a groove at ambient pressure; 1: hydrostatic, nothing moves)
+    tau = f / (|F0| + f),   f = 2 R L p_s
 
+(tau is 0 with a groove at ambient pressure, 1 in a hydrostatic bearing where nothing moves)
 the film is positively homogeneous in (v_s, p_s) together, so that
 
     F = F0 + (|F0| + f) D,   Q = Q0 + (|F0| + f) / (2 R L) c^3 / (12 mu) D_q

@@ -1,8 +1,8 @@
 """Static film of the plain unfed bearing for the guard: what its closed forms are short of.
 
-`python -m sim_hil.film.static_table` writes `firmware_py/machine/film_table.json` (ten minutes): load
-and attitude of the Reynolds solution as shares of the short bearing's, the whirl threshold, over
-eccentricity and length, and how much before it a rotor out of balance whirls.
+`python -m sim_hil.film.static_table` writes `firmware_py/machine/film_table.json` (ten minutes):
+load and attitude of the Reynolds solution as shares of the short bearing's, the whirl threshold,
+over eccentricity and length, and how much before it a rotor out of balance whirls.
 """
 
 from __future__ import annotations
@@ -17,7 +17,10 @@ from .equilibrium import equilibrium
 from .table import FilmTable
 from .whirl_onset import onset_share
 
-TITLE = "Unfed Reynolds film at rest; rows length_over_diameter, columns eccentricity; sim_hil.film.static_table"
+TITLE = (
+    "Unfed Reynolds film at rest; rows length_over_diameter, columns eccentricity; "
+    "sim_hil.film.static_table"
+)
 LENGTH_OVER_DIAMETER = (0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 1.0)
 ECCENTRICITY = (
     0.01,

@@ -1,8 +1,8 @@
 """The control problem that the environments pose: what is seen, what is judged, what an episode
 brings.
 
-:mod:`sim_hil.gym.environment` poses it on one whole machine, :mod:`sim_hil.gym.vector_environment` on many
-rotors alone; the same seed gives both the same episode.
+:mod:`sim_hil.gym.environment` poses it on one whole machine, :mod:`sim_hil.gym.vector_environment`
+on many rotors alone; the same seed gives both the same episode.
 
 Reward per step of :data:`CONTROL_S`: ``-P / P_ref - penalties`` with the mean power ``P`` (the
 pump's counts where its pressure is an action), Petroff's power ``P_ref`` at nominal clearance and
@@ -90,8 +90,8 @@ class EpisodeLimits:
 
 @dataclass(frozen=True)
 class Disturbances:
-    """What an episode may bring beside the spread of builds (``simulation.toml``); everything uniform in
-    its range.
+    """What an episode may bring beside the spread of builds (``simulation.toml``); everything
+    uniform in its range.
 
     Speed and load hold and ramp (:meth:`Duty.random`), no faster than the rig's may without being
     announced.  The oil inlet drifts from one temperature in ``inlet_C`` to another over the
@@ -282,8 +282,8 @@ def judge(
 
 
 def shaft_xy(look: Floats, probes: Floats) -> Floats:
-    """Probe signals, shape (..., 2), as x (right) and y (up); ``look`` are the probes' directions, a
-    row each."""
+    """Probe signals, shape (..., 2), as x (right) and y (up); ``look`` are the probes' directions,
+    a row each."""
     return np.asarray(probes @ np.linalg.inv(look).T)
 
 

@@ -1,12 +1,12 @@
 """Many rotors at once for training: ``gymnasium.make_vec("orbitd/Rotor-v0", num_envs=16)``.
 
-The task is that of :mod:`sim_hil.gym.environment` (:mod:`sim_hil.gym.control_task`), the plant is less: the
-rotor of equation (2) alone on its film and coupling (:mod:`sim_hil.rotor.rigid`, steps of 0.2 ms),
-without pedestal, motor and what shakes them.  Actuator, oil temperature, build spread, drifting
-inlet and growing faults are the same. The sensors are reduced to what the observation shows: probes
-with gain, zero, runout and noise of the rig, status readings with
-their errors; no filter delay, no quantisation, no housing motion. On the same episodes the mean
-power of both agrees within 0.5 % and the smallest film within 0.5 um (tested).
+The task is that of :mod:`sim_hil.gym.environment` (:mod:`sim_hil.gym.control_task`), the plant is
+less: the rotor of equation (2) alone on its film and coupling (:mod:`sim_hil.rotor.rigid`, steps of
+0.2 ms), without pedestal, motor and what shakes them.  Actuator, oil temperature, build spread,
+drifting inlet and growing faults are the same. The sensors are reduced to what the observation
+shows: probes with gain, zero, runout and noise of the rig, status readings with their errors; no
+filter delay, no quantisation, no housing motion. On the same episodes the mean power of both agrees
+within 0.5 % and the smallest film within 0.5 um (tested).
 
 An episode that ends starts anew in the same step (``AutoresetMode.SAME_STEP``): its last
 observation stands in ``infos["final_obs"]``.  Rotor ``i`` sees the same for a given seed, whatever

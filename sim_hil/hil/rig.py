@@ -123,9 +123,14 @@ class Rig:
             heartbeat_limit_s=heartbeat_limit_s,
         )
         self.machine = SimulatedMachine(
-            rig, Build.nominal(rig) if build is None else build, seed, rate_hz=rate_hz,
-            clearance_m=limits.boot_clearance_um * 1e-6, pressure_Pa=limits.boot_pressure_bar * 1e5, fed=fed,
-        )  # fmt: skip
+            rig,
+            Build.nominal(rig) if build is None else build,
+            seed,
+            rate_hz=rate_hz,
+            clearance_m=limits.boot_clearance_um * 1e-6,
+            pressure_Pa=limits.boot_pressure_bar * 1e5,
+            fed=fed,
+        )
         self._drive_faults: FaultSet = {}
         self.lag_ms_max = 0.0
         self.periods_left_out = 0

@@ -65,13 +65,27 @@ class Build:
     def nominal(cls, rig: RigData) -> Build:
         """The drawing itself with ideal sensors and the rig's own normal unbalance."""
         return cls(
-            mass=1.0, inertia=1.0, coupling=1.0, contact=1.0, damping=1.0, clearance_error_m=0.0, viscosity=1.0,
-            unbalance_kg_m=rig.rotor.unbalance_kg_m, unbalance_angle_rad=0.0,
-            bolt=np.ones(8), bolt_gap_m=np.full(8, 1e-4), gain=np.ones(N_SENSORS), zero=np.zeros(N_SENSORS),
-            runout_m=np.zeros((2, 3)), runout_phase_rad=np.zeros((2, 3)),
-            housing_rad_s=2 * math.pi * np.array(_HOUSING_HZ), roughness_m=MIDDLING_M,
-            room_Pa=_REFERENCE_PA * 10 ** (66 / 20), excitation=1.0, motor_angle_rad=0.0,
-        )  # fmt: skip
+            mass=1.0,
+            inertia=1.0,
+            coupling=1.0,
+            contact=1.0,
+            damping=1.0,
+            clearance_error_m=0.0,
+            viscosity=1.0,
+            unbalance_kg_m=rig.rotor.unbalance_kg_m,
+            unbalance_angle_rad=0.0,
+            bolt=np.ones(8),
+            bolt_gap_m=np.full(8, 1e-4),
+            gain=np.ones(N_SENSORS),
+            zero=np.zeros(N_SENSORS),
+            runout_m=np.zeros((2, 3)),
+            runout_phase_rad=np.zeros((2, 3)),
+            housing_rad_s=2 * math.pi * np.array(_HOUSING_HZ),
+            roughness_m=MIDDLING_M,
+            room_Pa=_REFERENCE_PA * 10 ** (66 / 20),
+            excitation=1.0,
+            motor_angle_rad=0.0,
+        )
 
     @classmethod
     def draw(cls, rig: RigData, rng: np.random.Generator) -> Build:

@@ -73,7 +73,8 @@ class Batch:
     """``n`` sampling instants: counts (n, 8), truth (n, 14, see ``TRUTH_COLUMNS``), marks (n,).
 
     ``marks`` holds the time of a once-per-turn edge from the start of the sampling period, s, else
-    -1. ``counts`` and the truth differ by the delay of the anti-alias filter (``SimulatedMachine.delay_s``).
+    -1. ``counts`` and the truth differ by the delay of the anti-alias filter
+    (``SimulatedMachine.delay_s``).
     """
 
     counts: Counts
@@ -240,9 +241,20 @@ class SimulatedMachine:
         signals, truth, marks = np.empty((n, N_SENSORS)), np.empty((n, N_TRUTH)), np.empty(n)
         ambient = np.ascontiguousarray(normal[:, N_SENSORS:]) * self._plant.excite.ambient
         advance(
-            self._plant, self._state, self._film, self._taps, drive, np.array([clearance_m, pressure_Pa]),
-            ambient, self.period_s, self._substeps, self._kept_steps, signals, truth, marks,
-        )  # fmt: skip
+            self._plant,
+            self._state,
+            self._film,
+            self._taps,
+            drive,
+            np.array([clearance_m, pressure_Pa]),
+            ambient,
+            self.period_s,
+            self._substeps,
+            self._kept_steps,
+            signals,
+            truth,
+            marks,
+        )
         if not (math.isfinite(truth.sum()) and math.isfinite(signals.sum())):
             raise MachineError(
                 f"machine {self.rig.name}: no finite answer at {self.time_s:.3f} s with speed "

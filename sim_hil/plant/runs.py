@@ -41,7 +41,8 @@ def run(
     Parameters
     ----------
     clearance, pressure
-        Targets, m and Pa, as :data:`PlayedSchedule` over the duty's time; pressure is nominal when None.
+        Targets, m and Pa, as :data:`PlayedSchedule` over the duty's time; pressure is nominal when
+        None.
     """
     supply = machine.rig.supply.nominal_Pa if pressure is None else pressure
     period = machine.period_s

@@ -39,8 +39,14 @@ def pressure(options: argparse.Namespace) -> Figure:
     )
     rest = equilibrium(load_N=options.load, **film)
     angle, z, p = _pressure_field(rest.position_m, film)
-    caption = f"rig {options.rig}, {options.rpm:g} rpm, {options.load:g} N, radial clearance {options.clearance:g} µm; "
-    caption += f"eccentricity {rest.eccentricity_ratio:.3f}, attitude {np.degrees(rest.attitude_rad):.1f}°, "
+    caption = (
+        f"rig {options.rig}, {options.rpm:g} rpm, {options.load:g} N, radial clearance "
+        f"{options.clearance:g} µm; "
+    )
+    caption += (
+        f"eccentricity {rest.eccentricity_ratio:.3f}, attitude "
+        f"{np.degrees(rest.attitude_rad):.1f}°, "
+    )
     caption += "Reynolds rupture, ambient ends, isothermal"
     figure = new_figure((10, 6.4), "Film pressure at the static equilibrium", caption)
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=[1.5, 1])
@@ -120,7 +126,10 @@ def power_and_limits(options: argparse.Namespace) -> Figure:
     caption = (
         f"rig {options.rig}, {options.film} film, isothermal; last half of {_MAP_SECONDS:g} s at "
     )
-    caption += f"{speed.size} x {clearance.size} points each; hatched: film below {limits.min_film_m * 1e6:g} µm or "
+    caption += (
+        f"{speed.size} x {clearance.size} points each; hatched: film below "
+        f"{limits.min_film_m * 1e6:g} µm or "
+    )
     caption += f"peak to peak above {ORBIT_SHARE:g} of the clearance"
     figure = new_figure((13, 3.7 * loads.size), "Power, film and vibration", caption)
     all_axes = figure.subplots(loads.size, 3, sharex=True, sharey=True, squeeze=False)

@@ -115,7 +115,10 @@ def waterfall(options: argparse.Namespace) -> Figure:
     )
     rpm = np.interp(time_s, [0, _RUN_UP_S], [low, high])
     level = 10 * np.log10(np.maximum(2 * power, 1e-20) / 1e-12)
-    caption = f"rig {options.rig}, {options.load:g} N, radial clearance {options.clearance:g} µm, {options.film} film, "
+    caption = (
+        f"rig {options.rig}, {options.load:g} N, radial clearance {options.clearance:g} µm, "
+        f"{options.film} film, "
+    )
     figure = new_figure(
         (10, 5.8), "Run-up: spectrum of the journal over speed", caption + f"{_RUN_UP_S:g} s ramp"
     )
@@ -247,7 +250,10 @@ def duty(options: argparse.Namespace) -> Figure:
     run = simulate(
         rig, published, clearance=clearance, rate_hz=_RATE_HZ, dt_s=1e-4, force=options.film
     )
-    caption = f"rig {options.rig}, fixed radial clearance {options.clearance:g} µm, {options.film} film, thermal; "
+    caption = (
+        f"rig {options.rig}, fixed radial clearance {options.clearance:g} µm, {options.film} film, "
+        "thermal; "
+    )
     figure = new_figure((10, 8), "The published duty", caption + _summary(run))
     speed, load, power, film, share = figure.subplots(5, 1, sharex=True)
     each = 100
@@ -280,4 +286,7 @@ def duty(options: argparse.Namespace) -> Figure:
 
 def _summary(run: Trajectory) -> str:
     film, share = run.min_film_m.min() * UM, 100 * float(orbit_share(run).max())
-    return f"mean power {run.power_W.mean():.1f} W, thinnest film {film:.1f} µm, largest orbit {share:.0f} % of c"
+    return (
+        f"mean power {run.power_W.mean():.1f} W, thinnest film {film:.1f} µm, largest orbit "
+        f"{share:.0f} % of c"
+    )

@@ -83,8 +83,8 @@ def rig_of(config: Config, simulation: Simulation) -> RigData:
     machine = config.machine
     if machine.absent:
         raise NotSimulated(
-            f"{machine.name}: its description lacks {', '.join(machine.absent)}; a simulation needs "
-            f"them, monitoring does not (`orbitd run`)"
+            f"{machine.name}: its description lacks {', '.join(machine.absent)}; a simulation "
+            "needs them, monitoring does not (`orbitd run`)"
         )
     o, true, given = machine.operating, simulation.true_machine, machine.lubricant
     thin = true.viscosity_at_40C_Pa_s

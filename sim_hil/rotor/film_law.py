@@ -263,14 +263,20 @@ def _of_type(kind: type) -> Callable[..., Forces]:
 
 
 @overload(film_law, jit_options={"forceinline": True})
-def _film_law(law, ex, ey, vx, vy, omega, c, mu, R, L, c_rate, supply_Pa=0.0):  # type: ignore[no-untyped-def]
+def _film_law(  # type: ignore[no-untyped-def]
+    law, ex, ey, vx, vy, omega, c, mu, R, L, c_rate, supply_Pa=0.0
+):
     kind = law.instance_class if isinstance(law, types.BaseNamedTuple) else type(law)
     chosen = _of_type(kind)
 
-    def forces(law, ex, ey, vx, vy, omega, c, mu, R, L, c_rate, supply_Pa=0.0):  # type: ignore[no-untyped-def]
+    def forces(  # type: ignore[no-untyped-def]
+        law, ex, ey, vx, vy, omega, c, mu, R, L, c_rate, supply_Pa=0.0
+    ):
         return chosen(law, ex, ey, vx, vy, omega, c, mu, R, L, c_rate)
 
-    def fed(law, ex, ey, vx, vy, omega, c, mu, R, L, c_rate, supply_Pa=0.0):  # type: ignore[no-untyped-def]
+    def fed(  # type: ignore[no-untyped-def]
+        law, ex, ey, vx, vy, omega, c, mu, R, L, c_rate, supply_Pa=0.0
+    ):
         return _fed(law, ex, ey, vx, vy, omega, c, mu, R, L, c_rate, supply_Pa)
 
     return fed if kind is FedLaw else forces

@@ -3,9 +3,9 @@
 Normal force of bolt ``i`` on the body for its lift ``u`` (up positive), preload (clamp) ``P``,
 contact stiffness ``k``, gap ``g`` and bolt stiffness ``k_b``::
 
-    N(u) = -k u                               u <= P / k         clamped: contact and bolt act as one spring
-         = -P                                 P / k < u < P/k+g  lifted off, bolt head not yet reached
-         = -P - k_b (u - P / k - g)           above              the bolt stops the lift: impact
+    N(u) = -k u                       u <= P / k         clamped: contact and bolt, one spring
+         = -P                         P / k < u < P/k+g  lifted off, bolt head not yet reached
+         = -P - k_b (u - P / k - g)   above              the bolt stops the lift: impact
 
 With lost preload (``P = 0``) only weight holds the foot down.  Along the joint a Jenkins element
 (spring ``k_t`` in series with a Coulomb slider ``mu max(0, P - k u)``) sticks or slips.  Source:

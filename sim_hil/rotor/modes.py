@@ -40,8 +40,8 @@ class Modes:
     shape
         Displacements (x, y, A, B) of each mode, shape (n, 4), complex.
     forward
-        +1 where the larger motion of the two ends whirls with the rotation's positive sense, -1 against it, 0
-        where it is a straight line; shape (n,).
+        +1 where the larger motion of the two ends whirls with the rotation's positive sense, -1
+        against it, 0 where it is a straight line; shape (n,).
     """
 
     eigenvalue_1_s: NDArray[np.complex128]

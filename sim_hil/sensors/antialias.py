@@ -15,7 +15,8 @@ BETA = 0.1102 * (STOP_DB - 8.7)
 
 
 def antialias_taps(substeps: int) -> Floats:
-    """Impulse response at the inner rate for decimation by ``substeps`` (Kaiser window, odd length).
+    """Impulse response at the inner rate for decimation by ``substeps`` (Kaiser window, odd
+    length).
 
     Passes to 0.8 of the outer Nyquist frequency; the delay is ``(len - 1) / 2`` inner steps.
     Written out here: importing `scipy.signal` takes as long as all else at the start of the rig.

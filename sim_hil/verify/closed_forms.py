@@ -223,7 +223,10 @@ def light_load() -> Iterator[ComparisonRow]:
         case = f"light load L/D={ratio}: load over the infinitely long bearing's"
         yield ComparisonRow(case, load, 1 - math.tanh(ratio) / ratio, source, 2e-3)
     for row in reference("long_bearing_closed_form.json")["rows"]:
-        source = "long bearing x side leakage; the 3 % that its file allows at L/D=8 leave the ends' 1/8 out"
+        source = (
+            "long bearing x side leakage; the 3 % that its file allows at L/D=8 leave the ends' "
+            "1/8 out"
+        )
         expected = row["full"]["W_bar"] * _side_leakage(row["eps"], 8.0)
         yield ComparisonRow(
             f"L/D=8 eps={row['eps']} full: W_bar",

@@ -77,7 +77,8 @@ def ideal(
 
 
 def named(*what: object, **more: object) -> dict[str, float]:
-    return dict(zip(fc.names(), fc.film_check(*ideal(*what, **more), BENCH).tolist(), strict=True))  # type: ignore[arg-type]
+    figures = fc.film_check(*ideal(*what, **more), BENCH)  # type: ignore[arg-type]
+    return dict(zip(fc.names(), figures.tolist(), strict=True))
 
 
 @pytest.mark.parametrize("ratio", [0.2, 0.5, 0.8])

@@ -19,9 +19,16 @@ def counts(speed_hz: float = 70.0) -> np.ndarray:
     rng = np.random.default_rng(0)
     time = np.arange(N) / RATE
     wave = np.sin(2 * np.pi * speed_hz * time)
-    si = np.column_stack([
-        2e-5 + 8e-6 * wave, -3e-5 + 6e-6 * wave, *(0.4 * wave,) * 3, 0.05 * wave, np.full(N, 1.0), np.full(N, 1.99)
-    ])  # fmt: skip
+    si = np.column_stack(
+        [
+            2e-5 + 8e-6 * wave,
+            -3e-5 + 6e-6 * wave,
+            *(0.4 * wave,) * 3,
+            0.05 * wave,
+            np.full(N, 1.0),
+            np.full(N, 1.99),
+        ]
+    )
     noise = np.array([1e-7, 1e-7, 0.05, 0.05, 0.05, 0.05, 0.01, 0.005])
     si += noise * rng.normal(size=si.shape)
     si[:, 7] = np.minimum(si[:, 7], 2.0)

@@ -57,7 +57,12 @@ def test_records_cross_and_advice_beats(
     def act(now_ns: int) -> None:
         heard["guard"] += [record for _, record in guard.poll(now_ns)]
         heard["gate"] += [record for _, record in gate.poll(now_ns)]
-        while waiting and waiting[0].t_acq_ns + 10_000_000 <= now_ns and guard.connected("brain"):  # type: ignore[union-attr]
+        due_ns = now_ns - 10_000_000
+        while (
+            waiting
+            and waiting[0].t_acq_ns <= due_ns  # type: ignore[union-attr]
+            and guard.connected("brain")
+        ):
             assert guard.send("brain", waiting.pop(0))
 
     clock = Stage(start_ns, act)

@@ -188,8 +188,9 @@ def learned_decision() -> Learned:
 def test_samples_that_a_snapshot_needs_must_all_be_there() -> None:
     step = flown()[-1]
     blocks = [decode(block) for block in step.blocks]
+    parts = [decode(part) for part in step.snapshot]
     with pytest.raises(ValueError, match="not all there"):
-        brain().restore([decode(part) for part in step.snapshot], blocks[5:])  # type: ignore[misc,arg-type]
+        brain().restore(parts, blocks[5:])  # type: ignore[misc,arg-type]
 
 
 @given(st.lists(st.integers(0, 60), unique=True).map(sorted))

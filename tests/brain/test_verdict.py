@@ -1,4 +1,5 @@
-"""The verdict's rules: which of them goes first, rows alone and together, how long a word stands."""
+"""The verdict's rules: which of them goes first, rows alone and together, how long a word
+stands."""
 
 from __future__ import annotations
 

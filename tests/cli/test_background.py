@@ -15,7 +15,8 @@ REPORT = """
 import json, os, sys, threading
 from firmware_py import background, cli
 def now():
-    return [[os.sched_getscheduler(t), sorted(os.sched_getaffinity(t)), os.getpriority(os.PRIO_PROCESS, t)]
+    return [[os.sched_getscheduler(t), sorted(os.sched_getaffinity(t)),
+             os.getpriority(os.PRIO_PROCESS, t)]
             for t in sorted(map(int, os.listdir("/proc/self/task")))]
 {before}
 first = now()

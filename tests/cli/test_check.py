@@ -146,7 +146,8 @@ def test_an_address_that_is_taken_or_not_ours_is_named(place: Path) -> None:
             in said(place, f'[zenoh]\nlisten = ["tcp/127.0.0.1:{port}"]')["zenoh.listen[0]"]
         )
         assert said(place, f'[zenoh]\nlisten = ["udp/127.0.0.1:{port}"]') == {}
-    far = '[zenoh]\ninsecure_network = true\nlisten = ["tcp/192.0.2.1:7447", "tcp/[2001:db8::1]:7447"]'
+    listen = 'listen = ["tcp/192.0.2.1:7447", "tcp/[2001:db8::1]:7447"]'
+    far = f"[zenoh]\ninsecure_network = true\n{listen}"
     assert list(said(place, far)) == ["zenoh.listen[0]", "zenoh.listen[1]"]
 
 

@@ -34,9 +34,13 @@ def test_help_lists_every_registered_command() -> None:
 
 def test_a_reader_that_has_seen_enough_ends_it_quietly() -> None:
     done = subprocess.run(
-        f"{sys.executable} -m firmware_py --help | true", shell=True, capture_output=True, text=True, timeout=60,
+        f"{sys.executable} -m firmware_py --help | true",
+        shell=True,
+        capture_output=True,
+        text=True,
+        timeout=60,
         check=False,
-    )  # fmt: skip
+    )
     assert done.stderr == ""
 
 

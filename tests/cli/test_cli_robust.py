@@ -36,7 +36,8 @@ for arguments in {commands!r}:
     out, err = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         code = main(arguments)
-    ended.append([code, out.getvalue(), err.getvalue(), [name for name in {heavy!r} if name in sys.modules]])
+    loaded = [name for name in {heavy!r} if name in sys.modules]
+    ended.append([code, out.getvalue(), err.getvalue(), loaded])
 print(json.dumps(ended))
 """
 

@@ -41,13 +41,40 @@ def test_an_endpoint_has_parts(text: str, address: Address) -> None:
 
 @pytest.mark.parametrize(
     "text",
-    ["", "tcp", "tcp/", "tcp/127.0.0.1", "tcp/:7447", "tcp/127.0.0.1:", "tcp/127.0.0.1:0", "tcp/127.0.0.1:65536",
-     "tcp/127.0.0.1:-1", "tcp/127.0.0.1:7447x", "tcp/127.0.0.1:1\n", "tcp/127.0.0.256:1", "tcp/127.1:1", "tcp/::1:7447",
-     "tcp/[::1]", "tcp/[::g]:1", "tcp/[127.0.0.1]:1", "TCP/127.0.0.1:7447", "http/127.0.0.1:80", "serial//dev/ttyS0",
-     "tcp/127.0.0.1:7447#iface=eth0", "tcp/127.0.0.1:7447?rel=0", "tcp/a_b:1", "tcp/-a:1", "tcp/a..b:1",
-     "tcp/" + "a" * 64 + ":1", "tcp/" + ".".join(["a" * 50] * 6) + ":1", "tcp/u@h:1", "tcp/h:1:2",
-     "unixsock-stream/x.sock", "unixsock-stream//" + "x" * 110],
-)  # fmt: skip
+    [
+        "",
+        "tcp",
+        "tcp/",
+        "tcp/127.0.0.1",
+        "tcp/:7447",
+        "tcp/127.0.0.1:",
+        "tcp/127.0.0.1:0",
+        "tcp/127.0.0.1:65536",
+        "tcp/127.0.0.1:-1",
+        "tcp/127.0.0.1:7447x",
+        "tcp/127.0.0.1:1\n",
+        "tcp/127.0.0.256:1",
+        "tcp/127.1:1",
+        "tcp/::1:7447",
+        "tcp/[::1]",
+        "tcp/[::g]:1",
+        "tcp/[127.0.0.1]:1",
+        "TCP/127.0.0.1:7447",
+        "http/127.0.0.1:80",
+        "serial//dev/ttyS0",
+        "tcp/127.0.0.1:7447#iface=eth0",
+        "tcp/127.0.0.1:7447?rel=0",
+        "tcp/a_b:1",
+        "tcp/-a:1",
+        "tcp/a..b:1",
+        "tcp/" + "a" * 64 + ":1",
+        "tcp/" + ".".join(["a" * 50] * 6) + ":1",
+        "tcp/u@h:1",
+        "tcp/h:1:2",
+        "unixsock-stream/x.sock",
+        "unixsock-stream//" + "x" * 110,
+    ],
+)
 def test_what_is_no_endpoint_is_refused_with_what_to_write(text: str) -> None:
     wrong = parse_endpoint(text)
     assert isinstance(wrong, str)

@@ -314,22 +314,63 @@ def test_viscosity_law() -> None:
     assert viscosity_Pa_s(oil, 60.0) == pytest.approx(0.010 * 0.5488, rel=1e-3)
 
 
-@pytest.mark.parametrize(("before", "after", "parts"), [
-    ("oil_pressure_low_danger_bar = 0.25", "oil_pressure_low_danger_bar = 0.45", ("danger_bar = "
-                                                                                  "0.45", "0.4", "lower")),
-    ("oil_pressure_low_alert_bar = 0.4", "oil_pressure_low_alert_bar = 0.6", ("feed.pressure_min_bar (0.5)", "lower")),
-    ("oil_pressure_low_danger_bar = 0.25", "oil_pressure_low_danger_bar = 0.4", ("not below", "lower")),
-    ("oil_pressure_low_danger_bar = 0.25", "oil_pressure_low_danger_bar = 0.01", ("supply that has "
-                                                                                  "failed", "raise")),
-    ("pressure_min_bar = 0.5", "pressure_min_bar = 0.0", ("feed.pressure_min_bar (0)", "lower")),
-    ("oil_outlet_high_danger_C = 70.0", "oil_outlet_high_danger_C = 60.0", ("not below", "danger_C (60)")),
-    ("oil_outlet_high_alert_C = 60.0", "oil_outlet_high_alert_C = 75.0", ("oil_outlet_high_danger_C (70)", "lower")),
-    ("oil_outlet_high_alert_C = 60.0", "oil_outlet_high_alert_C = 41.0", ("oil.inlet_max_C (42)", "raise")),
-    ("oil_outlet_high_alert_C = 60.0", "oil_outlet_high_alert_C = 65.0", ("oil.film_max_C (60)", "lower")),
-    ("oil_outlet_max_C = 150.0", "oil_outlet_max_C = 70.0", ("could not be read", "raise")),
-    ("oil_outlet_min_C = -20.0", "oil_outlet_min_C = 35.0", ("oil.inlet_min_C (35)", "lower")),
-    ("pressure_max_bar = 0.0", "pressure_max_bar = 3.0", ("feed.pressure_max_bar (3)", "raise")),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("before", "after", "parts"),
+    [
+        (
+            "oil_pressure_low_danger_bar = 0.25",
+            "oil_pressure_low_danger_bar = 0.45",
+            ("danger_bar = 0.45", "0.4", "lower"),
+        ),
+        (
+            "oil_pressure_low_alert_bar = 0.4",
+            "oil_pressure_low_alert_bar = 0.6",
+            ("feed.pressure_min_bar (0.5)", "lower"),
+        ),
+        (
+            "oil_pressure_low_danger_bar = 0.25",
+            "oil_pressure_low_danger_bar = 0.4",
+            ("not below", "lower"),
+        ),
+        (
+            "oil_pressure_low_danger_bar = 0.25",
+            "oil_pressure_low_danger_bar = 0.01",
+            ("supply that has failed", "raise"),
+        ),
+        (
+            "pressure_min_bar = 0.5",
+            "pressure_min_bar = 0.0",
+            ("feed.pressure_min_bar (0)", "lower"),
+        ),
+        (
+            "oil_outlet_high_danger_C = 70.0",
+            "oil_outlet_high_danger_C = 60.0",
+            ("not below", "danger_C (60)"),
+        ),
+        (
+            "oil_outlet_high_alert_C = 60.0",
+            "oil_outlet_high_alert_C = 75.0",
+            ("oil_outlet_high_danger_C (70)", "lower"),
+        ),
+        (
+            "oil_outlet_high_alert_C = 60.0",
+            "oil_outlet_high_alert_C = 41.0",
+            ("oil.inlet_max_C (42)", "raise"),
+        ),
+        (
+            "oil_outlet_high_alert_C = 60.0",
+            "oil_outlet_high_alert_C = 65.0",
+            ("oil.film_max_C (60)", "lower"),
+        ),
+        ("oil_outlet_max_C = 150.0", "oil_outlet_max_C = 70.0", ("could not be read", "raise")),
+        ("oil_outlet_min_C = -20.0", "oil_outlet_min_C = 35.0", ("oil.inlet_min_C (35)", "lower")),
+        (
+            "pressure_max_bar = 0.0",
+            "pressure_max_bar = 3.0",
+            ("feed.pressure_max_bar (3)", "raise"),
+        ),
+    ],
+)
 def test_limits_and_ranges_of_the_oil_that_cannot_act_or_would_alarm(
     before: str, after: str, parts: tuple[str, ...]
 ) -> None:

@@ -305,7 +305,10 @@ class Device:
                 self.client.ask("set_clearance", AWAY_UM)
             return f"armed: {'; '.join(reply.reasons)}"
         if mode == "auto" and not state.authority:
-            return f"authority ({ArmState(state.arm_state).name}): {'; '.join(state.authority_reasons)}"
+            return (
+                f"authority ({ArmState(state.arm_state).name}): "
+                f"{'; '.join(state.authority_reasons)}"
+            )
         if not state.run_permit:
             return f"run permit: {'; '.join(state.permit_reasons)}"
         safe_um = self.setting.config.machine.actuator.safe_radial_clearance_um

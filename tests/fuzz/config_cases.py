@@ -1,5 +1,5 @@
-"""Rig folders and files that might be configurations: other machines, values nobody writes on purpose, torn
-bytes."""
+"""Rig folders and files that might be configurations: other machines, values nobody writes on
+purpose, torn bytes."""
 
 from __future__ import annotations
 
@@ -311,11 +311,17 @@ def _tear(rng: random.Random, data: bytes) -> bytes:
         )
     )
     made: tuple[Callable[[], bytes], ...] = (
-        lambda: data[:at], lambda: data[:at] + data[to:], lambda: data[:at] + junk + data[at:], lambda: data + data,
-        lambda: data.replace(b"\n", b"\r\n"), lambda: data.decode().encode("utf-16"), lambda: b"\xef\xbb\xbf" + data,
-        lambda: b"", lambda: data[:at] + b"[" * (to - at) + data[at:],
+        lambda: data[:at],
+        lambda: data[:at] + data[to:],
+        lambda: data[:at] + junk + data[at:],
+        lambda: data + data,
+        lambda: data.replace(b"\n", b"\r\n"),
+        lambda: data.decode().encode("utf-16"),
+        lambda: b"\xef\xbb\xbf" + data,
+        lambda: b"",
+        lambda: data[:at] + b"[" * (to - at) + data[at:],
         lambda: data + b"x = 1\n" * rng.randrange(20_000),
-    )  # fmt: skip
+    )
     return rng.choice(made)()
 
 

@@ -24,8 +24,9 @@ from tests.golden.scenarios import SCENARIOS, Scenario
 HELP = """
 {name} ({what}) decides otherwise than it did when it was recorded:
   {difference}
-If the change of behaviour is meant: say in the commit what changed and why, look at what `git diff` shows of
-tests/golden/manifest.json after `make golden`, and commit both.  If it is not meant, the guard has a regression:
+If the change of behaviour is meant: say in the commit what changed and why, look at what
+`git diff` shows of tests/golden/manifest.json after `make golden`, and commit both.  If it is not
+meant, the guard has a regression:
 `orbitd replay` of the unpacked recording (`xz -dk {path}`) names the first cycle that differs.
 """
 
@@ -74,7 +75,8 @@ if GOLDEN:  # made by `make golden`
     @pytest.mark.parametrize("scenario", SCENARIOS, ids=lambda scenario: scenario.name)
     def test_the_events_show_what_the_scenario_is_for(scenario: object) -> None:
         golden = next(g for g in GOLDEN if g.name == scenario.name)  # type: ignore[attr-defined]
-        assert set(scenario.must) <= {name for _, name, _, _ in golden.events}  # type: ignore[attr-defined]
+        found = {name for _, name, _, _ in golden.events}  # type: ignore[attr-defined]
+        assert set(scenario.must) <= found
 
 
 @pytest.fixture(scope="module")

@@ -74,8 +74,8 @@ def test_one_advice_from_the_future_does_not_live_on_when_the_brain_falls_silent
     for_ever = Advice(
         9999, b.now_ns + HOUR_NS, b.now_ns + HOUR_NS, 2**62, 70.0, None, True, [], None
     )
-    b.advice = lambda: for_ever if b.now_ns == start_ns + MS else None  # type: ignore[method-assign]
-    start_ns = b.now_ns
+    sent_ns = b.now_ns + MS
+    b.advice = lambda: for_ever if b.now_ns == sent_ns else None  # type: ignore[method-assign]
     b.run(5.0)
     assert not state(b).authority
 

@@ -117,7 +117,7 @@ def test_an_event_that_is_not_taken_is_told_again_in_its_order() -> None:
     assert told == [1, 2, 3, 4]
 
 
-# ------------------------------------------------------------------ the shell on real rooms, simulated time
+# ---------------------------------------------------------- the shell on real rooms, simulated time
 
 
 class NodeLink:

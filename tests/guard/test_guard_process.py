@@ -44,8 +44,16 @@ class Process:
 
     def start(self) -> GuardState:
         """Start it and wait for what it first says of itself."""
-        command = [sys.executable, "-m", "firmware_py", "guard", "--rig", str(self.config), "--runtime-dir",
-                   str(self.runtime)]  # fmt: skip
+        command = [
+            sys.executable,
+            "-m",
+            "firmware_py",
+            "guard",
+            "--rig",
+            str(self.config),
+            "--runtime-dir",
+            str(self.runtime),
+        ]
         self.child = subprocess.Popen(command, cwd=ROOT)
         return self.ask(None)
 
@@ -132,7 +140,7 @@ def test_a_trip_file_that_nobody_can_read_stands_latched_and_the_guard_protects(
     assert json.loads((process.runtime / "trips.json").read_text()) == []
 
 
-# ------------------------------------------------------------------ the same in this process, step by step
+# ----------------------------------------------------------- the same in this process, step by step
 
 
 def test_main_notes_its_start_after_it_can_be_told_to_stop(

@@ -105,7 +105,8 @@ def gate_alarms() -> set[str]:
         recorder=SimpleNamespace(trouble="x"), normal=SimpleNamespace(trouble="x")
     )
     view = View(config())
-    found = view.alarms(0, Gate._troubles.fget(SimpleNamespace(_doors=doors)))  # type: ignore[attr-defined]
+    troubles = Gate._troubles.fget(SimpleNamespace(_doors=doors))  # type: ignore[attr-defined]
+    found = view.alarms(0, troubles)
     view.step(Advice(0, 0, 0, 0, None, None, True, [], None), 0)
     view.step(CommissionState(0, 0, "refused", "x"), 0)
     losses = Losses()

@@ -36,33 +36,103 @@ def told(rig: Path, *changes: tuple[str, str]) -> dict[str, str]:
     return {}
 
 
-@pytest.mark.parametrize(("old", "new", "key", "words"), [
-    ('assumed = ["windage_W_s3"]', 'assumed = ["windage"]', "rotor.assumed", "no figure of this table; name some"),
-    ('assumed = ["windage_W_s3"]', 'assumed = ["assumed"]', "rotor.assumed", "no figure of this table"),
-    ('assumed = ["windage_W_s3"]', 'assumed = ["windage_W_s3"]\nmeasured = ["windage_W_s3"]', "rotor.measured",
-     "assumed as well"),
-    ('name = "disp_y"', 'name = "disp_y"\nmeasured = ["gain"]', "channel[1].measured", "no figure"),
-    ("[contact]", '[contact]\nassumed = ["volt"]', "contact.assumed", "name some of circuit_V, circuit_ohm"),
-    ("groove_width_deg = 20.0", "", "feed.groove_width_deg", "missing beside groove_angle_deg"),
-    ("pressure_nominal_bar = 1.0", "pressure_nominal_bar = 4.0", "feed.pressure_nominal_bar",
-     "outside 0.5 .. 3, feed.pressure_min_bar .. pressure_max_bar"),
-    ("zeroed_zero_error = 0.5e-6", "zeroed_zero_error = 3e-6", "channel[0].zeroed_zero_error",
-     "above zero_error (2e-06), which the zero procedure lessens; lower it"),
-    ("range_low = -200.0", "runout_m = 1e-6\nrange_low = -200.0", "channel[2].runout_m",
-     "a figure of displacement probes, this shows acceleration; remove it"),
-    ("range_low = -200.0", "range_low = 300.0", "channel[2].range_low", "not below range_high (200)"),
-    ("range_low = -200.0", "", "channel[2].range_low", "missing beside the other end"),
-    ("pump_shut_off_bar = 6.0", "", "feed.pump_shut_off_bar", "missing beside pump_flow_max_m3_s; set it"),
-    ("pump_flow_max_m3_s = 2.5e-4", "pump_flow_max_m3_s = 2e-4", "feed.pressure_max_bar",
-     "the pump gives 2.66 bar at the film's greatest flow of 8.14e-05 m3/s"),
-    ("hold_up_s = 8.0", "full_film_bar = 0.5", "feed.full_film_bar",
-     "not below feed.pressure_min_bar (0.5)"),
-    ("hold_up_s = 8.0", "hold_up_s = 6.0", "feed.hold_up_s",
-     "the film stays full for 2.4 s from the alert at 0.4 bar on"),
-    ("mass_kg = 6.0", "", "rotor.effective_mass_at_bearing_kg", "missing, and so is mass_kg; set it where"),
-    ("mass_kg = 6.0", "mass_kg = 6.0\neffective_mass_at_bearing_kg = 17.4", "rotor.effective_mass_at_bearing_kg",
-     "10 times that of the drawing (1.74)"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("old", "new", "key", "words"),
+    [
+        (
+            'assumed = ["windage_W_s3"]',
+            'assumed = ["windage"]',
+            "rotor.assumed",
+            "no figure of this table; name some",
+        ),
+        (
+            'assumed = ["windage_W_s3"]',
+            'assumed = ["assumed"]',
+            "rotor.assumed",
+            "no figure of this table",
+        ),
+        (
+            'assumed = ["windage_W_s3"]',
+            'assumed = ["windage_W_s3"]\nmeasured = ["windage_W_s3"]',
+            "rotor.measured",
+            "assumed as well",
+        ),
+        (
+            'name = "disp_y"',
+            'name = "disp_y"\nmeasured = ["gain"]',
+            "channel[1].measured",
+            "no figure",
+        ),
+        (
+            "[contact]",
+            '[contact]\nassumed = ["volt"]',
+            "contact.assumed",
+            "name some of circuit_V, circuit_ohm",
+        ),
+        ("groove_width_deg = 20.0", "", "feed.groove_width_deg", "missing beside groove_angle_deg"),
+        (
+            "pressure_nominal_bar = 1.0",
+            "pressure_nominal_bar = 4.0",
+            "feed.pressure_nominal_bar",
+            "outside 0.5 .. 3, feed.pressure_min_bar .. pressure_max_bar",
+        ),
+        (
+            "zeroed_zero_error = 0.5e-6",
+            "zeroed_zero_error = 3e-6",
+            "channel[0].zeroed_zero_error",
+            "above zero_error (2e-06), which the zero procedure lessens; lower it",
+        ),
+        (
+            "range_low = -200.0",
+            "runout_m = 1e-6\nrange_low = -200.0",
+            "channel[2].runout_m",
+            "a figure of displacement probes, this shows acceleration; remove it",
+        ),
+        (
+            "range_low = -200.0",
+            "range_low = 300.0",
+            "channel[2].range_low",
+            "not below range_high (200)",
+        ),
+        ("range_low = -200.0", "", "channel[2].range_low", "missing beside the other end"),
+        (
+            "pump_shut_off_bar = 6.0",
+            "",
+            "feed.pump_shut_off_bar",
+            "missing beside pump_flow_max_m3_s; set it",
+        ),
+        (
+            "pump_flow_max_m3_s = 2.5e-4",
+            "pump_flow_max_m3_s = 2e-4",
+            "feed.pressure_max_bar",
+            "the pump gives 2.66 bar at the film's greatest flow of 8.14e-05 m3/s",
+        ),
+        (
+            "hold_up_s = 8.0",
+            "full_film_bar = 0.5",
+            "feed.full_film_bar",
+            "not below feed.pressure_min_bar (0.5)",
+        ),
+        (
+            "hold_up_s = 8.0",
+            "hold_up_s = 6.0",
+            "feed.hold_up_s",
+            "the film stays full for 2.4 s from the alert at 0.4 bar on",
+        ),
+        (
+            "mass_kg = 6.0",
+            "",
+            "rotor.effective_mass_at_bearing_kg",
+            "missing, and so is mass_kg; set it where",
+        ),
+        (
+            "mass_kg = 6.0",
+            "mass_kg = 6.0\neffective_mass_at_bearing_kg = 17.4",
+            "rotor.effective_mass_at_bearing_kg",
+            "10 times that of the drawing (1.74)",
+        ),
+    ],
+)
 def test_a_wrong_figure_is_told(rig: Path, old: str, new: str, key: str, words: str) -> None:
     found = told(rig, (old, new))
     assert list(found) == [key]

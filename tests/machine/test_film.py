@@ -25,9 +25,13 @@ RATIOS = [0.125, 0.2, 0.5, 0.8, 1.0]
 @cache
 def true(ratio: float, knot: int) -> Equilibrium:
     return equilibrium(
-        eccentricity_ratio=knot * ECCENTRICITY_MAX / KNOTS, radius_m=RADIUS_M, length_m=2 * RADIUS_M * ratio,
-        clearance_m=CLEARANCE_M, viscosity_Pa_s=VISCOSITY, speed_rad_s=SPEED,
-    )  # fmt: skip
+        eccentricity_ratio=knot * ECCENTRICITY_MAX / KNOTS,
+        radius_m=RADIUS_M,
+        length_m=2 * RADIUS_M * ratio,
+        clearance_m=CLEARANCE_M,
+        viscosity_Pa_s=VISCOSITY,
+        speed_rad_s=SPEED,
+    )
 
 
 @pytest.mark.parametrize("ratio", RATIOS)
@@ -90,7 +94,12 @@ def test_a_rotor_out_of_balance_does_not_whirl_in_the_clearance_that_the_law_lea
     )
     build = replace(Build.nominal(rig), unbalance_kg_m=unbalance_share * load_N / speed**2)
     run = simulate(
-        rig, Duty.hold(rpm, load_N, 4.0), clearance=clearance_m, build=build, inlet_C=rig.oil.reference_C + 5.0,
-        dt_s=2e-4, thermal=False,
-    )  # fmt: skip
+        rig,
+        Duty.hold(rpm, load_N, 4.0),
+        clearance=clearance_m,
+        build=build,
+        inlet_C=rig.oil.reference_C + 5.0,
+        dt_s=2e-4,
+        thermal=False,
+    )
     assert run.last(0.4).peak_to_peak_m() < 0.45 * clearance_m

@@ -166,16 +166,26 @@ def test_the_shipped_classifier_is_refused_by_values(least: Path) -> None:
     assert "channel.microphone sound_pressure, Pa, 0 deg, here absent" in reason
 
 
-@pytest.mark.parametrize(("old", "new", "words"), [
-    ('bearing = "nde"\nunit', 'bearing = "dne"\nunit', "no bearing of that name, there are: de, nde"),
-    ('name = "nde"', 'name = "de"', "named twice; give each bearing"),
-    ('name = "nde"', '', "missing: channels say by it where they sit"),
-    ('name = "disp_x"\nbearing = "de"', 'name = "disp_x"\nbearing = "nde"', "put them first"),
-    ("angle_deg = 135.0\nrange_low = -250e-6\nrange_high = 250e-6\nwords",
-     "angle_deg = 50.0\nrange_low = -250e-6\nrange_high = 250e-6\nwords", "less than 30 degrees"),
-    ('name = "nde"', 'load_min_N = 3.0\nname = "nde"', "missing beside the other end"),
-    ('name = "nde"', 'load_min_N = 3.0\nload_max_N = 1.0\nname = "nde"', "above load_max_N"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        (
+            'bearing = "nde"\nunit',
+            'bearing = "dne"\nunit',
+            "no bearing of that name, there are: de, nde",
+        ),
+        ('name = "nde"', 'name = "de"', "named twice; give each bearing"),
+        ('name = "nde"', "", "missing: channels say by it where they sit"),
+        ('name = "disp_x"\nbearing = "de"', 'name = "disp_x"\nbearing = "nde"', "put them first"),
+        (
+            "angle_deg = 135.0\nrange_low = -250e-6\nrange_high = 250e-6\nwords",
+            "angle_deg = 50.0\nrange_low = -250e-6\nrange_high = 250e-6\nwords",
+            "less than 30 degrees",
+        ),
+        ('name = "nde"', 'load_min_N = 3.0\nname = "nde"', "missing beside the other end"),
+        ('name = "nde"', 'load_min_N = 3.0\nload_max_N = 1.0\nname = "nde"', "above load_max_N"),
+    ],
+)
 def test_faults_of_several_bearings_are_named(
     tmp_path: Path, old: str, new: str, words: str
 ) -> None:

@@ -112,8 +112,13 @@ def test_subfolders_are_labels_and_every_file_its_own_group(tmp_path):
     for label in ("normal", "loose"):
         (tmp_path / label).mkdir()
         for i in range(2):
-            text = ["t;ax;ay", *(f"{k / 100:.2f};{a:.5f};{b:.5f}".replace(".", ",")
-                                 for k, (a, b) in enumerate(rng.normal(size=(200, 2))))]  # fmt: skip
+            text = [
+                "t;ax;ay",
+                *(
+                    f"{k / 100:.2f};{a:.5f};{b:.5f}".replace(".", ",")
+                    for k, (a, b) in enumerate(rng.normal(size=(200, 2)))
+                ),
+            ]
             (tmp_path / label / f"{i}.CSV").write_text("\n".join(text))
     found = read_folder(tmp_path)
     assert [(r.label, r.group) for r in found] == [

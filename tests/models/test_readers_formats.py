@@ -131,12 +131,26 @@ def test_uff58(tmp_path):
     file = pyuff.UFF(str(tmp_path / "a.uff"))
     for i in range(2):
         file.write_sets(
-            {"type": 58, "func_type": 1, "rsp_node": 1, "rsp_dir": 1, "ref_dir": 1, "ref_node": 1,
-             "data": VALUES[:, i], "x": np.arange(N) / RATE, "id1": f"point {i}", "rsp_ent_name": "a",
-             "ref_ent_name": "b", "abscissa_spacing": 1, "ordinate_axis_units_lab": "m/s2",
-             "abscissa_spec_data_type": 17, "ordinate_spec_data_type": 12, "orddenom_spec_data_type": 0},
+            {
+                "type": 58,
+                "func_type": 1,
+                "rsp_node": 1,
+                "rsp_dir": 1,
+                "ref_dir": 1,
+                "ref_node": 1,
+                "data": VALUES[:, i],
+                "x": np.arange(N) / RATE,
+                "id1": f"point {i}",
+                "rsp_ent_name": "a",
+                "ref_ent_name": "b",
+                "abscissa_spacing": 1,
+                "ordinate_axis_units_lab": "m/s2",
+                "abscissa_spec_data_type": 17,
+                "ordinate_spec_data_type": 12,
+                "orddenom_spec_data_type": 0,
+            },
             "add" if i else "overwrite",
-        )  # fmt: skip
+        )
     found = samples(tmp_path / "a.uff")
     assert found.names == ("point 0", "point 1")
     assert found.rate_hz == pytest.approx(RATE)
@@ -165,13 +179,28 @@ def bearing_dataset(folder, **changed):
     for r in range(4):
         for c in range(2):
             rows.append(
-                {"dataset": "mine", "signal_id": f"r{r}/c{c}", "recording_id": f"r{r}",
-                 "native_label": "N", "channel": f"c{c}", "sensor_location": "base", "fs": 1000.0,
-                 "n_samples": N, "fault_type": ("normal", "inner")[r % 2], "fault_location": "none",
-                 "sensor_at_fault": False, "signal_file": "part-float32.parquet",
-                 "signal_row_group": r // 2, "signal_row": 2 * (r % 2) + c, "unit": "V",
-                 "sensitivity": "100 mV/g", "speed_rpm": 1500.0, "bearing_id": f"b{r // 2}"} | changed
-            )  # fmt: skip
+                {
+                    "dataset": "mine",
+                    "signal_id": f"r{r}/c{c}",
+                    "recording_id": f"r{r}",
+                    "native_label": "N",
+                    "channel": f"c{c}",
+                    "sensor_location": "base",
+                    "fs": 1000.0,
+                    "n_samples": N,
+                    "fault_type": ("normal", "inner")[r % 2],
+                    "fault_location": "none",
+                    "sensor_at_fault": False,
+                    "signal_file": "part-float32.parquet",
+                    "signal_row_group": r // 2,
+                    "signal_row": 2 * (r % 2) + c,
+                    "unit": "V",
+                    "sensitivity": "100 mV/g",
+                    "speed_rpm": 1500.0,
+                    "bearing_id": f"b{r // 2}",
+                }
+                | changed
+            )
             lists.append(rng.normal(size=N).astype(np.float32))
     pq.write_table(pa.Table.from_pylist(rows), folder / "metadata.parquet")
     pq.write_table(

@@ -123,7 +123,10 @@ def changed(at, text):
         ("one\ntwo\nthree\n", r"a.csv: line 2: no row of numbers: 'two'; give separator"),
         ("\n \n", r"no line holds anything"),
         ("\n".join(f"{k},{k % 7}" for k in range(N)), r"may be 2 numbers or 1 with decimal commas"),
-        ("t;x\n" + "\n".join(f"{k};1.234,{k % 10}" for k in range(N)), r"'99;1.234,9'; separators of thousands\? write"),
+        (
+            "t;x\n" + "\n".join(f"{k};1.234,{k % 10}" for k in range(N)),
+            r"'99;1.234,9'; separators of thousands\? write",
+        ),
         ("t;x\n" + "\n".join(f"{k};1.5" for k in range(N)), r"a.csv: x: never moves: the sensor"),
         ("t [s];x\n" + "\n".join(lines(";")), r"line 1: names 2 columns, the rows below have 3"),
         ("t [s];x [furlong];y\n" + "\n".join(lines(";")), r"x: unit 'furlong' is not known; give"),
@@ -133,7 +136,7 @@ def changed(at, text):
             r"x: rms .* m, more than a shaft displacement has .*is its unit mm or um or",
         ),
     ],
-)  # fmt: skip
+)
 def test_what_is_wrong_is_named_with_its_place(tmp_path, text, match):
     with pytest.raises(SignalFileError, match=match):
         samples(tmp_path, text)

@@ -27,7 +27,8 @@ from sim_hil.rigs import load_rig
 from sim_hil.plant.runs import run
 rig = load_rig("bench")
 machine = SimulatedMachine(rig, Build.nominal(rig), 1)
-print(hashlib.sha256(run(machine, Duty.hold(6000.0, 60.0), 0.3, clearance=60e-6).truth.tobytes()).hexdigest())
+truth = run(machine, Duty.hold(6000.0, 60.0), 0.3, clearance=60e-6).truth
+print(hashlib.sha256(truth.tobytes()).hexdigest())
 """
 ROTOR_ON_FED_FILM_FIRST = """
 from sim_hil.plant.duty import Duty

@@ -93,7 +93,8 @@ class StampedBus:
         self.waiting: list[can.Message] = []
 
     def put(self, stamp_s: float | None, count: int = 1) -> None:
-        message = can.Message(arbitration_id=1, is_extended_id=False, is_fd=True, timestamp=stamp_s)  # type: ignore[arg-type]
+        message = can.Message(1, is_extended_id=False, is_fd=True)
+        message.timestamp = stamp_s  # type: ignore[assignment]
         self.waiting += [message] * count
 
     def recv(self, timeout: float) -> can.Message | None:

@@ -1,4 +1,5 @@
-"""The published dialect: generated from its XML, understood by ground stations, matched by our codec."""
+"""The published dialect: generated from its XML, understood by ground stations, matched by our
+codec."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Wire schema 2: the rig's codec and its DBC are the same interface, for rigs of 2 to 24 channels."""
+"""Wire schema 2: the rig's codec and its DBC are the same interface, for rigs of 2 to 24
+channels."""
 
 from __future__ import annotations
 

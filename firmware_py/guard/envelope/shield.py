@@ -44,9 +44,9 @@ it was measured.
 
 With four fifths of it the rotor of the rig, whose coupling damps it, begins to whirl 1 % beyond the
 bound at the earliest, with all of it 3 %, with none of it up to 15 % within
-(``tests/guard/envelope/test_whirl_on_rig.py``).  Of a grade the rest lies within the margins for mass,
-coupling, clearance and load: with a third of it 2 of 120 machines whirl after the hardest ramps
-that may come unannounced, with two fifths none."""
+(``tests/guard/envelope/test_whirl_on_rig.py``).  Of a grade the rest lies within the margins for
+mass, coupling, clearance and load: with a third of it 2 of 120 machines whirl after the hardest
+ramps that may come unannounced, with two fifths none."""
 
 VIBRATION_MARGIN: Final = 0.77
 """Part of the share that vibration may fill in a clearance wider than the safe one."""
@@ -463,16 +463,19 @@ def check_safe(config: Config) -> Iterator[tuple[str, object, str]]:
     )
     pressed_N, feed = Groove(config.machine).added_N[1], ""
     if pressed_N > 0.0:
-        declared += f", and up to {pressed_N:g} N by the groove at {config.machine.feed.pressure_max_bar:g} bar"
+        declared += (
+            f", and up to {pressed_N:g} N by the groove at "
+            f"{config.machine.feed.pressure_max_bar:g} bar"
+        )
         feed = ", machine.feed.pressure_max_bar"
     if fixed is None:
         yield (
             "machine.operating",
             None,
             (
-                f"no fixed clearance is admissible over {declared}; narrow machine.operating.*{feed} or "
-                f"machine.lubricant.inlet_max_C, "
-                "or lower limits.min_film_um"
+                f"no fixed clearance is admissible over {declared}; narrow "
+                f"machine.operating.*{feed} or machine.lubricant.inlet_max_C, or lower "
+                "limits.min_film_um"
             ),
         )
     elif not shield.admits_fixed(safe_um * 1e-6):

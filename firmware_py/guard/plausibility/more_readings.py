@@ -1,6 +1,7 @@
 """Slow readings that no law rests on: an alarm for each that is not OK, by its name and range.
 
-What the standard readings can be, and what their loss does, is :mod:`firmware_py.guard.plausibility.readings`.
+What the standard readings can be, and what their loss does, is
+:mod:`firmware_py.guard.plausibility.readings`.
 """
 
 from __future__ import annotations

@@ -2,26 +2,22 @@
 load and orbit.
 
 Every second of samples is judged as a whole; a gap, a bad sample or a lost mark leaves out its
-block.  Five things no shaft does:
+block.  Five things no shaft does, each with the smallest size that is found:
 
-========  ==================================================================  =========================================
-kind      what is implausible                                                 smallest size that is found
-========  ==================================================================  =========================================
-outside   the mean position lies outside the clearance                        beyond clearance, its error and the zero
-position  no place of the film at rest, at any declared load and oil, is      each probe off by 2 um + 3 % of its
-          credible for both probes (steady speed and clearance)               reading (0.5 um + 1 % once zeroed), and
-                                                                              what the clearance's
-                                                                              error adds
-backward  the orbit runs against the rotation by more than runout can feign   orbit of about 8 um (1
-um once zeroed and
-                                                                              slow-rolled)
-copied    both channels carry one signal, its noise included                  0.3 um rms
-rest      a shaft that stands lies off the wall of the bearing                33 um + 8 % of the clearance (3 um + 6 %
-                                                                              once zeroed) and the clearance's error
-========  ==================================================================  =========================================
+- *outside*: the mean position lies outside the clearance.  Found beyond the clearance, its error
+  and the error of the zero.
+- *position*: no place of the film at rest, at any declared load and oil, is credible for both
+  probes (steady speed and clearance).  Found where each probe is off by 2 um + 3 % of its reading
+  (0.5 um + 1 % once zeroed), and by what the clearance's error adds.
+- *backward*: the orbit runs against the rotation by more than runout can feign.  Found with an
+  orbit of about 8 um (1 um once zeroed and slow-rolled).
+- *copied*: both channels carry one signal, its noise included.  Found at 0.3 um rms.
+- *rest*: a shaft that stands lies off the wall of the bearing.  Found at 33 um + 8 % of the
+  clearance (3 um + 6 % once zeroed), and at the clearance's error.
 
-A kind stands after :data:`BAD_LEAST` windows, and later where good ones come between: 3 to 5 s while speed and
-clearance are steady, and as much later as they are not.  ``python -m models.control.pair_study
+A kind stands after :data:`BAD_LEAST` windows, and later where good ones come between: 3 to 5 s
+while speed and clearance are steady, and as much later as they are not.
+``python -m models.control.pair_study
 --faults --builds 6 --seed 3000`` measures it under a random duty (unzeroed probes, half a minute
 for each fault):
 
@@ -160,8 +156,8 @@ class PairState(msgspec.Struct):
     ``sums`` are those of a, b, aa, bb, ab, the cross product of neighbours, and aa, bb, ab of
     second differences, of counts ``a`` and ``b`` of the two probes; ``first`` and ``last`` are the
     ends of its part without a gap, ``moved`` the way between the ends of those before, ``begun_ns``
-    the time of its first block.  The shaft stands since ``rest_ns`` (-1: it does not).  ``off_m`` is how far beside the
-    curve the mean was in the first window that was judged.
+    the time of its first block.  The shaft stands since ``rest_ns`` (-1: it does not).  ``off_m``
+    is how far beside the curve the mean was in the first window that was judged.
     """
 
     kinds: dict[str, Kind] = msgspec.field(default_factory=lambda: {kind: Kind() for kind in KINDS})

@@ -6,14 +6,17 @@ believed again after it has been plausible for ``readings.clean_s``.  A message 
 ``readings.age_max_ms`` says nothing at all.  What the loss of a reading does stands in
 :mod:`firmware_py.guard.authority.failsafe`.
 
-============== ===================================== ============================ ===========================
-reading        range                                 greatest rate                held against
-============== ===================================== ============================ ===========================
-oil_outlet     ``readings.oil_outlet_min_C .. max``  ``.oil_outlet_rate_C_s``     heat: frozen while it changes
-clearance      the bearing's, with a margin          the actuator's, three times  where the node says it goes
-shaft_power    plus and minus the most of the film   none: a torque steps         speed: frozen while it changes
-pressure       zero to the most, with a margin       none: a valve steps          the channel ``supply_pressure``
-============== ===================================== ============================ ===========================
+=========== ================================= ============================ ======================
+reading     range                             greatest rate                held against
+=========== ================================= ============================ ======================
+oil_outlet  ``oil_outlet_min_C .. max_C``     ``oil_outlet_rate_C_s``      heat (frozen)
+clearance   the bearing's, with a margin      the actuator's, three times  the node's target
+shaft_power most of the film, either sign     none: a torque steps         speed (frozen)
+pressure    zero to the most, with a margin   none: a valve steps          ``supply_pressure``
+=========== ================================= ============================ ======================
+
+The keys are those of ``[readings]``; *frozen*: it stays the same while what drives it moves;
+``supply_pressure`` is the fast channel of that name.
 
 Where reading and channel of the pressure are both not OK, that is an alarm of its own
 (``pressure_unknown``), and what they still show counts where it is low.
@@ -215,8 +218,15 @@ class Readings:
 
     # ------------------------------------------------------------------ one cycle
 
-    def step(self, blocks: list[Block], status: RigStatus | None, heard_ns: int, node: NodeState | None,
-             speed_rad_s: float, now_ns: int) -> list[Notice]:  # fmt: skip
+    def step(
+        self,
+        blocks: list[Block],
+        status: RigStatus | None,
+        heard_ns: int,
+        node: NodeState | None,
+        speed_rad_s: float,
+        now_ns: int,
+    ) -> list[Notice]:
         """Judge ``status``, which was heard at ``heard_ns`` (None: not yet, or the node has just
         started again)."""
         s, notices = self.state, list[Notice]()
@@ -253,8 +263,15 @@ class Readings:
         self._see_pressure(now_ns, notices)
         return notices
 
-    def _judge(self, status: RigStatus, passed_s: float | None, node: NodeState | None, speed_rad_s: float,
-               now_ns: int, notices: list[Notice]) -> None:  # fmt: skip
+    def _judge(
+        self,
+        status: RigStatus,
+        passed_s: float | None,
+        node: NodeState | None,
+        speed_rad_s: float,
+        now_ns: int,
+        notices: list[Notice],
+    ) -> None:
         """Each reading of a new message, and the pressure beside its channel."""
         target_um = node.target_clearance_um if node else None
         for name, row in self.rows.items():

@@ -2,8 +2,8 @@
 
 The guard runs 1000 times a second.  Everything that comes from outside is bounded per cycle, so
 that neither a sick peer nor a busy bus can hold it up; what is left over waits in the kernel's
-queues, and a sender whose queue is full loses the newest.  ``tests/guard/process/test_budget.py`` measures
-every state beside a reference in the same run.
+queues, and a sender whose queue is full loses the newest.  ``tests/guard/process/test_budget.py``
+measures every state beside a reference in the same run.
 """
 
 from __future__ import annotations

@@ -185,7 +185,10 @@ class OilProtection:
             else "let the oil warm up, or lower the key"
         )
         if watch.unit == "bar" and watch.severity is Severity.ALERT and not self.state.turning:
-            step = "the shaft stands, where a pump that is off is no fault; switch it on before the machine starts"
+            step = (
+                "the shaft stands, where a pump that is off is no fault; switch it on before the "
+                "machine starts"
+            )
         return (
             f"{watch.quantity} {self.state.alarms[watch.name].value:.4g} {watch.unit} {side} "
             f"{watch.limit:.4g} "

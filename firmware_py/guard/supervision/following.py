@@ -7,8 +7,8 @@ faster than the slowest admissible actuator (:data:`SLOWEST_SHARE` of the declar
 allowed delay).  A measurement outside the band by more than the tolerance is a following error.  It
 becomes an alarm when it lasts, when it is gross, when the actuator moves too slowly, or when it
 comes again and again.  Time in error adds up where good readings, or none, come between
-(:mod:`~firmware_py.guard.alarms.tally`).  The same test sees movement that nobody commanded: without a command the
-target is the boot value.
+(:mod:`~firmware_py.guard.alarms.tally`).  The same test sees movement that nobody commanded:
+without a command the target is the boot value.
 """
 
 from __future__ import annotations
@@ -267,6 +267,9 @@ class Following:
         s.alarm.latched = bool(s.alarms_ns)
         s.alarms_ns.append(now_ns)
         if s.alarm.latched:
-            text += f"; the second time within {AGAIN_NS * 1e-9 / 60:g} minutes: it stands until `reset`"
+            text += (
+                f"; the second time within {AGAIN_NS * 1e-9 / 60:g} minutes: it stands until "
+                "`reset`"
+            )
         s.text = text
         return s.alarm.begin(now_ns, text, measured, limit)

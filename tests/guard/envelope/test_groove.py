@@ -51,9 +51,13 @@ def without_groove_there(fed_film: Equilibrium, rpm: float, clearance_m: float) 
     """Load of the film without groove where that shaft runs, N."""
     b = bench().machine.bearing
     return equilibrium(
-        eccentricity_ratio=fed_film.eccentricity_ratio, radius_m=b.journal_radius_m, length_m=b.length_m,
-        clearance_m=clearance_m, viscosity_Pa_s=0.01, speed_rad_s=rpm * RPM,
-    ).load_N  # fmt: skip
+        eccentricity_ratio=fed_film.eccentricity_ratio,
+        radius_m=b.journal_radius_m,
+        length_m=b.length_m,
+        clearance_m=clearance_m,
+        viscosity_Pa_s=0.01,
+        speed_rad_s=rpm * RPM,
+    ).load_N
 
 
 def test_without_a_groove_pressure_adds_nothing() -> None:

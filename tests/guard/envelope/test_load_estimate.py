@@ -21,16 +21,27 @@ PROBES = radians(45.0), radians(135.0)
 def position(load_N: float, rpm: float, clearance_m: float, viscosity: float = 0.01) -> np.ndarray:
     bearing = bench().machine.bearing
     return equilibrium(
-        load_N=load_N, radius_m=bearing.journal_radius_m, length_m=bearing.length_m, clearance_m=clearance_m,
-        viscosity_Pa_s=viscosity, speed_rad_s=rpm * RPM,
-    ).position_m  # fmt: skip
+        load_N=load_N,
+        radius_m=bearing.journal_radius_m,
+        length_m=bearing.length_m,
+        clearance_m=clearance_m,
+        viscosity_Pa_s=viscosity,
+        speed_rad_s=rpm * RPM,
+    ).position_m
 
 
 def look(
-    place: np.ndarray, clearance_m: float, rpm: float, *, gain: tuple[float, float] = (0.0, 0.0),
-    zero_m: tuple[float, float] = (0.0, 0.0), temperature_C: float = 40.0, p2p_m: float = 5e-6, time_s: float = 0.0,
+    place: np.ndarray,
+    clearance_m: float,
+    rpm: float,
+    *,
+    gain: tuple[float, float] = (0.0, 0.0),
+    zero_m: tuple[float, float] = (0.0, 0.0),
+    temperature_C: float = 40.0,
+    p2p_m: float = 5e-6,
+    time_s: float = 0.0,
     power_W: float = 0.0,
-) -> Look:  # fmt: skip
+) -> Look:
     """What the probes make of a place, with their errors."""
     axes = np.array([[np.cos(a), np.sin(a)] for a in PROBES])
     seen = (axes @ place) * (1 + np.array(gain)) + np.array(zero_m)

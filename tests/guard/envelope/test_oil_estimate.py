@@ -121,8 +121,14 @@ def test_a_film_that_may_be_colder_than_its_outlet_may_be_thicker() -> None:
 
 def test_the_estimator_of_the_load_gains_by_what_was_learnt() -> None:
     config = bench()
-    film = equilibrium(load_N=60.0, radius_m=0.02, length_m=0.02, clearance_m=60e-6, speed_rad_s=FAST,
-                       viscosity_Pa_s=viscosity_Pa_s(config.machine.lubricant, 45.0))  # fmt: skip
+    film = equilibrium(
+        load_N=60.0,
+        radius_m=0.02,
+        length_m=0.02,
+        clearance_m=60e-6,
+        speed_rad_s=FAST,
+        viscosity_Pa_s=viscosity_Pa_s(config.machine.lubricant, 45.0),
+    )
     power_W = (
         float(film.film.friction_torque_N_m) * FAST + config.machine.rotor.windage_W_s3 * FAST**3
     )
@@ -159,8 +165,14 @@ def test_the_load_stays_credible_in_every_clearance_after_learning_in_another(
 @cache
 def standing(clearance_m: float, share: float, load_N: float, speed: float) -> Equilibrium:
     """Where the journal stands in oil at 45 °C of so many times the declared viscosity."""
-    return equilibrium(load_N=load_N, radius_m=0.02, length_m=0.02, clearance_m=clearance_m, speed_rad_s=speed,
-                       viscosity_Pa_s=share * viscosity_Pa_s(bench().machine.lubricant, 45.0))  # fmt: skip
+    return equilibrium(
+        load_N=load_N,
+        radius_m=0.02,
+        length_m=0.02,
+        clearance_m=clearance_m,
+        speed_rad_s=speed,
+        viscosity_Pa_s=share * viscosity_Pa_s(bench().machine.lubricant, 45.0),
+    )
 
 
 def seen(
@@ -191,10 +203,17 @@ def held(change: dict[str, float], ticks: int = 60) -> bool:
     return oil.interval(state) == oil.interval(oil.unknown())
 
 
-@pytest.mark.parametrize("change", [
-    {"clearance_m": 2.5e-6}, {"clearance_m": -2.5e-6}, {"clearance_m": 0.2e-6}, {"temperature_C": 0.05},
-    {"power_W": -5.0}, {"speed_rad_s": 0.3},
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"clearance_m": 2.5e-6},
+        {"clearance_m": -2.5e-6},
+        {"clearance_m": 0.2e-6},
+        {"temperature_C": 0.05},
+        {"power_W": -5.0},
+        {"speed_rad_s": 0.3},
+    ],
+)
 def test_nothing_is_learnt_while_clearance_temperature_power_or_speed_move(
     change: dict[str, float],
 ) -> None:

@@ -67,7 +67,7 @@ def _over_the_bound(rotors: RotorVectorEnv, i: int) -> tuple[float, float, float
 
 
 @pytest.mark.parametrize("duty", [None, HARDEST])
-def test_with_the_share_of_a_measured_unbalance_no_machine_whirls_within_the_bound_and_some_soon_after_it(
+def test_with_a_measured_unbalance_no_machine_whirls_within_the_bound_and_some_soon_after_it(
     duty: Duty | None,
 ) -> None:
     assert 1.01 < min(share for _, share, _ in opened(duty)) < 1.03

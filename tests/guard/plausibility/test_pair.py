@@ -40,9 +40,12 @@ Distort = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
 def with_probes(
-    first_deg: float = 45.0, second_deg: float = 135.0, offset_um: tuple[float, float] = (0.0, 0.0), sign: float = 1.0,
+    first_deg: float = 45.0,
+    second_deg: float = 135.0,
+    offset_um: tuple[float, float] = (0.0, 0.0),
+    sign: float = 1.0,
     zeroed: bool = False,
-) -> Config:  # fmt: skip
+) -> Config:
     config = bench()
     probes = [
         msgspec.structs.replace(
@@ -230,9 +233,7 @@ def shifted(um: float) -> Distort:
     return lambda s, t: s + np.array([um, 0.0])
 
 
-def test_another_zero_from_the_start_in_a_round_forward_orbit_is_left_to_the_load_estimate_until_it_moves() -> (
-    None
-):
+def test_another_zero_from_the_start_in_a_round_orbit_is_left_to_the_load_until_it_moves() -> None:
     b = Bearing(with_probes())
     b.distort = shifted(-25.0)
     assert b.run(6.0).names == []
@@ -330,10 +331,18 @@ def at_rest(
     return b
 
 
-@pytest.mark.parametrize(("gain", "clearance_um", "zeroed", "named"), [
-    (1.0, 50.0, False, False), (1.03, 160.0, False, False), (0.2, 50.0, False, True), (0.5, 80.0, False, True),
-    (0.5, 50.0, False, False), (0.8, 50.0, True, True), (1.01, 50.0, True, False),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("gain", "clearance_um", "zeroed", "named"),
+    [
+        (1.0, 50.0, False, False),
+        (1.03, 160.0, False, False),
+        (0.2, 50.0, False, True),
+        (0.5, 80.0, False, True),
+        (0.5, 50.0, False, False),
+        (0.8, 50.0, True, True),
+        (1.01, 50.0, True, False),
+    ],
+)
 def test_a_shaft_at_rest_off_the_wall_tells_an_equal_loss_of_both_gains(
     gain: float, clearance_um: float, zeroed: bool, named: bool
 ) -> None:

@@ -22,10 +22,21 @@ from ..scripted_node import MS, Bench, bench, working
 
 FIELDS = {OIL: "oil_C", CLEARANCE: "clearance_um", POWER: "power_W", PRESSURE: "pressure_bar"}
 IMPOSSIBLE = [
-    (OIL, -327.68), (OIL, 327.67), (OIL, 151.0), (OIL, -21.0), (CLEARANCE, 655.35), (CLEARANCE, 0.0),
-    (CLEARANCE, 20.0), (CLEARANCE, 36.0), (CLEARANCE, 164.0), (POWER, 21_474_836.0), (POWER, -21_474_836.0),
-    (POWER, 6000.0), (PRESSURE, 65.535), (PRESSURE, 6.5),
-]  # fmt: skip
+    (OIL, -327.68),
+    (OIL, 327.67),
+    (OIL, 151.0),
+    (OIL, -21.0),
+    (CLEARANCE, 655.35),
+    (CLEARANCE, 0.0),
+    (CLEARANCE, 20.0),
+    (CLEARANCE, 36.0),
+    (CLEARANCE, 164.0),
+    (POWER, 21_474_836.0),
+    (POWER, -21_474_836.0),
+    (POWER, 6000.0),
+    (PRESSURE, 65.535),
+    (PRESSURE, 6.5),
+]
 
 
 def widest(b: Bench) -> tuple[float, float]:
@@ -186,7 +197,8 @@ def test_what_is_no_number_is_not_ok(field: str, value: float) -> None:
     assert [name for name in alone.step() if name.endswith("_not_ok")] == [
         f"{field.rpartition('_')[0]}_not_ok"
     ]
-    assert alone.stage.known() is None or alone.stage.known().power_W is None  # type: ignore[union-attr]
+    known = alone.stage.known()
+    assert known is None or known.power_W is None
 
 
 def test_a_reading_that_repeats_itself_while_its_cause_moves_is_frozen() -> None:

@@ -91,9 +91,17 @@ def mark_stops(node: ScriptedNode) -> None:
 
 
 FAULTS = [
-    two_edges, two_uneven_edges, three_edges, every_second_missing, some_missing, a_reflection_now_and_then,
-    number_steps_by_two, number_runs_backward, number_stands, mark_stops,
-]  # fmt: skip
+    two_edges,
+    two_uneven_edges,
+    three_edges,
+    every_second_missing,
+    some_missing,
+    a_reflection_now_and_then,
+    number_steps_by_two,
+    number_runs_backward,
+    number_stands,
+    mark_stops,
+]
 
 
 @pytest.mark.parametrize("fault", FAULTS)
@@ -212,7 +220,7 @@ def test_a_shaft_that_stands_ends_the_doubt() -> None:
     assert "speed_plausible" in b.names()
 
 
-# ------------------------------------------------------------------ a guard that starts beside a fault
+# --------------------------------------------------------------- a guard that starts beside a fault
 
 
 def starting(

@@ -45,7 +45,7 @@ CODEC = CanCodec()
 CYCLES = 300
 pytestmark = pytest.mark.timing
 
-# ------------------------------------------------------------------ microseconds, beside a reference
+# ----------------------------------------------------------------- microseconds, beside a reference
 
 
 def reference() -> int:

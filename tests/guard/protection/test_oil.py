@@ -39,10 +39,15 @@ class Alone:
         return told
 
 
-@pytest.mark.parametrize(("bad", "name"), [
-    ({"bar": 0.2}, "oil_pressure_low"), ({"bar": 0.0}, "oil_pressure_low"), ({"outlet_C": 71.0}, "oil_outlet_high"),
-    ({"outlet_C": 149.0}, "oil_outlet_high"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("bad", "name"),
+    [
+        ({"bar": 0.2}, "oil_pressure_low"),
+        ({"bar": 0.0}, "oil_pressure_low"),
+        ({"outlet_C": 71.0}, "oil_outlet_high"),
+        ({"outlet_C": 149.0}, "oil_outlet_high"),
+    ],
+)
 def test_danger_trips_after_its_delay_and_stays_until_reset(
     bad: dict[str, float], name: str
 ) -> None:

@@ -111,9 +111,7 @@ def test_a_second_restart_bars_until_a_person_has_looked() -> None:
     assert w.run(0.001)
 
 
-def test_tripped_withdraws_and_requests_a_trip_at_once_and_an_unreadable_file_does_not_request() -> (
-    None
-):
+def test_tripped_withdraws_and_requests_a_trip_at_once_and_an_unreadable_file_does_not() -> None:
     w = Watched()
     w.run(1.0)
     assert not w.run(0.001, tripped=("disp_x_danger",))

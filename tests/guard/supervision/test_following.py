@@ -219,7 +219,8 @@ def heard(clearance_um: float | None, bar: float | None, **more: object) -> Node
     """A reading without any account of the node itself."""
     facts: dict[str, object] = {"states": [], "restarted": False, "node": None, "info": None,
                                 "tick_us": None, "two_senders": []}  # fmt: skip
-    return NodeReports(measured=ActuatorReadings(clearance_um, bar), **(facts | more))  # type: ignore[arg-type]
+    measured = ActuatorReadings(clearance_um, bar)
+    return NodeReports(measured=measured, **(facts | more))  # type: ignore[arg-type]
 
 
 def supervise(measured: NodeReports, lag_s: float = 0.0) -> list[str]:

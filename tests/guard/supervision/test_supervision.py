@@ -191,9 +191,15 @@ def test_one_that_sticks_now_and_then_is_an_alarm() -> None:
     assert "clearance_not_following" in b.names()
 
 
-@pytest.mark.parametrize(("of_ten", "off_um", "within_s"), [
-    ("XXXXXX....", 10.0, 8.0), ("X.X.X.X.X.", -10.0, 22.0), ("X.X.X.X.X.", 22.0, 8.0), ("X.........", 10.0, 0.0),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("of_ten", "off_um", "within_s"),
+    [
+        ("XXXXXX....", 10.0, 8.0),
+        ("X.X.X.X.X.", -10.0, 22.0),
+        ("X.X.X.X.X.", 22.0, 8.0),
+        ("X.........", 10.0, 0.0),
+    ],
+)
 def test_an_error_that_comes_and_goes_adds_up(of_ten: str, off_um: float, within_s: float) -> None:
     alone, told, now_ns = Following(QUANTITY), 0.0, 10**10
     for n in range(600):

@@ -154,9 +154,7 @@ def test_a_heartbeat_limit_that_protects_nothing_or_stops_everything_is_refused(
         SimulatedDrive(load_rig("bench").drive, Duty.hold(6000, 100), heartbeat_limit_s=limit_s)
 
 
-def test_a_session_that_withdraws_its_permit_stops_the_machine_and_one_that_never_granted_does_not() -> (
-    None
-):
+def test_a_withdrawn_permit_stops_the_machine_and_one_that_was_never_granted_does_not() -> None:
     d = drive()
     d.hear(heartbeat(), 0)
     d.hear(heartbeat(session=9, permit=False), 0)

@@ -1,5 +1,5 @@
-"""The whole device over wire schema 2, on the simulated clock: rigs with other channels and readings
-than the bench's, with no line of code for them."""
+"""The whole device over wire schema 2, on the simulated clock: rigs with other channels and
+readings than the bench's, with no line of code for them."""
 
 from __future__ import annotations
 

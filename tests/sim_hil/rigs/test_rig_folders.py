@@ -44,28 +44,64 @@ def test_a_copy_of_a_shipped_folder_is_the_same_rig(tmp_path: Path) -> None:
     ("old", "new", "figure", "expected"),
     [
         ("journal_radius_m = 0.02", "journal_radius_m = 0.021", "bearing.radius_m", 0.021),
-        ("cone_half_angle_deg = 7.0", "cone_half_angle_deg = 9.0", "bearing.cone_half_angle_rad",
-         math.radians(9.0)),
-        ("viscosity_at_40C_Pa_s = 0.01", "viscosity_at_40C_Pa_s = 0.02", "oil.viscosity_Pa_s", 0.02),
+        (
+            "cone_half_angle_deg = 7.0",
+            "cone_half_angle_deg = 9.0",
+            "bearing.cone_half_angle_rad",
+            math.radians(9.0),
+        ),
+        (
+            "viscosity_at_40C_Pa_s = 0.01",
+            "viscosity_at_40C_Pa_s = 0.02",
+            "oil.viscosity_Pa_s",
+            0.02,
+        ),
         ("viscosity_slope_per_K = 0.03", "viscosity_slope_per_K = 0.025", "oil.slope_per_K", 0.025),
-        ("thermal_capacity_J_K = 250.0", "thermal_capacity_J_K = 99.0", "thermal.capacity_J_K", 99.0),
-        ("jacket_flow_m3_s = 3.333e-5", "jacket_flow_m3_s = 1e-5", "thermal.jacket_flow_m3_s", 1e-5),
+        (
+            "thermal_capacity_J_K = 250.0",
+            "thermal_capacity_J_K = 99.0",
+            "thermal.capacity_J_K",
+            99.0,
+        ),
+        (
+            "jacket_flow_m3_s = 3.333e-5",
+            "jacket_flow_m3_s = 1e-5",
+            "thermal.jacket_flow_m3_s",
+            1e-5,
+        ),
         ("pressure_nominal_bar = 1.0", "pressure_nominal_bar = 1.1", "supply.nominal_Pa", 110000.0),
-        ("groove_angle_deg = 90.0", "groove_angle_deg = 80.0", "supply.groove.angle_rad",
-         math.radians(80.0)),
-        ("groove_width_deg = 20.0", "groove_width_deg = 30.0", "supply.groove.width_rad",
-         math.radians(30.0)),
-        ("groove_length_share = 0.8", "groove_length_share = 0.7", "supply.groove.length_share", 0.7),
+        (
+            "groove_angle_deg = 90.0",
+            "groove_angle_deg = 80.0",
+            "supply.groove.angle_rad",
+            math.radians(80.0),
+        ),
+        (
+            "groove_width_deg = 20.0",
+            "groove_width_deg = 30.0",
+            "supply.groove.width_rad",
+            math.radians(30.0),
+        ),
+        (
+            "groove_length_share = 0.8",
+            "groove_length_share = 0.7",
+            "supply.groove.length_share",
+            0.7,
+        ),
         ("# pump_efficiency = 0.6", "pump_efficiency = 0.5", "supply.pump_efficiency", 0.5),
         ("# backlash_um = 1.0", "backlash_um = 0.3", "actuator.backlash_m", 3e-7),
-        ("# position_noise_um = 0.2", "position_noise_um = 0.7", "actuator.position_noise_rms_m",
-         7e-7),
+        (
+            "# position_noise_um = 0.2",
+            "position_noise_um = 0.7",
+            "actuator.position_noise_rms_m",
+            7e-7,
+        ),
         ("rate_um_s = 50.0", "rate_um_s = 49.0", "actuator.rate_m_per_s", 4.9e-5),
         ("shaft_power_error_W = 5.0", "shaft_power_error_W = 4.0", "errors.shaft_power_W", 4.0),
         ("circuit_ohm = 100e3", "circuit_ohm = 90e3", "contact.circuit_ohm", 90e3),
         ("windage_W_s3 = 5e-9", "windage_W_s3 = 6e-9", "windage_W_s3", 6e-9),
     ],
-)  # fmt: skip
+)
 def test_the_simulated_rig_follows_machine_toml(
     tmp_path: Path, old: str, new: str, figure: str, expected: float
 ) -> None:
@@ -101,9 +137,10 @@ def test_every_figure_of_a_channel_reaches_the_counts(channel: int) -> None:
     rig = load_rig("bench")
     declared = rig.channels[channel]
     for change in (
-        {"high": 0.5 * declared.high}, {"noise_rms": declared.noise_rms + 100 * declared.wire_scale},
+        {"high": 0.5 * declared.high},
+        {"noise_rms": declared.noise_rms + 100 * declared.wire_scale},
         {"wire_scale": 2 * declared.wire_scale},
-    ):  # fmt: skip
+    ):
         channels = list(rig.channels)
         channels[channel] = replace(declared, **change)
         other = replace(rig, channels=tuple(channels))
@@ -156,4 +193,5 @@ def test_every_number_of_a_simulation_has_a_least_and_a_greatest_value() -> None
 
     found = dict(numbers(inspect.type_info(Simulation), ""))
     assert len(found) > 40
-    assert [key for key, kind in found.items() if kind.ge is None or kind.le is None] == []  # type: ignore[attr-defined]
+    limits = {key: (kind.ge, kind.le) for key, kind in found.items()}  # type: ignore[attr-defined]
+    assert [key for key, both in limits.items() if None in both] == []
