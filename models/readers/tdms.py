@@ -20,7 +20,11 @@ def read(path: Path, rules: FileRules) -> SignalFile:
     for group in groups:
         for each in group.channels():
             name = each.name if len(groups) == 1 else f"{group.name}/{each.name}"
-            values = guarded(path, "TDMS file", lambda c=each: np.asarray(c[:]))  # type: ignore[misc]
+            values = guarded(
+                path,
+                "TDMS file",
+                lambda c=each: np.asarray(c[:]),  # type: ignore[misc]
+            )
             if not np.issubdtype(values.dtype, np.number) or not len(values):
                 notes.append(f"{name}: no numbers, left out")
                 continue
