@@ -32,6 +32,18 @@ def port(text: str) -> int:
     return _whole(text, 0, 65_535)
 
 
+WINDOW_S = (0.02, 60.0)
+"""Least and greatest length of a window of samples, s."""
+
+
+def window_seconds(text: str) -> float:
+    """Length of a window of samples, s."""
+    value, (low, high) = finite(text), WINDOW_S
+    if not low <= value <= high:
+        raise argparse.ArgumentTypeError(f"{text}: outside {low:g} .. {high:g} s")
+    return value
+
+
 def _whole(text: str, low: int, high: int) -> int:
     try:
         value = int(text)

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from firmware_py.options import count, seed
+from firmware_py.options import count, seed, window_seconds
 from models import ARTIFACTS
 
 EXIT_BAD_INPUT = 2
@@ -39,6 +39,12 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--channels", type=Path, help="with --data: channel map (default: its channels.toml)"
+    )
+    parser.add_argument(
+        "--window-s",
+        type=window_seconds,
+        default=1.0,
+        help="with --data: length of a window (default: 1; with --file: that of the model)",
     )
     parser.add_argument(
         "--out", type=Path, default=Path("runs"), help="folder where recordings are kept"
@@ -130,11 +136,16 @@ def _classifier(path: Path, args: argparse.Namespace) -> dict[str, object]:
 
 
 def _measured(args: argparse.Namespace) -> dict[str, object]:
-    from models.diagnosis import measured, measured_normal
+    from models.diagnosis import measured, measured_judge, measured_normal
     from models.diagnosis.dataset_folder import read_folder
     from models.diagnosis.measured_features import windows_of
 
-    data = windows_of(read_folder(args.data, args.group, args.channels))
+    found = read_folder(args.data, args.group, args.channels)
+    if args.file:
+        return measured_judge.judge(args.file, found, args.seed)
+    data = windows_of(found, args.window_s)
+    if len(data.labels) == 1:
+        return measured_normal.normal_only(data)
     return {
         **measured.evaluate(data, args.seed),
         "fit_normal_then_detect": measured_normal.detect(data),

@@ -90,6 +90,13 @@ def export(
             f"{metadata.kind}: metadata names {len(metadata.inputs)} inputs, the graph takes "
             f"{example.shape[1]}"
         )
+    write(graph_of(module, example, input_name, output_names), path, metadata)
+
+
+def graph_of(
+    module: torch.nn.Module, example: torch.Tensor, input_name: str, output_names: Sequence[str]
+) -> onnx.ModelProto:
+    """``module`` as an ONNX graph, batch dimension free."""
     buffer: Any = io.BytesIO()  # the stubs know only paths, the exporter also takes a stream
     with warnings.catch_warnings():
         # The older exporter is announced to go; the newer one writes a second .onnx.data file.
@@ -107,6 +114,11 @@ def export(
     model = onnx.load_from_string(buffer.getvalue())
     for node in model.graph.node:
         node.doc_string = ""
+    return model
+
+
+def write(model: onnx.ModelProto, path: Path, metadata: Metadata) -> None:
+    """Write ``model`` with its metadata, checked, to ``path``."""
     onnx.helper.set_model_props(model, metadata.properties())
     onnx.checker.check_model(model, full_check=True)
     write_whole(path, model.SerializeToString())

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import msgspec
 
-from firmware_py.options import seed
+from firmware_py.options import seed, window_seconds
 from models.runs import TrainingRun, load_settings
 
 EXIT_BAD_INPUT = 2
@@ -44,6 +44,9 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--channels", type=Path, help="with --data: channel map (default: its channels.toml)"
+    )
+    parser.add_argument(
+        "--window-s", type=window_seconds, help="with --data: length of a window (default: 1)"
     )
     parser.add_argument(
         "--out", type=Path, default=Path("runs"), help="folder for the run (default: runs)"
@@ -85,6 +88,7 @@ def _train(args: argparse.Namespace) -> dict[str, object]:
             data=str(args.data),
             group=args.group,
             channels=str(args.channels or ""),
+            window_s=settings.window_s if args.window_s is None else args.window_s,
         )
     run = TrainingRun(
         args.out,

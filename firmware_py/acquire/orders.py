@@ -117,17 +117,17 @@ def analyse(window: Window) -> Orders:
     spectrum = 2.0 * np.fft.rfft(weighted)
     orbit = np.fft.fft(weighted[0] + 1j * weighted[1])
     lines = turns * np.arange(1, ORDERS + 1)
-    loss = _loss(np.arange(1, ORDERS + 1), samples_per_turn)
+    loss = resampling_loss(np.arange(1, ORDERS + 1), samples_per_turn)
     harmonics = spectrum[:, lines] / loss
     half = np.arange(round(HALF_BAND[0] * turns), round(HALF_BAND[1] * turns) + 1)
     return Orders(
         speed_rad_s=2.0 * math.pi * window.rate_hz / samples_per_turn,
         harmonics=harmonics,
-        half=_band(spectrum[:, half]),
+        half=band_amplitude(spectrum[:, half]),
         forward=np.abs(orbit[lines] / loss),
         backward=np.abs(orbit[-lines] / loss),
-        half_forward=float(_band(orbit[half])),
-        half_backward=float(_band(orbit[-half])),
+        half_forward=float(band_amplitude(orbit[half])),
+        half_backward=float(band_amplitude(orbit[-half])),
         peak_to_peak=_peak_to_peak(angle[:2], turns),
         mean=mean,
         rms=rms,
@@ -140,23 +140,28 @@ def by_angle(samples: Floats, marks: Floats) -> Floats:
     turns * BINS)."""
     turns = len(marks) - 1
     edges = np.interp(np.arange(turns * BINS + 1) / BINS, np.arange(turns + 1), marks)
-    rotating = np.ascontiguousarray(samples[:, ROTATING].T)
-    integral = np.cumsum(rotating, axis=1) - rotating
+    return over_angle(np.ascontiguousarray(samples[:, ROTATING].T), edges)
+
+
+def over_angle(signal: Floats, edges: Floats) -> Floats:
+    """Means of ``signal`` (channels, n) between the places ``edges`` (m + 1,), counted in samples,
+    shape (channels, m)."""
+    integral = np.cumsum(signal, axis=1) - signal
     # Sample i stands for [i - 1/2, i + 1/2): an edge at position t has t + 1/2 samples behind it.
-    position = np.clip(edges + 0.5, 0.0, len(samples))
-    below = np.minimum(position.astype(np.intp), len(samples) - 1)
-    at_edges = integral[:, below] + (position - below) * rotating[:, below]
+    position = np.clip(edges + 0.5, 0.0, signal.shape[1])
+    below = np.minimum(position.astype(np.intp), signal.shape[1] - 1)
+    at_edges = integral[:, below] + (position - below) * signal[:, below]
     return np.asarray(np.diff(at_edges) / np.diff(position))
 
 
-def _loss(orders: NDArray[np.int_], samples_per_turn: float) -> Complexes:
+def resampling_loss(orders: NDArray[np.int_], samples_per_turn: float) -> Complexes:
     """Gain and phase of the angle bin (centre half a bin late) and of the sample-and-hold, per
     order."""
     box = np.sinc(orders / BINS) * np.sinc(orders / samples_per_turn)
     return np.asarray(box * np.exp(1j * np.pi * orders / BINS))
 
 
-def _band(lines: Complexes) -> Floats:
+def band_amplitude(lines: Complexes) -> Floats:
     """Amplitude of a sine with the energy of ``lines`` (Hann weighted), over the last axis."""
     return np.asarray(np.sqrt(np.sum(np.abs(lines) ** 2, axis=-1) / _HANN_ENBW))
 

@@ -11,11 +11,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from firmware_py.acquire.channel_features import ORDERS_VIEW, VIEWS
 from models.diagnosis.dataset import DatasetError
 from models.diagnosis.measured_features import FeatureRows
 from models.learning.network import Mlp
@@ -83,21 +84,28 @@ def fit_regression(x: Floats, label: Indices, classes: int, seed: int) -> Networ
     return fit_network(x, label, classes, seed, ())
 
 
-def fit_forest(x: Floats, label: Indices, classes: int, seed: int) -> Predict:
-    """Random forest, classes weighted alike."""
+@dataclass(frozen=True)
+class Forest:
+    """A random forest; called with features it gives class probabilities."""
+
+    trees: Any
+    classes: int
+
+    def __call__(self, rows: Floats) -> Floats:
+        """Class probabilities ``(n, classes)``; zero for a class that was not taught."""
+        probability = np.zeros((len(rows), self.classes))
+        probability[:, self.trees.classes_] = self.trees.predict_proba(rows.astype(np.float32))
+        return probability
+
+
+def fit_forest(x: Floats, label: Indices, classes: int, seed: int) -> Forest:
+    """Random forest, classes weighted alike, on features of the precision of the exported graph."""
     from sklearn.ensemble import RandomForestClassifier
 
     forest = RandomForestClassifier(
         TREES, class_weight="balanced_subsample", random_state=seed, n_jobs=1
     )
-    forest.fit(x, label)
-
-    def predict(rows: Floats) -> Floats:
-        probability = np.zeros((len(rows), classes))
-        probability[:, forest.classes_] = forest.predict_proba(rows)
-        return probability
-
-    return predict
+    return Forest(forest.fit(x.astype(np.float32), label), classes)
 
 
 def softmax(z: Floats) -> Floats:
@@ -106,15 +114,25 @@ def softmax(z: Floats) -> Floats:
     return np.asarray(e / e.sum(axis=1, keepdims=True))
 
 
+FOREST_NAME: Final = "random forest, 16 bands"
 FOREST: Final = ("16 bands", fit_forest)
 """The baseline: what the public recordings come with."""
-Rungs = dict[str, tuple[str, Callable[[Floats, Indices, int, int], Network]]]
+Rungs = dict[str, tuple[str, Callable[[Floats, Indices, int, int], Network | Forest]]]
 RUNGS: Final[Rungs] = {
-    f"{name}, {view}": (view, fit)
-    for name, fit in (("logistic regression", fit_regression), ("network", fit_network))
-    for view in ("2 bands", "16 bands", "64 bands", "spectra")
+    **{
+        f"{name}, {view}": (view, fit)
+        for name, fit in (("logistic regression", fit_regression), ("network", fit_network))
+        for view in VIEWS
+    },
+    FOREST_NAME: FOREST,
+    f"random forest, {ORDERS_VIEW}": (ORDERS_VIEW, fit_forest),
 }
 """Simplest first."""
+
+
+def available(data: FeatureRows, rungs: Rungs) -> Rungs:
+    """Those of ``rungs`` whose features these recordings have."""
+    return {name: rung for name, rung in rungs.items() if rung[0] in data.views}
 
 
 def evaluate(data: FeatureRows, seed: int = 0, rungs: Rungs = RUNGS) -> dict[str, object]:
@@ -132,25 +150,28 @@ def evaluate(data: FeatureRows, seed: int = 0, rungs: Rungs = RUNGS) -> dict[str
             "no group shares its class with another: nothing can be judged; choose another group "
             "column"
         )
-    classes, every = len(data.labels), np.arange(len(data))
+    classes, every, rungs = len(data.labels), np.arange(len(data)), available(data, rungs)
     forest = _left_out(data, every, seed, *FOREST)
-    chosen, names = _chosen_left_out(data, seed, rungs)
     report: dict[str, object] = {
         "windows": len(rows),
         "recordings": len(np.unique(data.recording[rows])),
         "groups_left_out": len(data.groups),
         "labels": list(data.labels),
         "majority_share": round(float(np.bincount(data.label[rows]).max() / len(rows)), 4),
-        "random forest, 16 bands": _figures(data, rows, forest),
-        "chosen on inner groups": _figures(data, rows, chosen, forest)
-        | {
-            "chosen": {name: names.count(name) for name in sorted(set(names))},
-            "confusion": _confusion(data.label[rows], chosen[rows], classes),
-        },
+        "left_out": dict(data.left_out),
+        FOREST_NAME: _figures(data, rows, forest),
+    }
+    if not rungs:
+        return report
+    chosen, names = _chosen_left_out(data, seed, rungs)
+    report["chosen on inner groups"] = _figures(data, rows, chosen, forest) | {
+        "chosen": {name: names.count(name) for name in sorted(set(names))},
+        "confusion": _confusion(data.label[rows], chosen[rows], classes),
     }
     return report | {
         name: _figures(data, rows, _left_out(data, every, seed, *rung), forest)
         for name, rung in rungs.items()
+        if name != FOREST_NAME
     }
 
 
@@ -158,6 +179,7 @@ def choose(data: FeatureRows, part: Indices, seed: int, rungs: Rungs = RUNGS) ->
     """The simplest rung that no other beats by :data:`MARGIN` with groups of ``part`` left out,
     fold by fold."""
     groups = np.random.default_rng(seed).permutation(np.unique(data.group[part]))
+    rungs = available(data, rungs)
     scores = {
         name: _inner_score(
             data, part, np.array_split(groups, min(INNER_FOLDS, len(groups))), seed, *rung

@@ -2,33 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_py.acquire.ringing import spectra
-from models.diagnosis.dataset_folder import MeasuredRecording
+from firmware_py.acquire.channel_features import (
+    ORDERS_VIEW,
+    VIEWS,
+    WINDOW_S,
+    WINDOW_SAMPLES,
+    no_orders,
+    window_samples,
+)
+from models.diagnosis.dataset import DatasetError
+from models.diagnosis.dataset_folder import MeasuredRecording, listed
 
 Floats = NDArray[np.float64]
-Features = Callable[[Floats, float], Floats]
-"""A window ``(channels, n)`` and its sampling rate to a row of features."""
-
-WINDOW_SAMPLES: Final = 200
-WINDOW_LEAST_S: Final = 1.0
-"""A window holds so many samples and lasts so long at least."""
-BANDS: Final = 24
-LOWEST_LINE: Final = 2
-"""The device's bands begin at this line of a window's spectrum."""
 
 
 @dataclass(frozen=True)
 class FeatureRows:
     """Rows of one dataset: features by the name of their view, label, group, recording and machine
-    of every window."""
+    of every window; ``left_out`` says why a view is not there."""
 
     views: dict[str, Floats]
     label: NDArray[np.intp]
@@ -38,85 +35,95 @@ class FeatureRows:
     labels: tuple[str, ...]
     groups: tuple[str, ...]
     machines: tuple[str, ...]
+    left_out: tuple[tuple[str, str], ...] = ()
 
     def __len__(self) -> int:
         return len(self.label)
 
 
-def windows_of(found: list[MeasuredRecording]) -> FeatureRows:
-    """Non-overlapping windows of every recording, in every view."""
+def windows_of(
+    found: Sequence[MeasuredRecording],
+    window_s: float = WINDOW_S,
+    views: Sequence[str] = tuple(VIEWS),
+) -> FeatureRows:
+    """Non-overlapping windows of every recording, in every view.
+
+    Orders are left out, with the reason, where a single window has none.
+
+    Raises
+    ------
+    DatasetError
+        Recordings shorter than a window, by name.
+    """
+    _check_length(found, window_s)
+    reason = _why_no_orders(found, window_s) if ORDERS_VIEW in views else ""
+    kept = [name for name in views if not (name == ORDERS_VIEW and reason)]
     labels, groups, machines = (
         tuple(sorted({getattr(r, name) for r in found})) for name in ("label", "group", "machine")
     )
-    rows: dict[str, list[Floats]] = {name: [] for name in VIEWS}
+    rows: dict[str, list[Floats]] = {name: [] for name in kept}
     told: list[tuple[int, int, int, int]] = []
     for number, recording in enumerate(found):
-        n = window_samples(recording.rate_hz)
-        for start in range(0, max(1, len(recording.samples) - n + 1), n):
-            window = recording.samples[start : start + n].T
-            for name, view in VIEWS.items():
-                rows[name].append(view(window, recording.rate_hz))
-            told.append(
-                (
-                    labels.index(recording.label),
-                    groups.index(recording.group),
-                    number,
-                    machines.index(recording.machine),
-                )
-            )
+        about = (
+            labels.index(recording.label),
+            groups.index(recording.group),
+            number,
+            machines.index(recording.machine),
+        )
+        for window, turns in windows(recording, window_s):
+            for name in kept:
+                rows[name].append(VIEWS[name](window, recording.rate_hz, turns))
+            told.append(about)
     label, group, of, machine = np.array(told, np.intp).T
-    views = {name: np.array(found) for name, found in rows.items()}
-    return FeatureRows(views, label, group, of, machine, labels, groups, machines)
+    left_out = ((ORDERS_VIEW, reason),) if reason else ()
+    return FeatureRows(
+        {name: np.array(each) for name, each in rows.items()},
+        label,
+        group,
+        of,
+        machine,
+        labels,
+        groups,
+        machines,
+        left_out,
+    )
 
 
-def window_samples(rate_hz: float) -> int:
-    """Length of a window at ``rate_hz``."""
-    return max(WINDOW_SAMPLES, round(WINDOW_LEAST_S * rate_hz))
-
-
-def band_energies(bands: int, window: Floats, rate_hz: float) -> Floats:
-    """Log energies of ``bands`` bands of equal width up to half the sampling rate, and moments, of
-    every channel."""
-    mean = window.mean(axis=1)
-    deviation = window - mean[:, None]
-    power = np.abs(np.fft.rfft(deviation * np.hanning(window.shape[1]))) ** 2
-    energy = [
-        np.log(part.sum(axis=1) + 1e-12) for part in np.array_split(power[:, 1:], bands, axis=1)
+def windows(recording: MeasuredRecording, window_s: float) -> list[tuple[Floats, Floats | None]]:
+    """Samples ``(channels, n)`` and shaft angle ``(n,)`` of every window."""
+    n = window_samples(recording.rate_hz, window_s)
+    turns = recording.turns
+    return [
+        (
+            recording.samples[start : start + n].T,
+            None if turns is None else turns[start : start + n],
+        )
+        for start in range(0, len(recording.samples) - n + 1, n)
     ]
-    std = deviation.std(axis=1) + 1e-12
-    shape = [np.mean(deviation**3, axis=1) / std**3, np.mean(deviation**4, axis=1) / std**4]
-    return np.concatenate([*energy, std, *shape])
 
 
-def device_spectra(window: Floats, rate_hz: float) -> Floats:
-    """Levels, shapes and phasors of the device's :func:`spectra` in bands even in the logarithm,
-    and peakiness."""
-    n = window.shape[1]
-    lines = np.unique(
-        np.round(np.geomspace(LOWEST_LINE, n // 2, min(BANDS, n // 4) + 1)).astype(np.intp)
-    )
-    level, shape, cross = spectra(window, rate_hz, lines * rate_hz / n)
-    deviation = window - window.mean(axis=1, keepdims=True)
-    rms = np.sqrt(np.mean(deviation**2, axis=1)) + 1e-12
-    kurtosis = np.log10(np.mean(deviation**4, axis=1) / rms**4 + 0.1)
-    crest = np.log10(np.abs(deviation).max(axis=1) / rms + 0.1)
-    parts = (
-        level,
-        shape.ravel(),
-        cross.real.ravel(),
-        cross.imag.ravel(),
-        np.log10(rms),
-        kurtosis,
-        crest,
-    )
-    return np.concatenate(parts)
+def _check_length(found: Sequence[MeasuredRecording], window_s: float) -> None:
+    short = []
+    for each in found:
+        n = window_samples(each.rate_hz, window_s)
+        if len(each.samples) < n:
+            seconds = len(each.samples) / each.rate_hz
+            way = (
+                f"give --window-s {max(seconds, WINDOW_SAMPLES / each.rate_hz):.3g}, record longer,"
+                if len(each.samples) >= WINDOW_SAMPLES
+                else "record longer,"
+            )
+            short.append(
+                f"{each.name}: {len(each.samples)} samples ({seconds:.3g} s), a window has {n} "
+                f"({n / each.rate_hz:.3g} s); {way} or leave it out"
+            )
+    if short:
+        raise DatasetError(listed(short))
 
 
-VIEWS: Final[dict[str, Features]] = {
-    "2 bands": partial(band_energies, 2),
-    "16 bands": partial(band_energies, 16),
-    "64 bands": partial(band_energies, 64),
-    "spectra": device_spectra,
-}
-"""Coarse bands carry over to another speed, fine ones tell one session from another; which is
-better, data say."""
+def _why_no_orders(found: Sequence[MeasuredRecording], window_s: float) -> str:
+    for each in found:
+        for number, (_, turns) in enumerate(windows(each, window_s)):
+            if reason := no_orders(each.rate_hz, turns):
+                return f"{each.name}, window {number + 1}: {reason}"
+    return ""

@@ -1,25 +1,26 @@
-"""``orbitd train classifier --data DIR``: a classifier of a user's own recordings as one ONNX
-file."""
+"""``orbitd train classifier --data DIR``: a classifier of a user's own recordings as one ONNX file
+that the device runs in shadow."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated
 
 import msgspec
 import numpy as np
-import torch
-from numpy.typing import NDArray
-from torch import Tensor, nn
+from msgspec import Meta
 
+from firmware_py.acquire.channel_features import WINDOW_S, window_samples
+from firmware_py.brain.own_card import KIND, OUTPUTS
+from firmware_py.options import WINDOW_S as WINDOW_LIMITS_S
 from models import export
-from models.diagnosis import measured, measured_normal
-from models.diagnosis.dataset_folder import read_folder
-from models.diagnosis.measured import Network
-from models.diagnosis.measured_features import window_samples, windows_of
-from models.film.reduced_network import TorchPerceptron
+from models.diagnosis import measured, measured_graph, measured_normal
+from models.diagnosis.dataset import DatasetError
+from models.diagnosis.dataset_folder import MeasuredRecording, read_folder
+from models.diagnosis.measured import Forest, Network
+from models.diagnosis.measured_features import FeatureRows, windows_of
+from models.diagnosis.measured_score import QUANTILE, fit_score
 from models.runs import TrainerSettings, TrainingRun
-
-Floats = NDArray[np.float64]
 
 
 class MeasuredSettings(TrainerSettings, frozen=True):
@@ -28,6 +29,7 @@ class MeasuredSettings(TrainerSettings, frozen=True):
     data: str = ""
     group: str = "group"
     channels: str = ""
+    window_s: Annotated[float, Meta(ge=WINDOW_LIMITS_S[0], le=WINDOW_LIMITS_S[1])] = WINDOW_S
     rungs: tuple[str, ...] = tuple(measured.RUNGS)
 
     def smoked(self) -> MeasuredSettings:
@@ -38,24 +40,6 @@ class MeasuredSettings(TrainerSettings, frozen=True):
 SETTINGS = MeasuredSettings
 
 
-class MeasuredGraph(nn.Module):
-    """``features (m, F)`` float32 -> ``classes (m, K)`` probabilities."""
-
-    def __init__(self, network: Network) -> None:
-        super().__init__()
-        self.net = TorchPerceptron(network.net.layers(network.theta))
-        self.mean: Tensor
-        self.deviation: Tensor
-        self.register_buffer("mean", torch.from_numpy(network.mean))
-        self.register_buffer("deviation", torch.from_numpy(network.deviation))
-
-    def forward(self, features: Tensor) -> Tensor:
-        """Softmax (7), summed over the outputs only."""
-        return torch.softmax(
-            self.net((features.double() - self.mean) / self.deviation), dim=1
-        ).float()
-
-
 def train(run: TrainingRun, settings: MeasuredSettings) -> dict[str, object]:
     """Judge by leaving groups out, then train the rung that all groups choose on everything and
     export it."""
@@ -64,38 +48,67 @@ def train(run: TrainingRun, settings: MeasuredSettings) -> dict[str, object]:
         settings.group,
         Path(settings.channels) if settings.channels else None,
     )
-    data = windows_of(found)
+    data = windows_of(found, settings.window_s)
+    report, chosen, view, predict = _fitted(data, run.seed, settings)
+    x = data.views[view]
+    score = fit_score(x, data.label, data.group)
+    graph = measured_graph.graph_of(predict, score, x)
+    export.write(graph, run.model, _metadata(found, data, view, report, settings))
+    report |= {
+        "export_parity": measured_graph.worst_difference(graph, predict, score, x),
+        "trained": chosen,
+        "file": str(run.model),
+    }
+    run.write_json("measured_model.json", report)
+    return report
+
+
+def _fitted(
+    data: FeatureRows, seed: int, settings: MeasuredSettings
+) -> tuple[dict[str, object], str, str, Network | Forest | None]:
+    """The report, what was chosen, its features, and the model; None where all is normal."""
+    if len(data.labels) == 1:
+        name = f"distance from normal, {measured_normal.NORMAL_VIEW}"
+        return measured_normal.normal_only(data), name, measured_normal.NORMAL_VIEW, None
+    unknown = [name for name in settings.rungs if name not in measured.RUNGS]
+    if unknown:
+        raise DatasetError(f"rungs: no {unknown[0]!r}; there are {', '.join(measured.RUNGS)}")
     rungs = {name: measured.RUNGS[name] for name in settings.rungs}
-    report = measured.evaluate(data, run.seed, rungs) | {
+    report = measured.evaluate(data, seed, rungs) | {
         "fit_normal_then_detect": measured_normal.detect(data)
     }
-    chosen = measured.choose(data, np.arange(len(data)), run.seed, rungs)
+    chosen = measured.choose(data, np.arange(len(data)), seed, rungs)
     view, fit = rungs[chosen]
-    network = fit(data.views[view], data.label, len(data.labels), run.seed)
-    module, x = MeasuredGraph(network), data.views[view].astype(np.float32)
-    metadata = export.Metadata(
-        kind="measured classifier",
-        version="0.1.0",
+    return report, chosen, view, fit(data.views[view], data.label, len(data.labels), seed)
+
+
+def _metadata(
+    found: list[MeasuredRecording],
+    data: FeatureRows,
+    view: str,
+    report: dict[str, object],
+    settings: MeasuredSettings,
+) -> export.Metadata:
+    x, rate_hz = data.views[view], found[0].rate_hz
+    return export.Metadata(
+        kind=KIND,
+        version="0.2.0",
         inputs=[f"{view} {i}" for i in range(x.shape[1])],
-        outputs=("classes",),
-        units=(),
+        outputs=OUTPUTS,
+        units=found[0].units,
         channels=found[0].channels,
         rigs=(),
         domain={},
-        rate_hz=(round(found[0].rate_hz),),
-        window={"samples": float(window_samples(found[0].rate_hz))},
+        rate_hz=(round(rate_hz),),
+        window={"samples": float(window_samples(rate_hz, settings.window_s))},
         data_hash=export.data_hash(x, data.label, data.group),
         metrics=report,
-        settings={"labels": list(data.labels), "view": view},
+        settings={
+            "labels": list(data.labels),
+            "view": view,
+            "rate_hz": rate_hz,
+            "window_s": settings.window_s,
+            "recordings": sorted({each.fingerprint for each in found}),
+            "score_quantile": QUANTILE,
+        },
     )
-    export.export(
-        module,
-        torch.from_numpy(x[:2]),
-        run.model,
-        input_name="features",
-        output_names=("classes",),
-        metadata=metadata,
-    )
-    report |= {"export_parity": export.parity(module, run.model, x), "trained": chosen}
-    run.write_json("measured_model.json", report)
-    return report

@@ -13,13 +13,17 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from firmware_py.acquire.channel_features import ORDERS_VIEW
+from models.diagnosis.dataset import DatasetError
+from models.diagnosis.dataset_folder import NORMAL
 from models.diagnosis.measured import DRAWS, Indices, folds
 from models.diagnosis.measured_features import FeatureRows
+from models.diagnosis.measured_score import fit_score
 
 Floats = NDArray[np.float64]
 
-NORMAL: Final = "normal"
-"""Label of a machine in good order."""
+NORMAL_VIEW: Final = "16 bands"
+"""Features where there is no fault to choose others by."""
 LEAST_GROUPS: Final = 3
 """Normal groups of a machine below which nothing is fitted."""
 RIDGE: Final = 0.1
@@ -34,6 +38,8 @@ def detect(data: FeatureRows) -> dict[str, object]:
     """
     if NORMAL not in data.labels:
         return {"left_out": f"no label {NORMAL!r}"}
+    if len(data.labels) == 1:
+        return {"left_out": f"nothing but {NORMAL!r} to detect from"}
     report: dict[str, object] = {}
     for view in data.views:
         away = distances(data, view)
@@ -42,6 +48,42 @@ def detect(data: FeatureRows) -> dict[str, object]:
             return {"left_out": f"no machine has {LEAST_GROUPS} groups with the label {NORMAL!r}"}
         report[view] = _figures(data, rows, away)
     return report
+
+
+def normal_only(data: FeatureRows) -> dict[str, object]:
+    """Share of windows of each group that a limit set by the other groups calls unlike normal, for
+    recordings of machines in good order alone.
+
+    Raises
+    ------
+    DatasetError
+        Fewer than :data:`LEAST_GROUPS` groups.
+    """
+    groups = np.unique(data.group)
+    if len(groups) < LEAST_GROUPS:
+        raise DatasetError(
+            f"{len(groups)} groups, all {NORMAL!r}: at least {LEAST_GROUPS} are needed to set a "
+            "limit that others keep; record at more operating points, each a file of its own"
+        )
+    report: dict[str, object] = {}
+    for view in (name for name in (NORMAL_VIEW, ORDERS_VIEW) if name in data.views):
+        x = data.views[view]
+        alarms = np.zeros(len(data))
+        for train, test in folds(data, np.arange(len(data))):
+            score = fit_score(x[train], data.label[train], data.group[train])
+            alarms[test] = score(x[test]) > 1.0
+        of_group = [float(alarms[data.group == group].mean()) for group in groups]
+        report[view] = {
+            "false_alarms": round(float(alarms.mean()), 4),
+            "worst_group": round(max(of_group), 4),
+        }
+    return {
+        "windows": len(data),
+        "groups_left_out": len(groups),
+        "labels": list(data.labels),
+        "left_out": dict(data.left_out),
+        "normal_only": report,
+    }
 
 
 def distances(data: FeatureRows, view: str) -> Floats:

@@ -7,13 +7,13 @@ from typing import Final
 
 import numpy as np
 
+from firmware_py.acquire.channel_features import MARKS_LEAST, angle_at
 from models.readers import units
 from models.readers.channel_map import FileMap
 from models.readers.signal_file import Channel, Floats, SignalFile, SignalFileError
 
 HYSTERESIS: Final = 0.2
 """A pulse must pass its level by this share of its height on both sides to count."""
-MARKS_LEAST: Final = 3
 AROUND_S: Final = 2.0
 """Marks so far outside the span in use still tell the turn at its ends."""
 STUCK: Final = "never moves: the sensor is not connected, or the column holds something else"
@@ -49,7 +49,7 @@ def turns_at(
         assert marks_s is not None
         inside = marks_s[(marks_s >= time_s[0] - AROUND_S) & (marks_s <= time_s[-1] + AROUND_S)]
         if len(inside) >= MARKS_LEAST:
-            return _angle(inside, time_s)
+            return angle_at(inside, time_s)
         if mark is not None:
             raise SignalFileError(
                 f"{file.path.name}: {mark.name}: {len(inside)} marks in "
@@ -90,13 +90,3 @@ def _mark_times(file: SignalFile, plan: FileMap, mark: Channel) -> Floats:
         step = values[i] - values[i - 1]
         times[k] = (i - 1 + (level - values[i - 1]) / step if step > 0.0 else i) / mark.rate_hz
     return times[:: plan.mark.per_turn]
-
-
-def _angle(marks_s: Floats, time_s: Floats) -> Floats:
-    """Turns at ``time_s``: linear between marks, as fast as the nearest turn beyond them."""
-    turn = np.arange(len(marks_s), dtype=np.float64)
-    angle = np.interp(time_s, marks_s, turn)
-    before, after = time_s < marks_s[0], time_s > marks_s[-1]
-    angle[before] = (time_s[before] - marks_s[0]) / (marks_s[1] - marks_s[0])
-    angle[after] = turn[-1] + (time_s[after] - marks_s[-1]) / (marks_s[-1] - marks_s[-2])
-    return np.asarray(angle)

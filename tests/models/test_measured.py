@@ -7,10 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from firmware_py.acquire.channel_features import VIEWS
 from models.diagnosis import measured, measured_normal
 from models.diagnosis.dataset import DatasetError
 from models.diagnosis.dataset_folder import MeasuredRecording, read_folder
-from models.diagnosis.measured_features import VIEWS, windows_of
+from models.diagnosis.measured_features import windows_of
 from models.diagnosis.public_recordings import write
 
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "data"
@@ -39,7 +40,8 @@ def recordings(shift=40.0, groups=4, n=800, labels=("a", "b")):
 
 @pytest.fixture(scope="module")
 def report():
-    return measured.evaluate(windows_of(recordings(55.0)))
+    few = {name: measured.RUNGS[name] for name in measured.RUNGS if "forest" not in name}
+    return measured.evaluate(windows_of(recordings(55.0)), rungs=few)
 
 
 def test_a_shifted_ringing_is_told(report):
@@ -74,7 +76,8 @@ def test_the_choice_sees_only_the_groups_of_its_part():
 
 def test_the_simplest_of_equals_is_chosen():
     data = windows_of(recordings(75.0))
-    assert measured.choose(data, np.arange(len(data)), 0).startswith("logistic regression")
+    rungs = {n: measured.RUNGS[n] for n in ("logistic regression, 2 bands", measured.FOREST_NAME)}
+    assert measured.choose(data, np.arange(len(data)), 0, rungs).startswith("logistic regression")
 
 
 def test_no_group_is_on_both_sides():
@@ -120,6 +123,62 @@ def test_without_normal_recordings_the_reason_stands_instead():
     assert few == {"left_out": "no machine has 3 groups with the label 'normal'"}
 
 
+def test_recordings_shorter_than_a_window_are_named():
+    with pytest.raises(DatasetError, match=r"2 problems:\n  0b: 300 samples .* --window-s 1.5"):
+        windows_of([replace(r, samples=r.samples[:300]) if r.label == "b" else r
+                    for r in recordings(groups=2)], 2.0)  # fmt: skip
+
+
+def turning(order, groups=4, labels=("normal", "unbalance"), rate=1000.0):
+    """Recordings at several speeds; the second label has a larger given order."""
+    rng = np.random.default_rng(1)
+    found = []
+    for group in range(groups):
+        for k, label in enumerate(labels):
+            turns = (12.0 + 3.0 * group) * np.arange(4000) / rate
+            wave = np.sin(2 * np.pi * turns) + (0.3 + 0.5 * k) * np.sin(2 * np.pi * order * turns)
+            samples = np.column_stack([wave, 0.5 * wave]) + 0.2 * rng.normal(size=(4000, 2))
+            found.append(
+                MeasuredRecording(
+                    f"{group}{label}", samples, rate, ("x", "y"), label, f"{group}", "m",
+                    ("m/s2", "m/s2"), turns,
+                )
+            )  # fmt: skip
+    return found
+
+
+def test_orders_carry_over_to_speeds_never_heard():
+    data = windows_of(turning(3.0))
+    every = np.arange(len(data))
+    orders, bands = (
+        measured.balanced(
+            data.label,
+            measured._left_out(data, every, 0, *measured.RUNGS[f"logistic regression, {view}"]),
+        )
+        for view in ("orders", "64 bands")
+    )
+    assert orders == 1.0
+    assert orders > bands
+
+
+def test_orders_are_left_out_with_the_reason():
+    slow = [replace(r, turns=r.turns / 4) for r in turning(3.0)]
+    assert dict(windows_of(slow).left_out)["orders"] == (
+        "0normal, window 1: 3.0 turns in 1 s, at least 8 are needed"
+    )
+    fast = [replace(r, turns=r.turns * 8) for r in turning(3.0)]
+    assert "samples a turn, at least 20" in dict(windows_of(fast).left_out)["orders"]
+
+
+def test_normal_recordings_alone_give_a_limit_that_others_keep():
+    told = measured_normal.normal_only(
+        windows_of(turning(3.0, 8, ("normal",)), views=("16 bands", "orders"))
+    )
+    assert told["normal_only"]["orders"]["false_alarms"] < 0.15
+    with pytest.raises(DatasetError, match="2 groups, all 'normal': at least 3 are needed"):
+        measured_normal.normal_only(windows_of(turning(3.0, 2, ("normal",))))
+
+
 def test_area_under_the_curve_counts_ties_half():
     assert measured_normal.area(np.array([0.0, 1.0]), np.array([1.0, 2.0])) == 0.875
 
@@ -130,7 +189,8 @@ def test_public_fan_recordings_by_speed(tmp_path):
         pytest.skip("no ../shared/data beside the repository")
     data = windows_of(read_folder(write(SHARED, "fan", tmp_path)))
     assert len(np.unique(data.recording)) == 36
-    assert set(data.views) == set(VIEWS)
+    assert set(data.views) == set(VIEWS) - {"orders"}
+    assert dict(data.left_out)["orders"].endswith("neither mark nor speed is known")
     every = np.arange(len(data))
     forest, network = (
         measured.balanced(data.label, measured._left_out(data, every, 0, *rung))
@@ -163,7 +223,9 @@ def test_a_folder_of_ones_own_is_trained_and_judged_from_the_command_line(tmp_pa
     assert report["export_parity"] < 1e-6
     model = onnx.load(next((tmp_path / "runs").rglob("measured_model.onnx")))
     metadata = {entry.key: entry.value for entry in model.metadata_props}
-    assert json.loads(metadata["settings"]) == {"labels": ["loose", "normal"], "view": "2 bands"}
+    settings = json.loads(metadata["settings"])
+    assert (settings["labels"], settings["view"]) == (["loose", "normal"], "2 bands")
+    assert len(settings["recordings"]) == 6
     (folder / "recordings.csv").write_text("file\n")
     assert evaluate.main([*given, "--json"]) == 2
     assert "lacks the columns label; its first line" in capsys.readouterr().err
