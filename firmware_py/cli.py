@@ -33,7 +33,7 @@ SUMMARIES = (
     ("gate", "the gate alone: Zenoh, recorder, metrics, page, commands"),
     ("hil", "the rig alone, in real time, on a bus or a serial port"),
     ("bus", "watch what crosses the bus, decoded"),
-    ("rig", "what a rig folder says: the DBC of its bus"),
+    ("rig", "make a rig folder, show what follows from one, the DBC of its bus"),
     ("check", "check a rig folder, as the device would at start"),
     ("migrate", "make a rig folder of a configuration file of the first schema"),
     ("status", "what the device says of itself"),

@@ -17,6 +17,7 @@ from firmware_py.brain.store import Models
 from firmware_py.commands.building import build, surroundings
 from firmware_py.config import Config, ConfigError, Source
 from firmware_py.config.limits import LIMITS_OFF
+from firmware_py.config.simulation import load_simulation
 from firmware_py.config.source import shown
 from firmware_py.machine.folder import METAVAR, find
 from firmware_py.machine.parts import absences, monitor_only, stand_in_keys
@@ -46,8 +47,25 @@ def main(argv: list[str]) -> int:
         raise
 
 
+def _read(path: Path) -> tuple[Config, Source]:
+    """As the processes do, and ``simulation.toml``, which they leave alone; all faults at once."""
+    faults = []
+    try:
+        if path.is_dir():
+            load_simulation(path)
+    except ConfigError as error:
+        faults = error.faults
+    try:
+        read = launch.verified(path)
+    except ConfigError as error:
+        raise ConfigError(error.faults + faults) from error
+    if faults:
+        raise ConfigError(faults)
+    return read
+
+
 def _check(path: Path, as_json: bool) -> int:
-    config, source = launch.verified(path)
+    config, source = _read(path)
     missing = [
         source.fault(*found) for found in surroundings(config, launch.folder_of(config), os.environ)
     ]

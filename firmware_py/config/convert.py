@@ -72,10 +72,10 @@ _HOLE: Final = object()
 @cache
 def _keys(cls: type[Section]) -> Mapping[str, _Key]:
     described = cast(inspect.StructType, inspect.type_info(cls))
-    return {each.name: _Key(_not_none(each.type), each) for each in described.fields}
+    return {each.name: _Key(not_none(each.type), each) for each in described.fields}
 
 
-def _not_none(kind: inspect.Type) -> inspect.Type:
+def not_none(kind: inspect.Type) -> inspect.Type:
     """What may be written in TOML, which has no None."""
     if isinstance(kind, inspect.UnionType):
         return next(each for each in kind.types if not isinstance(each, inspect.NoneType))

@@ -48,9 +48,14 @@ class DeviceConfig(Section, frozen=True):
     """Who this device is, and how it starts."""
 
     site: Name
+    """Name of the place, first part of every published key."""
     rig: Name
+    """Name of the rig, second part of every published key."""
     instance: Name = "default"
+    """Name of this device, where several run on one computer."""
     mode_at_start: Literal["monitor", "manual", "auto"] = "monitor"
+    """What it does after a start: monitor never moves the actuator, manual follows set points, auto
+    the model; arming is another step."""
 
     @property
     def start_mode(self) -> Mode:
@@ -62,22 +67,32 @@ class Bus(Section, frozen=True):
     """The CAN FD bus, or the serial port that carries the same records as MAVLink 2."""
 
     link: Literal["can", "serial"] = "can"
+    """CAN FD, or a serial port with MAVLink 2."""
     schema: Literal[1, 2] = 1
     """Of the messages (``deploy/NODE.md``): 1 is the eight standard channels and four readings, 2
     what the rig declares."""
     interface: Literal["orbitd_hub", "socketcan"] = "orbitd_hub"
+    """`orbitd_hub` is a bus in software, `socketcan` a real one."""
     channel: BusChannel = "orbitd0"
+    """Name of the hub, or of the CAN interface, such as can0."""
     nominal_bitrate: Annotated[int, Meta(ge=10_000, le=1_000_000)] = 1_000_000
+    """Bit rate of arbitration; the same as the node's."""
     data_bitrate: Annotated[int, Meta(ge=10_000, le=8_000_000)] = 5_000_000
+    """Bit rate of the data phase; the same as the node's."""
     serial_port: FilePath = ""
+    """Device file of the serial port, such as /dev/ttyUSB0."""
     serial_baud: Annotated[int, Meta(ge=9600, le=12_000_000)] = 3_000_000
+    """Bit rate of the serial port."""
 
 
 class Sampling(Section, frozen=True):
     """Rate of the fast channels, and how many frames make a block."""
 
     rate_hz: Annotated[int, Meta(ge=100, le=10_000)] = 5000
+    """Samples a second of each fast channel; at least 20 a turn at the greatest speed, 64 for the
+    analysis of the orbit."""
     frames_per_block: Annotated[int, Meta(ge=1, le=100)] = 10
+    """Sample frames that are judged together: a block of 2 to 50 ms."""
     fresh_age_ms: Annotated[float, Meta(ge=1.0, le=500.0)] = 20.0
     """Older samples are no ground for a command: below the time to live in the node."""
 
@@ -92,16 +107,26 @@ class Limits(Section, frozen=True):
     full turn."""
 
     min_film_um: Annotated[float, Meta(ge=0.5, le=100.0)]
-    """Below 0.5 um the roughness of the best journals touches."""
+    """Least film that the retreat value and the model keep; below 0.5 um the roughness of the best
+    journals touches."""
     displacement_alert_um: DisplacementUm
+    """Alert of the shaft's displacement, peak to peak."""
     displacement_danger_um: DisplacementUm
+    """Danger of the shaft's displacement, peak to peak; at most 0.7 of the diametral clearance."""
     clearance_share: Annotated[float, Meta(ge=0.05, le=1.0)]
+    """Danger of the displacement, peak to peak, as a share of the smaller of reported and commanded
+    radial clearance."""
     acceleration_alert_m_s2: AccelerationMS2
+    """Alert of a housing's acceleration, rms."""
     acceleration_danger_m_s2: AccelerationMS2
+    """Danger of a housing's acceleration, rms."""
     alert_delay_s: Annotated[float, Meta(ge=0.0, le=30.0)] = 1.0
+    """How long a limit is exceeded before it is an alert."""
     danger_delay_s: Annotated[float, Meta(ge=0.0, le=10.0)] = 1.0
-    """API 670: 1 to 3 s; a rub that lasts 10 s has done its damage."""
+    """How long a danger limit is exceeded before it trips; API 670: 1 to 3 s, a rub that lasts 10 s
+    has done its damage."""
     hysteresis_share: Annotated[float, Meta(ge=0, le=0.5)] = 0.05
+    """An alarm ends this share below its limit."""
     min_speed_rpm: SpeedRpm = 300.0
     """Slower than this the window of protection is not a full turn but this long."""
     speed_high_rpm: Annotated[float, Meta(ge=0, le=200_000)] = 0.0
@@ -130,30 +155,38 @@ class AuthorityConfig(Section, frozen=True):
     """How the model's right to act is lost and regained."""
 
     good_advices: Annotated[int, Meta(ge=1, le=1000)] = 10
+    """Good advices in a row before a model may act."""
     regain_after_s: Annotated[float, Meta(ge=0.0, le=3600.0)] = 2.0
+    """How long nothing speaks against it before authority comes back."""
     max_regains_per_hour: Annotated[int, Meta(ge=1, le=120)] = 12
+    """After so many losses within an hour authority waits for a person."""
     advice_age_max_ms: Annotated[float, Meta(ge=200.0, le=2000.0)] = 500.0
     """At least two periods of advice (0.1 s each), so that one may be lost; at most what a person
     takes to react."""
     provisional_may_act: bool = False
+    """Whether a model that has not passed its sealed simulation test may act."""
 
 
 class ModelsConfig(Section, frozen=True):
     """Where the ONNX files lie; empty means the ones shipped with the package."""
 
     directory: FilePath = ""
+    """Folder of the ONNX files; empty: the ones shipped with the package."""
     public_keys: Annotated[list[PublicKey], Meta(max_length=32)] = msgspec.field(
         default_factory=list
     )
+    """Keys of which one must have signed the models."""
 
 
 class Drive(Section, frozen=True):
     """What the rig's drive is told to do on a trip."""
 
     trip_on_danger: bool = True
+    """Whether a danger alarm withdraws the run permit."""
     trip_on_foreign: bool = False
     """Withdraw the run permit while the node follows commands that this device did not send."""
     coast_down_on_lost_heartbeat: bool = True
+    """Whether the drive coasts down when the device falls silent; the node must be built so."""
     blind_max_s: Annotated[float, Meta(ge=0.5, le=60)] = 3.0
     """The run permit is withdrawn after so long without fresh samples; on probation after a
     restart, 2 s at most."""
@@ -163,22 +196,31 @@ class Zenoh(Section, frozen=True):
     """Local Unix-socket endpoint always; TCP stays off until endpoints are listed here."""
 
     listen: Annotated[list[Endpoint], Meta(max_length=16)] = msgspec.field(default_factory=list)
+    """Endpoints at which the device answers, such as tls/0.0.0.0:7447."""
     connect: Annotated[list[Endpoint], Meta(max_length=16)] = msgspec.field(default_factory=list)
+    """Endpoints of routers to which it connects."""
     insecure_network: bool = False
     """Endpoints without TLS may reach beyond this machine: whoever is on that network reads
     everything."""
     tls_root_ca: FilePath = ""
+    """Certificate of the authority that signs both sides."""
     tls_certificate: FilePath = ""
+    """Certificate of this device."""
     tls_private_key: FilePath = ""
+    """Its private key."""
 
 
 class RecorderConfig(Section, frozen=True):
     """The flight recorder."""
 
     enabled: bool = True
+    """Whether the flight recorder runs."""
     directory: FilePath = ""
+    """Folder of the recordings; empty: the state folder of the user or service."""
     max_megabytes: Annotated[int, Meta(ge=10, le=10_000_000)] = 2000
+    """The oldest recordings go where all are larger."""
     raw_frames: bool = True
+    """Whether every frame of the bus is kept, which exact replay needs."""
 
 
 class Metrics(Section, frozen=True):
@@ -186,6 +228,8 @@ class Metrics(Section, frozen=True):
     need root."""
 
     port: Annotated[int, Meta(ge=0, le=65535)] = 0
+    """Port of the metrics and the live page on the loopback; 0 is off, those below 1024 need
+    root."""
 
 
 class Config(Section, frozen=True):

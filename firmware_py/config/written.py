@@ -161,10 +161,10 @@ class _Writer:
             if self.written is None or own in self.written or self._inline(own):
                 if value is not None and (value or name not in MachineTable.__struct_fields__):
                     yield from self.remarks.above.get(own, ())
-                    yield self._beside(f"{name} = {_value(value)}", own)
+                    yield self._beside(f"{name} = {toml_value(value)}", own)
                     yield from self.remarks.below.get(own, ())
             elif not number and name not in said and name not in MachineTable.__struct_fields__:
-                yield f"# {name} = {'?' if value is None else _value(value)}"
+                yield f"# {name} = {'?' if value is None else toml_value(value)}"
 
     def _inline(self, key: str) -> bool:
         """Whether ``key`` stands in an inline table: without a line of its own."""
@@ -186,7 +186,8 @@ class _Writer:
         return f"{row}  {remark}" if remark else row
 
 
-def _value(value: Any) -> str:
+def toml_value(value: Any) -> str:
+    """``value`` as it is written in TOML."""
     if isinstance(value, bool | str | list | tuple):
         return json.dumps(value, ensure_ascii=False)
     return repr(value)

@@ -275,3 +275,15 @@ def stand_in_keys(machine: object) -> frozenset[str]:
             place = f"machine.{part.table}"
             found |= {place} if part.whole else {f"{place}.{key}" for key in part.stand_in}
     return frozenset(found)
+
+
+def stand_ins(machine: Machine) -> frozenset[str]:
+    """Tables and keys of ``machine.toml`` whose values in ``machine`` are stand-ins."""
+    whole = stand_in_keys({"absent": machine.absent})
+    return frozenset(key.removeprefix("machine.") for key in whole) | {
+        f"{OTHERS}[{i}].{key}"
+        for i, other in enumerate(machine.other_bearing)
+        for part in PARTS
+        if part_of(part.name, other.name) in machine.absent
+        for key in part.stand_in
+    }

@@ -7,9 +7,9 @@ from typing import Final
 
 import numpy as np
 
+from firmware_py.machine.simulation import DriveRamps
 from firmware_py.records import DeviceHeartbeat
 from sim_hil.plant.duty import RAD_S_PER_RPM, Duty
-from sim_hil.rigs.simulation import DriveRamps
 from sim_hil.rotor.parameters import Floats
 
 HEARTBEAT_LIMIT_S: Final = (0.5, 5.0)

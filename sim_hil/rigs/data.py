@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from firmware_py.errors import OrbitdError
 from firmware_py.machine import ContactCircuit
 from firmware_py.machine.probes import PROBES
-from sim_hil.rigs.simulation import (
+from firmware_py.machine.simulation import (
     BoltedFoundation,
     BuildSpread,
     DriveRamps,

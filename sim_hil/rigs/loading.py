@@ -10,9 +10,11 @@ from typing import Final
 from firmware_py import config as configuration
 from firmware_py.config import Config
 from firmware_py.config.instances import fast_signals
+from firmware_py.config.simulation import load_simulation
 from firmware_py.errors import OrbitdError
 from firmware_py.machine import FastChannel, Feed, JournalBearing, Machine, RotorDrawing
 from firmware_py.machine.folder import find, simulated_names
+from firmware_py.machine.simulation import BuildSpread, OilNode, Simulation
 from firmware_py.machine.supply import full_film_bar
 from firmware_py.records import CHANNELS
 from firmware_py.signals import INT16_MAX
@@ -30,7 +32,6 @@ from sim_hil.rigs.data import (
     ThermalData,
     shifted,
 )
-from sim_hil.rigs.simulation import BuildSpread, OilNode, Simulation, load_simulation
 
 RIGS: Final = tuple(simulated_names())
 REFERENCE_C: Final = 40.0

@@ -8,12 +8,12 @@ import numpy as np
 
 from firmware_py.errors import OrbitdError
 from firmware_py.machine import ContactCircuit
+from firmware_py.machine.simulation import BoltedBody
 from sim_hil.film.fed import FedLaw, FedTable
 from sim_hil.film.records import FilmError
 from sim_hil.film.table import FilmTable
 from sim_hil.plant.build import Build
 from sim_hil.rigs import RigData
-from sim_hil.rigs.simulation import BoltedBody
 from sim_hil.rotor.parameters import (
     ActuatorParameters,
     ContactParameters,

@@ -111,6 +111,24 @@ def test_each_figure_for_which_a_model_is_not_used(
     ) in capsys.readouterr().out
 
 
+def test_faults_of_all_three_files_are_named_at_once(place: Path) -> None:
+    rig = place / "wrong"
+    shutil.copytree(SHIPPED / "bench", rig)
+    for name, old, new in (
+        ("machine.toml", "journal_radius_m = 0.02", "journal_radius_m = 0.9"),
+        ("device.toml", "rate_hz = 5000", "rate_hz = 5001"),
+        ("simulation.toml", "teeth = 24", "teeth = 0"),
+    ):
+        text = (rig / name).read_text()
+        assert old in text
+        (rig / name).write_text(text.replace(old, new))
+    with pytest.raises(ConfigError) as caught:
+        check.main([str(rig)])
+    assert {fault.key for fault in caught.value.faults} >= {
+        "bearing.journal_radius_m", "sampling.rate_hz", "forces.teeth",
+    }  # fmt: skip
+
+
 def test_folders_that_cannot_be_written_are_named(place: Path) -> None:
     (place / "file").write_text("")
     assert (

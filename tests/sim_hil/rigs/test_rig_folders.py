@@ -14,9 +14,10 @@ import pytest
 from msgspec import inspect
 
 from firmware_py import config
+from firmware_py.config.simulation import load_simulation
+from firmware_py.machine.simulation import Simulation
 from sim_hil.plant.build import Build
 from sim_hil.rigs import NotSimulated, load_rig
-from sim_hil.rigs.simulation import Simulation, load_simulation
 from sim_hil.rotor.assembly import assemble
 from sim_hil.sensors.chain import SensorChain
 

@@ -1,0 +1,108 @@
+"""``orbitd rig new FOLDER``: a complete rig folder to edit, each key with what it means.
+
+The figures come from a shipped rig or from a folder.  A shipped rig is no machine of yours, and
+is known better than any: its uncertainties become the schema's defaults, which a lab can reach.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+from pathlib import Path
+
+import msgspec
+
+from firmware_py import launch
+from firmware_py.config import Config
+from firmware_py.config.commented import commented
+from firmware_py.config.simulation import load_simulation
+from firmware_py.config.source import shown
+from firmware_py.config.written import FolderError, write_rig
+from firmware_py.machine.folder import METAVAR, SIMULATION, find, shipped_names
+from firmware_py.machine.values import NAME_PATTERN, WORDS, MachineTable
+
+UNCERTAIN = "_error_"
+"""In the name of every key that says how well another is known."""
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Folder, source and name."""
+    parser.add_argument("folder", type=Path, metavar="FOLDER", help="rig folder to make")
+    parser.add_argument(
+        "--from",
+        dest="source",
+        default="bench",
+        metavar=METAVAR,
+        help="shipped rig or rig folder whose figures it begins with (default: bench)",
+    )
+    parser.add_argument(
+        "--name", metavar="NAME", help="of machine and rig (default: that of the folder)"
+    )
+
+
+def run(options: argparse.Namespace) -> int:
+    """Write the folder, and say what comes next."""
+    folder, source = options.folder, options.source
+    texts = texts_for(source, name_of(options.name or folder.absolute().name))
+    write_rig(texts, folder)
+    where = shown(str(folder))
+    print(f"{where}: {', '.join(texts)}, with the figures of {shown(source)}; edit them, then")
+    print(f"  orbitd check {where}       what is wrong with it")
+    print(f"  orbitd rig show {where}    what follows from it")
+    return 0
+
+
+def name_of(name: str) -> str:
+    """``name`` if a machine may be called so.
+
+    Raises
+    ------
+    FolderError
+        It may not.
+    """
+    if not re.search(NAME_PATTERN, name):
+        raise FolderError(f"{shown(name)}: not {WORDS[NAME_PATTERN]}; give one with --name")
+    return name
+
+
+def texts_for(source: str, name: str) -> dict[str, str]:
+    """The files of a rig ``name`` with the figures of the rig ``source``.
+
+    Raises
+    ------
+    ConfigError
+        ``source`` has faults.
+    """
+    path = find(source)
+    config, _ = launch.verified(path)
+    simulated = (path / SIMULATION).is_file() or path.is_file()
+    simulation = load_simulation(path) if simulated else None
+    if source in shipped_names():
+        config = as_known(config)
+    config = config.replaced(
+        machine=msgspec.structs.replace(config.machine, name=name),
+        device=msgspec.structs.replace(
+            config.device, rig=name, instance="default", mode_at_start="monitor"
+        ),
+    )
+    return commented(config, simulation, source)
+
+
+def as_known(config: Config) -> Config:
+    """``config`` with every uncertainty of machine at what a lab can reach: the schema's default,
+    where it has one."""
+    tables = {
+        name: msgspec.structs.replace(table, **reachable(table))
+        for name, table in config.machine.tables()
+        if "[" not in name
+    }
+    return config.replaced(**tables)
+
+
+def reachable(table: MachineTable) -> dict[str, float]:
+    """Defaults of the uncertainties of ``table``."""
+    return {
+        field.name: field.default
+        for field in msgspec.structs.fields(table)
+        if UNCERTAIN in field.name and isinstance(field.default, float)
+    }
