@@ -10,7 +10,6 @@ from __future__ import annotations
 from firmware_py.machine.schema import (
     ClearanceActuator,
     ContactCircuit,
-    FastChannel,
     Feed,
     JournalBearing,
     Lubricant,
@@ -18,9 +17,8 @@ from firmware_py.machine.schema import (
     OperatingRange,
     OtherBearing,
     RotorDrawing,
-    SlowChannel,
-    SlowReadings,
 )
+from firmware_py.machine.sensors import FastChannel, SlowChannel, SlowReadings
 
 __all__ = [
     "ClearanceActuator",

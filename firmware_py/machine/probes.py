@@ -10,7 +10,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Final, NamedTuple
 
-from firmware_py.machine.schema import FastChannel, Machine
+from firmware_py.machine.schema import Machine
+from firmware_py.machine.sensors import FastChannel
 
 PROBES: Final = 2
 """The displacement probes are the first channels."""
