@@ -147,8 +147,11 @@ class LimitsAt(Section, frozen=True):
     """Displacement limits of a further bearing, in place of those of ``[limits]``."""
 
     bearing: Word
+    """Name of the bearing."""
     displacement_alert_um: DisplacementUm
+    """Alert of the shaft's displacement there, peak to peak."""
     displacement_danger_um: DisplacementUm
+    """Danger of the shaft's displacement there, peak to peak."""
 
 
 class AuthorityConfig(Section, frozen=True):

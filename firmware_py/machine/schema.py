@@ -321,6 +321,7 @@ class Machine(Section, frozen=True):
     """One machine: all that is true of it, however the device runs there."""
 
     name: Name
+    """Name of the machine: small letters, digits, - and _."""
     bearing: JournalBearing
     lubricant: Lubricant
     feed: Feed
