@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-import subprocess
 import time
 import warnings
 from collections.abc import Mapping, Sequence
@@ -23,7 +22,7 @@ from firmware_py import records
 from firmware_py.brain.made_for import figures_of
 from firmware_py.config import read_machine
 from models import PHYSICS_VERSION
-from models.manifest import write_whole
+from models.manifest import commit, write_whole
 
 OPSET = 17
 
@@ -61,7 +60,7 @@ class Metadata:
         texts = {
             k: v if isinstance(v, str) else json.dumps(v, sort_keys=True) for k, v in values.items()
         }
-        return {**texts, "commit": _commit()}
+        return {**texts, "commit": commit()}
 
 
 def export(
@@ -171,12 +170,3 @@ def data_hash(*arrays: NDArray[np.generic]) -> str:
     for array in arrays:
         digest.update(np.ascontiguousarray(array).tobytes())
     return digest.hexdigest()
-
-
-def _commit() -> str:
-    """Commit of the code that trains, ``unknown`` outside a checkout."""
-    command = ["git", "-C", str(Path(__file__).parent), "rev-parse", "HEAD"]
-    try:
-        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
-    except (OSError, subprocess.CalledProcessError):
-        return "unknown"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import subprocess
 from pathlib import Path
 
 from sim_hil.whole_file import whole_file
@@ -20,6 +21,15 @@ def write_manifest(folder: Path) -> None:
     }
     text = json.dumps({"schema": 1, "files": files}, indent=2, sort_keys=True) + "\n"
     write_whole(folder / "manifest.json", text.encode())
+
+
+def commit() -> str:
+    """Commit of the code that trains, ``unknown`` outside a checkout."""
+    command = ["git", "-C", str(Path(__file__).parent), "rev-parse", "HEAD"]
+    try:
+        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+    except (OSError, subprocess.CalledProcessError):
+        return "unknown"
 
 
 def write_whole(path: Path, content: bytes) -> None:

@@ -7,12 +7,14 @@ one side at a time.
 
 from __future__ import annotations
 
-from typing import Final
+from collections.abc import Mapping
+from typing import Final, Literal
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from firmware_py.brain.made_for import Figures, machines_of, misfit
 from firmware_py.config import Config
 from firmware_py.machine.probes import are_zeroed
 
@@ -43,6 +45,36 @@ class IntervalFactors(msgspec.Struct, frozen=True):
     def of(self, state: str, regime: str, quantity: str) -> tuple[float, float]:
         """Low and high factor."""
         return self.factors.get(state, {}).get(regime, {}).get(quantity, (SIGMA_90, SIGMA_90))
+
+
+class FactorsCard(msgspec.Struct, frozen=True):
+    """What ``predictor.json`` says about itself; files before it had a card were fitted on
+    ``bench``."""
+
+    physics_version: str
+    kind: str = "predictor"
+    version: str = ""
+    status: Literal["provisional", "qualified"] = "provisional"
+    rigs: tuple[str, ...] = ("bench",)
+    machines: dict[str, dict[str, float | str | tuple[float, float]]] | None = None
+    surrogate: str = ""
+    """Label of the film surrogate whose forecasts they stretch."""
+    commit: str = ""
+
+    @property
+    def made_for(self) -> Mapping[str, Figures]:
+        """Figures of each machine that they were fitted for."""
+        return machines_of(self.rigs) if self.machines is None else self.machines
+
+    def misfit(self, config: Config, physics: tuple[str, ...]) -> str:
+        """Why they do not fit the device, which knows these versions of ``physics``; empty: they
+        do."""
+        wrong = [] if self.kind == "predictor" else [f"kind {self.kind!r}, expected 'predictor'"]
+        if self.physics_version not in physics:
+            wrong.append(f"physics_version {self.physics_version!r}, this brain knows {physics}")
+        if other := misfit("predictor", self.made_for, config.machine):
+            wrong.append(other)
+        return "; ".join(wrong)
 
 
 def state_of(config: Config) -> str:

@@ -36,8 +36,11 @@ Figures = Mapping[str, Figure]
 """Of one machine by key of ``machine.toml``; both ends of a range stand under one key."""
 
 RAD_S_PER_RPM: Final = pi / 30.0
-DIAGNOSIS, BOTH = ("classifier",), ("classifier", "actor")
-"""A film surrogate takes sizes, oil and speed as inputs: its domain says where it holds."""
+DIAGNOSIS: Final = ("classifier",)
+FILTERED: Final = ("classifier", "predictor")
+ALL: Final = ("classifier", "actor", "predictor")
+"""Kinds of what was learned on a machine.  A film surrogate takes sizes, oil and speed as inputs:
+its domain says where it holds."""
 
 
 class Row(NamedTuple):
@@ -47,7 +50,7 @@ class Row(NamedTuple):
     of: Callable[[Machine], Figure | None]
     rule: Literal["share", "within"]
     tolerance: float
-    kinds: tuple[str, ...] = BOTH
+    kinds: tuple[str, ...] = ALL
 
 
 ROWS: Final = (
@@ -86,7 +89,7 @@ ROWS: Final = (
         lambda m: m.rotor.coupling_stiffness_N_m,
         "share",
         0.5,
-        DIAGNOSIS,
+        FILTERED,
     ),
     Row(
         "operating.speed_rpm",
@@ -106,21 +109,21 @@ ROWS: Final = (
         lambda m: m.contact.circuit_V if m.contact else None,
         "share",
         0.02,
-        DIAGNOSIS,
+        FILTERED,
     ),
     Row(
         "contact.circuit_ohm",
         lambda m: m.contact.circuit_ohm if m.contact else None,
         "share",
         0.05,
-        DIAGNOSIS,
+        FILTERED,
     ),
     Row(
         "contact.film_ohm_per_m",
         lambda m: m.contact.film_ohm_per_m if m.contact else None,
         "share",
         0.1,
-        DIAGNOSIS,
+        FILTERED,
     ),
 )
 """Every figure that a model may depend on.

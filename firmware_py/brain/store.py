@@ -29,7 +29,7 @@ import msgspec
 from firmware_py.acquire.features import FEATURE_NAMES, RATE_HZ
 from firmware_py.acquire.windows import WINDOW_LAYOUT
 from firmware_py.brain.errors import ModelError, ModelMissingError, ModelTrustError, ModelUnfitError
-from firmware_py.brain.intervals import IntervalFactors
+from firmware_py.brain.intervals import FactorsCard, IntervalFactors
 from firmware_py.brain.made_for import Figures, machines_of, misfit, outside_domain
 from firmware_py.brain.session import Session
 from firmware_py.config import Config
@@ -168,7 +168,7 @@ def load_models(config: Config) -> Models:
             refusals[kind] = str(error)
     factors = IntervalFactors()
     try:
-        factors = load_factors(config)
+        factors = factors if "surrogate" in off else load_factors(config)
     except ModelError as error:
         refusals["predictor"] = str(error)
     return Models(
@@ -177,8 +177,8 @@ def load_models(config: Config) -> Models:
 
 
 def load_factors(config: Config) -> IntervalFactors:
-    """``predictor.json`` of the configured directory, vouched for like a model; without one the
-    Gaussian factors.
+    """``predictor.json`` of the configured directory, vouched for and matched like a model; without
+    one the Gaussian factors.
 
     Raises
     ------
@@ -190,11 +190,18 @@ def load_factors(config: Config) -> IntervalFactors:
         return IntervalFactors()
     data = _trusted(path, config)
     try:
-        return msgspec.json.decode(data, type=IntervalFactors)
+        card = msgspec.json.decode(data, type=FactorsCard)
+        factors = msgspec.json.decode(data, type=IntervalFactors)
     except msgspec.DecodeError as error:
         raise ModelUnfitError(
             f"{path.name}: {error}; fit it again with `orbitd train predictor`"
         ) from error
+    if wrong := card.misfit(config, PHYSICS_VERSIONS):
+        raise ModelUnfitError(
+            f"{path.name}: {wrong}: the forecasts' intervals are the Gaussian's; fit it for this "
+            "machine with `orbitd train predictor`"
+        )
+    return factors
 
 
 def load_model(kind: str, config: Config) -> Model:

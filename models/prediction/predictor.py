@@ -21,12 +21,14 @@ import numpy as np
 from firmware_py import config as configuration
 from firmware_py.brain.film import Film
 from firmware_py.brain.intervals import IntervalFactors
+from firmware_py.brain.made_for import figures_of
 from firmware_py.brain.measurement import Errors, Instruments, Measured, information
 from firmware_py.brain.prediction import Predictor
 from firmware_py.brain.store import Model, load_model
 from firmware_py.config import Config
 from firmware_py.machine.contact import contact_volt
 from models import PHYSICS_VERSION, card
+from models.manifest import commit
 from models.prediction.episodes import after_procedure, as_shipped, draw, play
 from models.prediction.hearing import Said, join, listen
 from models.prediction.scores import conformal, report, rival_widths
@@ -63,9 +65,14 @@ class PredictorSettings(TrainerSettings, frozen=True):
 SETTINGS = PredictorSettings
 
 
+VERSION = "0.2.0"
+"""Of the predictor that ships."""
+
+
 class Fitted(msgspec.Struct, frozen=True):
-    """``predictor.json``: the device reads ``factors``, the judge also the rivals' half-widths (3,
-    4) by regime."""
+    """``predictor.json``: the device reads ``factors`` and the card
+    (:class:`firmware_py.brain.intervals.FactorsCard`), the judge also the rivals' half-widths (3, 4) by
+    regime."""
 
     factors: dict[str, dict[str, dict[str, tuple[float, float]]]]
     rival_widths: dict[str, dict[str, list[list[float]]]]
@@ -73,6 +80,11 @@ class Fitted(msgspec.Struct, frozen=True):
     status: str
     surrogate: str
     reproduce: str
+    kind: str = "predictor"
+    version: str = VERSION
+    rigs: tuple[str, ...] = ("bench",)
+    machines: dict[str, dict[str, float | str | tuple[float, float]]] = {}
+    commit: str = ""
 
 
 def train(run: TrainingRun, settings: PredictorSettings) -> dict[str, object]:
@@ -87,16 +99,20 @@ def train(run: TrainingRun, settings: PredictorSettings) -> dict[str, object]:
         for numbers in _chunks(settings.episodes)
     ]
     heard = {state: join([part[state] for part in parts]) for state in STATES}
+    config, surrogate = brain(settings.rig)
     fitted = Fitted(
-        {state: conformal(said) for state, said in heard.items()},
-        {
+        factors={state: conformal(said) for state, said in heard.items()},
+        rival_widths={
             state: {r: w.tolist() for r, w in rival_widths(said).items()}
             for state, said in heard.items()
         },
-        PHYSICS_VERSION,
-        "provisional",
-        brain(settings.rig)[1].label,
-        run.command,
+        physics_version=PHYSICS_VERSION,
+        status="provisional",
+        surrogate=surrogate.label,
+        reproduce=run.command,
+        rigs=(config.machine.name,),
+        machines={config.machine.name: dict(figures_of(config.machine))},
+        commit=commit(),
     )
     run.write_json("predictor.json", msgspec.to_builtins(fitted))
     run.log(

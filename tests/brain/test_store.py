@@ -28,11 +28,14 @@ from firmware_py.brain.errors import (
     ModelTrustError,
     ModelUnfitError,
 )
+from firmware_py.brain.intervals import FactorsCard
 from firmware_py.brain.session import Session
 from firmware_py.config import SHIPPED, Config, load
 
 from .machine import CONFIG
 from .onnx_models import actor, classifier, short_film
+
+PREDICTOR = store.SHIPPED / "predictor.json"
 
 KEY = Ed25519PrivateKey.generate()
 OTHER = Ed25519PrivateKey.generate()
@@ -57,13 +60,18 @@ def shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def put(folder: Path, kind: str, data: bytes) -> None:
-    (folder / f"{kind}.onnx").write_bytes(data)
+    vouched(folder / f"{kind}.onnx", data)
+
+
+def vouched(file: Path, data: bytes) -> None:
+    file.write_bytes(data)
+    folder = file.parent
     files = {
         path.name: {
             "sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
             "bytes": path.stat().st_size,
         }
-        for path in folder.glob("*.onnx")
+        for path in [*folder.glob("*.onnx"), *folder.glob("predictor.json")]
     }
     (folder / "manifest.json").write_text(json.dumps({"schema": 1, "files": files}))
 
@@ -205,7 +213,29 @@ def test_the_machines_values_count_not_its_name(tmp_path: Path) -> None:
             ("actor", RADIUS),
             ("surrogate", "domain length_over_diameter 0.5 .. 0.5, here 0.333333 .. 0.333333"),
         )
+    } | {
+        "predictor": f"predictor.json: {RADIUS}: the forecasts' intervals are the Gaussian's; fit it "
+        "for this machine with `orbitd train predictor`"
     }
+
+
+def test_the_factors_of_the_intervals_are_matched_by_values(shipped: Path) -> None:
+    """Their card carries the bench; one without a card counts as made for it; other physics has
+    none."""
+    path = store.SHIPPED / "predictor.json"
+    card = msgspec.json.decode(PREDICTOR.read_bytes(), type=FactorsCard)
+    assert (card.kind, card.status, card.rigs) == ("predictor", "qualified", ("bench",))
+    assert made_for.misfit("predictor", card.made_for, CONFIG.machine) == ""
+    other = changed("bearing", journal_radius_m=0.03)
+    for machines in (card.machines, None):
+        text = {"factors": {}, "physics_version": "2", "machines": machines}
+        vouched(path, msgspec.json.encode(text))
+        assert store.load_factors(CONFIG).factors == {}
+        with pytest.raises(ModelUnfitError, match=r"predictor\.json: made for 'bench'"):
+            store.load_factors(other)
+    vouched(path, b'{"physics_version": "9", "kind": "actor"}')
+    with pytest.raises(ModelUnfitError, match=r"kind 'actor'.*physics_version '9'"):
+        store.load_factors(CONFIG)
 
 
 RADIUS = "made for 'bench': bearing.journal_radius_m 0.02, here 0.03 (within 2 %)"
@@ -223,7 +253,7 @@ def moved(row: made_for.Row, by: float) -> made_for.Figure:
 @pytest.mark.parametrize("row", made_for.ROWS, ids=lambda row: row.key)
 def test_each_figure_has_its_tolerance(row: made_for.Row) -> None:
     own = made_for.figures_of(CONFIG.machine)
-    for kind in ("classifier", "actor", "surrogate"):
+    for kind in ("classifier", "actor", "predictor", "surrogate"):
         near, far = ({"it": own | {row.key: moved(row, by)}} for by in (0.98, 1.02))
         assert made_for.misfit(kind, near, CONFIG.machine) == ""
         text = made_for.misfit(kind, far, CONFIG.machine)
