@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import os
+from math import isinf
 from pathlib import Path
 
 import msgspec
@@ -19,8 +20,11 @@ from firmware_py.config import Config, ConfigError, Source
 from firmware_py.config.limits import LIMITS_OFF
 from firmware_py.config.simulation import load_simulation
 from firmware_py.config.source import shown
+from firmware_py.guard.plausibility.readings import power_max_W
+from firmware_py.machine import supply
 from firmware_py.machine.folder import METAVAR, find
-from firmware_py.machine.parts import absences, monitor_only, stand_in_keys
+from firmware_py.machine.parts import FEED, ROTOR, absences, has, monitor_only, stand_in_keys
+from firmware_py.machine.probes import probe_errors
 from firmware_py.machine.values import MachineTable
 
 
@@ -99,7 +103,7 @@ def _check(path: Path, as_json: bool) -> int:
             print(f"  REFUSED {kind}: {reason}")
         if path.is_file():
             print("  first schema: `orbitd migrate OLD.toml FOLDER` makes a rig folder of it")
-        for line in _provenance(config):
+        for line in [*derived(config), *provenance(config)]:
             print(f"  {line}")
         for line in _defaults(config, source):
             print(f"  default {line}")
@@ -123,7 +127,40 @@ def _labels(models: Models) -> list[str]:
     return [model.label for model in (models.classifier, models.actor, models.surrogate) if model]
 
 
-def _provenance(config: Config) -> list[str]:
+def derived(config: Config) -> list[str]:
+    """What follows from the figures of the machine, for people to compare with what they know."""
+    machine, errors = config.machine, probe_errors(config.machine)
+    lines = [
+        f"{machine.name}: probes within {errors.zero_m * 1e6:.3g} um of zero, "
+        f"{100 * errors.gain_share:.3g} % of gain, {errors.runout_m * 1e6:.3g} um of runout"
+    ]
+    if has(machine, ROTOR):
+        most_W = machine.readings.shaft_power_max_W or power_max_W(config)
+        lines.append(
+            f"rotor {machine.rotor.mass_at_bearing_kg:.4g} kg at the bearing; shaft power up to "
+            f"{most_W:.4g} W is believed"
+        )
+    return [*lines, *_oil(config)] if has(machine, FEED) else lines
+
+
+def _oil(config: Config) -> list[str]:
+    """Limits of the oil, and how long it lasts without a pump."""
+    (low_bar, least_bar), (hot_C, hottest_C) = (
+        config.oil_pressure_limits_bar,
+        config.oil_outlet_limits_C,
+    )
+    machine, source = config.machine, supply.source_bar(config.machine)
+    pump = "any pressure" if isinf(source) else f"{source:.3g} bar at the film's greatest flow"
+    held = supply.held_s(machine.feed, low_bar)
+    return [
+        f"oil: alert below {low_bar:.4g} bar and above {hot_C:.4g} degC, danger below "
+        f"{least_bar:.4g} bar and above {hottest_C:.4g} degC",
+        f"oil supply: the weakest pump gives {pump}; after its loss the film stays full for "
+        f"{held:.3g} s from the alert on, and a retreat takes {supply.retreat_s(machine):.3g} s",
+    ]
+
+
+def provenance(config: Config) -> list[str]:
     """Figures of the machine that were measured or assumed, by table; the others are drawn."""
     named = [
         (word, name, keys)

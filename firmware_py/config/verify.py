@@ -25,7 +25,7 @@ from firmware_py.config.source import (
 )
 from firmware_py.machine import Machine
 from firmware_py.machine.folder import DEVICE, MACHINE, find
-from firmware_py.machine.migrate import is_first, upgrade
+from firmware_py.machine.migrate import is_first, upgrade, without_retired
 from firmware_py.machine.parts import completed, stand_in_keys
 
 Check = Callable[[Config], Iterator[Found]]
@@ -179,7 +179,7 @@ def _folder(path: Path) -> tuple[dict[str, Any], Source]:
     if "absent" in machine:
         cause = "found by what the file leaves out, never written; remove it"
         raise machine_file.error("absent", machine["absent"], cause)
-    whole = with_limits({**device, "machine": completed(machine)})
+    whole = with_limits({**device, "machine": completed(without_retired(machine))})
     return whole, two_files(path, machine_file, device_file)
 
 
@@ -191,7 +191,9 @@ def _part(folder: Path, name: str) -> ConfigFile:
 def _upgraded(table: dict[str, Any], file: ConfigFile) -> tuple[dict[str, Any], Source]:
     """``table`` in the present schema, and where its keys stand in ``file``."""
     first = is_first(table)
-    return upgrade(table) if first else table, one_file(file, first=first)
+    upgraded = upgrade(table) if first else table
+    upgraded = {**upgraded, "machine": without_retired(upgraded.get("machine"))}
+    return upgraded, one_file(file, first=first)
 
 
 def toml_table(source: ConfigFile) -> dict[str, Any]:

@@ -37,6 +37,10 @@ _UNNAMED: Final = "unnamed"
 _GUESSED_MAX: Final = 20
 """Unknown tables of which it is guessed what they mean."""
 
+RETIRED: Final = {"bearing": ("cone_half_angle_deg",)}
+"""Keys that were once known and moved nothing: in a folder or a recording that still has them they
+are left out."""
+
 _KEY: Final = re.compile(rf"\bmachine\.({'|'.join(MOVED.values())})(?=[.\[,\]]|$)")
 _LISTED: Final = re.compile(r"\bmachine, ")
 
@@ -65,6 +69,18 @@ def upgrade(table: dict[str, Any]) -> dict[str, Any]:
         else:
             rest[name] = value
     return {**rest, "machine": machine}
+
+
+def without_retired(machine: Any) -> Any:
+    """The tables of a machine without keys of :data:`RETIRED`."""
+    if not isinstance(machine, dict):
+        return machine
+    return {
+        name: {k: v for k, v in table.items() if k not in RETIRED[name]}
+        if name in RETIRED and isinstance(table, dict)
+        else table
+        for name, table in machine.items()
+    }
 
 
 def first_key(key: str) -> str:

@@ -61,8 +61,6 @@ class JournalBearing(MachineTable, frozen=True):
     friction_error_share: Annotated[float, Meta(ge=0, le=1)] = 1.0
     """The film has this much less or more friction than the unfed Reynolds film; 1: the shaft power
     says nothing about the oil. From: a measured torque, or 1."""
-    cone_half_angle_deg: Annotated[float, Meta(ge=0.1, le=60.0)] | None = None
-    """Half angle of a conical bearing, whose axial shift sets the clearance. From: the drawing."""
     name: OptionalWord = ""
     """Name by which channels say where they sit; of the first bearing it may stay empty."""
 

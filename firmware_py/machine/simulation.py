@@ -83,8 +83,9 @@ class OilNode(Section, frozen=True):
     """Temperature of the oil at the inlet; not given: the middle of the declared inlet range."""
     jacket_flow_m3_s: Annotated[float, Meta(ge=0.0, le=1.0)] | None = None
     """Forced flow around the film; not given: as `machine.toml` says."""
-    reading_error_C: Annotated[float, Meta(ge=0.0, le=20.0)] = 1.0
-    """Most that the thermometer of one example is off by. From: its class."""
+    reading_error_C: Annotated[float, Meta(ge=0.0, le=20.0)] | None = None
+    """Most that the thermometer of one example is off by; not given: as `machine.toml` says. From:
+    its class."""
 
 
 class DriveRamps(Section, frozen=True):
@@ -101,10 +102,11 @@ class DriveRamps(Section, frozen=True):
 
 
 class BuildSpread(Section, frozen=True):
-    """How far one example of the machine may be from its drawing: uniform, grades log-uniform."""
+    """How far one example of the machine may be from its drawing: uniform, grades log-uniform;
+    None: as far as ``machine.toml`` declares."""
 
-    mass_share: Share = 0.05
-    """Mass of the rotor, share of the drawing's."""
+    mass_share: Share | None = None
+    """Mass of the rotor, share of the drawing's; not given: as `machine.toml` says."""
     inertia_share: Share = 0.05
     """Moments of inertia of the rotor."""
     coupling_stiffness_share: Share = 0.3
@@ -113,16 +115,19 @@ class BuildSpread(Section, frozen=True):
     """Stiffness of the joints."""
     foundation_damping_share: Share = 0.4
     """Damping of the foundation."""
-    radial_clearance_um: Annotated[float, Meta(ge=0.0, le=100.0)] = 2.0
-    """Radial clearance beside the one told. From: the tolerance."""
-    viscosity_share: Share = 0.1
-    """Viscosity of a batch of oil. From: ISO 3448 allows 10 %."""
+    radial_clearance_um: Annotated[float, Meta(ge=0.0, le=100.0)] | None = None
+    """Radial clearance beside the one told; not given: as `machine.toml` says. From: the
+    tolerance."""
+    viscosity_share: Share | None = None
+    """Viscosity of a batch of oil; not given: as `machine.toml` says. From: ISO 3448 allows
+    10 %."""
     normal_unbalance_min_G: GradeG = 0.4
     """Least balance grade of a healthy rotor (e omega, mm/s). From: ISO 21940-11."""
     normal_unbalance_max_G: GradeG = 6.3
     """Greatest balance grade of a healthy rotor. From: ISO 21940-11."""
-    runout_max_um: Annotated[float, Meta(ge=0.0, le=100.0)] = 10.0
-    """Greatest runout of a probe's target. From: a slow roll."""
+    runout_max_um: Annotated[float, Meta(ge=0.0, le=100.0)] | None = None
+    """Greatest runout of a probe's target, of three orders together, which take 0.6, 0.3 and 0.1 of
+    it; not given: as `machine.toml` says of the first. From: a slow roll."""
     bolt_gap_min_um: Annotated[float, Meta(ge=0.1, le=10_000.0)] = 20.0
     """Least gap of a loose bolt, log-uniform."""
     bolt_gap_max_um: Annotated[float, Meta(ge=0.1, le=10_000.0)] = 200.0

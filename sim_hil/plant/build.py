@@ -90,7 +90,7 @@ class Build:
     @classmethod
     def draw(cls, rig: RigData, rng: np.random.Generator) -> Build:
         """One build within the declared spread (uniform; grade, gap and excitation log-uniform)."""
-        spread = rig.spread
+        spread, most = rig.spread, rig.build_errors
 
         def around(share: float) -> float:
             return 1.0 + float(rng.uniform(-share, share))
@@ -102,13 +102,13 @@ class Build:
         # numbers of their own: what was drawn from a seed before there was a supply stays the same
         supply = rng.spawn(1)[0].uniform(-1.0, 1.0, 2).tolist()
         return cls(
-            mass=around(spread.mass_share),
+            mass=around(most.mass_share),
             inertia=around(spread.inertia_share),
             coupling=around(spread.coupling_stiffness_share),
             contact=around(spread.contact_stiffness_share),
             damping=around(spread.foundation_damping_share),
-            clearance_error_m=float(rng.uniform(-1, 1)) * shifted(spread.radial_clearance_um, -6),
-            viscosity=around(spread.viscosity_share),
+            clearance_error_m=float(rng.uniform(-1, 1)) * most.clearance_m,
+            viscosity=around(most.viscosity_share),
             unbalance_kg_m=unbalance_of_grade(
                 rig,
                 float(log_uniform(spread.normal_unbalance_min_G, spread.normal_unbalance_max_G)),
@@ -120,8 +120,7 @@ class Build:
             ),
             gain=gain,
             zero=zero,
-            runout_m=rng.uniform(0.0, shifted(spread.runout_max_um, -6), (2, 1))
-            * np.array([0.6, 0.3, 0.1]),
+            runout_m=rng.uniform(0.0, most.runout_m, (2, 1)) * np.array([0.6, 0.3, 0.1]),
             runout_phase_rad=rng.uniform(0, 2 * math.pi, (2, 3)),
             housing_rad_s=2
             * math.pi

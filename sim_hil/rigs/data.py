@@ -10,7 +10,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_py.errors import OrbitdError
 from firmware_py.machine import ContactCircuit
 from firmware_py.machine.probes import PROBES
 from firmware_py.machine.simulation import (
@@ -30,12 +29,6 @@ def shifted(value: float, decades: int) -> float:
     return float(Decimal(repr(float(value))).scaleb(decades))
 
 
-class NoCone(OrbitdError, ValueError):
-    """The bearing has no cone angle."""
-
-    exit_code = 2
-
-
 @dataclass(frozen=True)
 class BearingData:
     """Journal bearing; clearances are radial."""
@@ -45,21 +38,6 @@ class BearingData:
     clearance_min_m: float
     clearance_max_m: float
     clearance_nominal_m: float
-    cone_half_angle_rad: float | None
-
-    def axial_shift_m(self, clearance_m: float) -> float:
-        """How far the cone stands from its place at nominal clearance: ``dc = dz tan(half angle)``.
-
-        Raises
-        ------
-        NoCone
-            The bearing is no cone.
-        """
-        if self.cone_half_angle_rad is None:
-            raise NoCone(
-                "axial shift: this rig's bearing is no cone; its clearance is set otherwise"
-            )
-        return (clearance_m - self.clearance_nominal_m) / math.tan(self.cone_half_angle_rad)
 
 
 @dataclass(frozen=True)
@@ -169,6 +147,17 @@ class ActuatorData:
 
 
 @dataclass(frozen=True)
+class BuildErrors:
+    """How far the figures of one example are off those that the machine declares, at most: shares,
+    and SI."""
+
+    mass_share: float
+    viscosity_share: float
+    clearance_m: float
+    runout_m: float
+
+
+@dataclass(frozen=True)
 class ReadingErrors:
     """Most that the slow readings of one example are off by."""
 
@@ -207,6 +196,7 @@ class RigData:
     drive: DriveRamps
     actuator: ActuatorData
     errors: ReadingErrors
+    build_errors: BuildErrors
     channels: tuple[ChannelData, ...]
     contact: ContactCircuit | None
     spread: BuildSpread

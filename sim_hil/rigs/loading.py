@@ -14,6 +14,7 @@ from firmware_py.config.simulation import load_simulation
 from firmware_py.errors import OrbitdError
 from firmware_py.machine import FastChannel, Feed, JournalBearing, Machine, RotorDrawing
 from firmware_py.machine.folder import find, simulated_names
+from firmware_py.machine.probes import as_built
 from firmware_py.machine.simulation import BuildSpread, OilNode, Simulation
 from firmware_py.machine.supply import full_film_bar
 from firmware_py.records import CHANNELS
@@ -23,6 +24,7 @@ from sim_hil.rigs.data import (
     ActuatorData,
     AxialGroove,
     BearingData,
+    BuildErrors,
     ChannelData,
     OilData,
     ReadingErrors,
@@ -36,6 +38,9 @@ from sim_hil.rigs.data import (
 RIGS: Final = tuple(simulated_names())
 REFERENCE_C: Final = 40.0
 """Where the viscosity law of ``machine.toml`` stands."""
+
+FIRST_ORDER: Final = 0.6
+"""Of a probe's runout: what its first order takes."""
 
 CAPACITY_J_K: Final = 250.0
 """Of the oil behind the outlet thermometer, where nobody says: a cup of oil, 0.15 L."""
@@ -110,7 +115,8 @@ def rig_of(config: Config, simulation: Simulation) -> RigData:
         thermal=_thermal(machine, simulation.oil),
         drive=simulation.drive,
         actuator=_actuator(machine),
-        errors=ReadingErrors(machine.rotor.shaft_power_error_W, simulation.oil.reading_error_C),
+        errors=_reading_errors(machine, simulation.oil),
+        build_errors=_build_errors(machine, simulation.spread),
         channels=_channels(machine.channel),
         contact=machine.contact,
         spread=simulation.spread,
@@ -126,15 +132,32 @@ def rig_of(config: Config, simulation: Simulation) -> RigData:
     )
 
 
+def _reading_errors(machine: Machine, node: OilNode) -> ReadingErrors:
+    declared_C, played_C = machine.readings.oil_outlet_error_C, node.reading_error_C
+    return ReadingErrors(
+        machine.rotor.shaft_power_error_W, declared_C if played_C is None else played_C
+    )
+
+
+def _build_errors(machine: Machine, spread: BuildSpread) -> BuildErrors:
+    mass, oil = spread.mass_share, spread.viscosity_share
+    gap_um, runout_um = spread.radial_clearance_um, spread.runout_max_um
+    b = machine.bearing
+    return BuildErrors(
+        machine.rotor.mass_error_share if mass is None else mass,
+        machine.lubricant.viscosity_error_share if oil is None else oil,
+        shifted(b.radial_clearance_error_um if gap_um is None else gap_um, -6),
+        as_built(machine).runout_m / FIRST_ORDER if runout_um is None else shifted(runout_um, -6),
+    )
+
+
 def _bearing(b: JournalBearing) -> BearingData:
-    cone = b.cone_half_angle_deg
     return BearingData(
         b.journal_radius_m,
         b.length_m,
         shifted(b.radial_clearance_min_um, -6),
         shifted(b.radial_clearance_max_um, -6),
         shifted(b.radial_clearance_nominal_um, -6),
-        None if cone is None else math.radians(cone),
     )
 
 

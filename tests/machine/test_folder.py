@@ -16,7 +16,6 @@ from firmware_py.machine import folder
 ADDED = (
     "assumed",
     "measured",
-    "cone_half_angle_deg",
     "density_kg_m3",
     "heat_capacity_J_kgK",
     "pressure_nominal_bar",

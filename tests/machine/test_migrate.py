@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -156,3 +157,17 @@ def test_a_folder_is_there_whole_or_not_at_all(
     with pytest.raises(FolderError, match="No space left on device"):
         migrate.main([str(BENCH_FILE), str(tmp_path / "rig")])
     assert list(tmp_path.iterdir()) == [wrong]
+
+
+def test_a_key_that_is_known_no_more_is_left_out_of_folders_and_recordings(tmp_path: Path) -> None:
+    """It moved nothing; a rig folder and a recording that still have it stay good."""
+    rig = Path(shutil.copytree(config.SHIPPED / "bench", tmp_path / "bench"))
+    before = config.load(rig)[0]
+    text = (rig / "machine.toml").read_text()
+    (rig / "machine.toml").write_text(
+        text.replace("[bearing]\n", "[bearing]\ncone_half_angle_deg = 7.0\n")
+    )
+    assert config.load(rig)[0] == before
+    recorded = msgspec.json.decode(msgspec.json.encode(before))
+    recorded["machine"]["bearing"]["cone_half_angle_deg"] = 7.0
+    assert config.decode(msgspec.json.encode(recorded), Path("recording")) == before

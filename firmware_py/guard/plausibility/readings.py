@@ -167,7 +167,7 @@ class Readings:
 
     def __init__(self, config: Config) -> None:
         b, f, r = config.machine.bearing, config.machine.feed, config.machine.readings
-        self._config = config
+        self._mismatch_bar = r.pressure_mismatch_bar
         self._age_max_ns, self._clean_ns = round(r.age_max_ms * 1e6), round(r.clean_s * 1e9)
         self._clearances_um = b.radial_clearance_min_um, b.radial_clearance_max_um
         self._safe_um = config.machine.actuator.safe_radial_clearance_um
@@ -307,7 +307,7 @@ class Readings:
 
     def _compare(self, now_ns: int, notices: list[Notice]) -> None:
         """The reading of the pressure beside its channel, where both are OK by themselves."""
-        s, limit_bar = self.state, self._config.machine.readings.pressure_mismatch_bar
+        s, limit_bar = self.state, self._mismatch_bar
         slow_bar, fast_bar = self.value(PRESSURE), self.supply_bar(now_ns)
         if slow_bar is None or fast_bar is None:
             if now_ns - s.compared_ns >= ALONE_NS:

@@ -19,7 +19,7 @@ from sim_hil.film.table import FilmTable
 from sim_hil.film.table_kernel import CONTACT_STIFFNESS_N_M, EPS_TABLE, table_force
 from sim_hil.plant.build import Build
 from sim_hil.plant.machine import MachineError, SimulatedMachine
-from sim_hil.rigs import NoCone, load_rig
+from sim_hil.rigs import load_rig
 from sim_hil.rotor.assembly import AssemblyError
 from sim_hil.rotor.parameters import TRUTH_COLUMNS, Floats
 from sim_hil.server import make_rig
@@ -285,10 +285,3 @@ def test_absurd_oil_clearance_and_start_are_refused() -> None:
         SimulatedMachine(RIG, Build.nominal(RIG), 1, pressure_Pa=-1.0)
     with pytest.raises(MachineError, match="drive of shape"):
         SimulatedMachine(RIG, Build.nominal(RIG), 1).advance(np.zeros(5), 60e-6, 1e5)
-
-
-def test_the_cone_shifts_by_the_clearance_over_the_tangent() -> None:
-    assert RIG.bearing.axial_shift_m(60e-6) == 0.0
-    assert RIG.bearing.axial_shift_m(160e-6) == pytest.approx(100e-6 / math.tan(math.radians(7)))
-    with pytest.raises(NoCone):
-        load_rig("seed").bearing.axial_shift_m(80e-6)

@@ -46,12 +46,6 @@ def test_a_copy_of_a_shipped_folder_is_the_same_rig(tmp_path: Path) -> None:
     [
         ("journal_radius_m = 0.02", "journal_radius_m = 0.021", "bearing.radius_m", 0.021),
         (
-            "cone_half_angle_deg = 7.0",
-            "cone_half_angle_deg = 9.0",
-            "bearing.cone_half_angle_rad",
-            math.radians(9.0),
-        ),
-        (
             "viscosity_at_40C_Pa_s = 0.01",
             "viscosity_at_40C_Pa_s = 0.02",
             "oil.viscosity_Pa_s",
