@@ -71,8 +71,8 @@ VERSION = "0.2.0"
 
 class Fitted(msgspec.Struct, frozen=True):
     """``predictor.json``: the device reads ``factors`` and the card
-    (:class:`firmware_py.brain.intervals.FactorsCard`), the judge also the rivals' half-widths (3, 4) by
-    regime."""
+    (:class:`firmware_py.brain.intervals.FactorsCard`), the judge also the rivals' half-widths
+    (3, 4) by regime."""
 
     factors: dict[str, dict[str, dict[str, tuple[float, float]]]]
     rival_widths: dict[str, dict[str, list[list[float]]]]

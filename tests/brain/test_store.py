@@ -214,8 +214,8 @@ def test_the_machines_values_count_not_its_name(tmp_path: Path) -> None:
             ("surrogate", "domain length_over_diameter 0.5 .. 0.5, here 0.333333 .. 0.333333"),
         )
     } | {
-        "predictor": f"predictor.json: {RADIUS}: the forecasts' intervals are the Gaussian's; fit it "
-        "for this machine with `orbitd train predictor`"
+        "predictor": f"predictor.json: {RADIUS}: the forecasts' intervals are the Gaussian's; fit "
+        "it for this machine with `orbitd train predictor`"
     }
 
 

@@ -16,10 +16,10 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from firmware_py.config import Config
+from firmware_py.machine.simulation import Simulation
 from sim_hil.hil.rig import node_limits
 from sim_hil.rigs import RigData
 from sim_hil.rigs.loading import NotSimulated, rig_of
-from firmware_py.machine.simulation import Simulation
 from tests.machine.key_changes import NEEDS, SCHEMA_2, base, changed, faults, fed, keys
 from tests.machine.stage_outputs import of_device, of_rig
 
@@ -136,8 +136,9 @@ def page(found: Mapping[str, list[str]]) -> str:
     lines = [
         "# Who follows which key of machine.toml",
         "",
-        "Written by `python -m tests.machine.key_matrix > docs/machine_keys.md`: each key of the rig `bench` is changed",
-        "alone, and the output of every stage is compared with before. A test holds this page against the code.",
+        "Written by `python -m tests.machine.key_matrix > docs/machine_keys.md`: each key of the",
+        "rig `bench` is changed alone, and the output of every stage is compared with before. A",
+        "test holds this page against the code.",
         "",
         *(f"* **{stage}**: {ABOUT[stage]}" for stage in STAGES),
         "",
@@ -152,7 +153,8 @@ def page(found: Mapping[str, list[str]]) -> str:
         "",
         *(f"* `{key}`: {why}." for key, why in NOT_FOLLOWED.items()),
         "",
-        "Bearings that are only watched (`other_bearing`, the bearing of a channel) are left out: the bench has none.",
+        "Bearings that are only watched (`other_bearing`, the bearing of a channel) are left out:",
+        "the bench has none.",
     ]
     return "\n".join(lines) + "\n"
 

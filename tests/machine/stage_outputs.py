@@ -32,14 +32,14 @@ from firmware_py.wire.layout import WireLayout
 from firmware_py.wire.link import codec_for
 from sim_hil.bound.disturbances import RampLimits
 from sim_hil.bound.limits import BoundLimits
-from sim_hil.plant.build import Build
-from sim_hil.gym.control_task import EpisodeLimits
 from sim_hil.film.records import FilmError
-from sim_hil.plant.machine import Batch, SimulatedMachine
-from sim_hil.rigs import RigData
-from sim_hil.plant.runs import recording_of
-from sim_hil.sensors.chain import SensorChain
+from sim_hil.gym.control_task import EpisodeLimits
 from sim_hil.gym.vector_environment import RotorVectorEnv
+from sim_hil.plant.build import Build
+from sim_hil.plant.machine import Batch, SimulatedMachine
+from sim_hil.plant.runs import recording_of
+from sim_hil.rigs import RigData
+from sim_hil.sensors.chain import SensorChain
 from tests.machine.key_changes import base, faults, fed
 
 PROBES: Final = 2

@@ -1,4 +1,5 @@
-"""``docs/machine_keys.md`` says who follows which key of ``machine.toml``, and no key moves nothing."""
+"""``docs/machine_keys.md`` says who follows which key of ``machine.toml``; each moves
+something."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The retreat after the loss of the oil pump, on the rig with the supply that its folder declares."""
+"""The retreat after the loss of the oil pump, on the rig with the supply of its folder."""
 
 from __future__ import annotations
 
