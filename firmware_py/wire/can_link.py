@@ -10,12 +10,11 @@ import time
 from collections.abc import Callable
 from typing import Final
 
-import can
-
 from firmware_py.records import RawFrame
 from firmware_py.wire.arrival import ArrivalStamps
 from firmware_py.wire.can_health import CanHealth
 from firmware_py.wire.hub_bus import OrbitdHubBus
+from firmware_py.wire.python_can import can
 
 BATCH: Final = 32
 """Frames in one call, four times what the bus can carry in a millisecond; the rest waits in the

@@ -14,8 +14,6 @@ import select
 from pathlib import Path
 from typing import Any
 
-import can
-
 from firmware_py.wire.hub import (
     BIT_RATE_SWITCH,
     ERROR_FRAME,
@@ -28,6 +26,7 @@ from firmware_py.wire.hub import (
     REMOTE,
 )
 from firmware_py.wire.hub_connect import bus_directory, connect
+from firmware_py.wire.python_can import can
 
 
 class OrbitdHubBus(can.BusABC):

@@ -12,10 +12,9 @@ import time
 from pathlib import Path
 from typing import Final
 
-import can
-
 from firmware_py.wire import hub
 from firmware_py.wire.folders import foreign_server, unsafe
+from firmware_py.wire.python_can import can
 
 DIRECTORY_VARIABLE: Final = "ORBITD_BUS_DIR"
 WELCOME_WAIT_S: Final = 0.05

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import socket
+import subprocess
 import sys
 import time
 from collections.abc import Iterator
@@ -22,6 +23,7 @@ from firmware_py.wire.hub_connect import DIRECTORY_VARIABLE
 from firmware_py.wire.link import codec_for, open_link
 
 MS = 1_000_000
+ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture(autouse=True)
@@ -284,3 +286,17 @@ def test_the_configuration_chooses_link_and_codec() -> None:
     assert frames[0].frame_id == 0x0C0
     device.close()
     rig.close()
+
+
+def test_a_library_of_log_files_is_not_loaded_with_the_bus_and_stays_usable(tmp_path: Path) -> None:
+    """Beside the trainers it would hold up every start by a second."""
+    (tmp_path / "asammdf.py").write_text("print('loaded')\n")
+    program = "import firmware_py.wire.can_link; print('link'); import asammdf"
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        capture_output=True,
+        text=True,
+        check=True,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), str(ROOT)])},
+    )
+    assert done.stdout.split() == ["link", "loaded"]
