@@ -78,6 +78,8 @@ def slow_readings(g: Stages, acquired: AcquireOutput, now_ns: int) -> list[Notic
 
 def judge_pair(g: Stages, blocks: list[Block]) -> list[Notice]:
     """Whether the two displacements tell of one shaft, with the slow readings of now."""
+    if not blocks:
+        return []
     known, notices = g.readings.known(), list[Notice]()
     facts = g.pair.facts(known.clearance_um * 1e-6, known.oil_C) if known else NO_FACTS
     for block in blocks:

@@ -177,5 +177,7 @@ def _share(rows: list[list[float]], length_over_diameter: float, eccentricity: f
 
 def _place(knots: list[float], value: float) -> tuple[int, float]:
     """Knot below ``value`` and the part of the way to the next."""
-    i = min(max(bisect_right(knots, value) - 1, 0), len(knots) - 2)
-    return i, min(max((value - knots[i]) / (knots[i + 1] - knots[i]), 0.0), 1.0)
+    i, last = bisect_right(knots, value) - 1, len(knots) - 2
+    i = 0 if i < 0 else last if i > last else i
+    share = (value - knots[i]) / (knots[i + 1] - knots[i])
+    return i, 0.0 if share < 0.0 else 1.0 if share > 1.0 else share

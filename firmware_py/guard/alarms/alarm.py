@@ -71,7 +71,7 @@ class AlarmState(msgspec.Struct):
         elif not complete:
             return False
         elif value <= limit * (1.0 - hysteresis):
-            if adds_up:
+            if adds_up and (self.kept.level or self.over_ns > 0):  # else nothing is left or added
                 self.kept.add(True, max(self.over_ns, 0), delay_ns)
                 self.kept.add(False, passed_ns, delay_ns)
             self.over_ns = QUIET_NS

@@ -18,7 +18,9 @@ that is there half of the time adds up."""
 
 def counted(level: int, bad: bool, amount: int, enough: int) -> int:
     """The level after so much more that is bad, or is good; never above what is asked of it."""
-    return min(max(level + (BAD if bad else -GOOD) * amount, 0), BAD * enough)
+    level, most = level + (BAD if bad else -GOOD) * amount, BAD * enough
+    level = 0 if level < 0 else level
+    return most if most < level else level
 
 
 class Tally(msgspec.Struct, array_like=True):

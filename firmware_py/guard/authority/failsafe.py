@@ -97,9 +97,10 @@ class Failsafe(msgspec.Struct, frozen=True):
 
 def _doubt(name: str, alarms: tuple[str, ...], text: str, *, bars_arming: bool = True) -> Failsafe:
     """A row for alarms of slow readings or of the oil: authority goes while one holds."""
+    names = frozenset(alarms)
     return Failsafe(
         name,
-        lambda s: any(alarm in s.doubts for alarm in alarms),
+        lambda s: not names.isdisjoint(s.doubts),
         Action.TAKE_AUTHORITY,
         bars_arming,
         text,

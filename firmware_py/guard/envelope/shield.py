@@ -224,7 +224,8 @@ class Shield:
             return None
         present = Box(slow_rad_s, speed_rad_s, load_low_N, load_high_N)
         oil = oil or (self._viscosity.thinnest, self._viscosity.thickest)
-        now = self._bounds(present, temperature_C, slow_rad_s, oil)
+        oils = self._whirling(temperature_C, oil)
+        now = self._bounds(present, temperature_C, slow_rad_s, oil[0], oils)
         low_m = max(now[0], self._min_m, min(peak_to_peak_m / self._share, self._safe_m))
         high_m = min(now[1], now[2], self._max_m)
         if peak_to_peak_m > 0.0 and clearance_m > 0.0:
@@ -243,7 +244,7 @@ class Shield:
             if low_m >= self._safe_m - run_m and high_m <= self._safe_m + run_m:
                 break  # back at the safe clearance by then, from all that is left
             box = self._box_after(self._delay_s + end_s, present, announced)
-            low_t, high_t, whirl_m = self._bounds(box, temperature_C, slow_rad_s, oil)
+            low_t, high_t, whirl_m = self._bounds(box, temperature_C, slow_rad_s, oil[0], oils)
             low_m = max(low_m, min(low_t, self._safe_m) - run_m)
             high_m = min(high_m, max(high_t, self._safe_m) + run_m)
             half_turns = (
@@ -278,14 +279,22 @@ class Shield:
             self._oil.inlet_max_C
         )
         oils = (self._viscosity.law(t) for t in (self._oil.inlet_min_C, self._oil.film_max_C))
-        return need, min(
-            self._whirl_bound(self._speeds[1], self._loads[0], viscosity) for viscosity in oils
-        )
+        return need, self._whirl_bound(self._speeds[1], self._loads[0], *oils)
 
     # ------------------------------------------------------------------ the two laws
 
-    def _whirl_bound(self, speed_rad_s: float, load_N: float, viscosity: float) -> float:
-        """Largest stable clearance at that speed, load and viscosity.
+    def _whirling(self, temperature_C: float, oil: tuple[float, float]) -> tuple[float, float]:
+        """Viscosities of the thinnest and of the thickest credible film; ``oil`` as in
+        :meth:`interval`."""
+        thinner, thicker = oil
+        hottest_C = max(temperature_C, self._oil.film_max_C)
+        return (
+            self._viscosity.law(hottest_C) * thinner,
+            self._viscosity.law(temperature_C) * thicker,
+        )
+
+    def _whirl_bound(self, speed_rad_s: float, load_N: float, *viscosities: float) -> float:
+        """Largest clearance that is stable at that speed and load in oil of each viscosity.
 
         In thin oil the journal runs more eccentric, where a balanced rotor whirls earlier and one
         out of balance later than in thick oil: of a range of viscosities one of the ends is the
@@ -297,9 +306,14 @@ class Shield:
             * self._whirl_speed
             * self._whirl_speed
         )
-        tie = per_number * per_number * load_N / (viscosity * speed_rad_s * self._film_share)
+        number = per_number * per_number * load_N
         shaken = self._shaking_kg_m * speed_rad_s * speed_rad_s / load_N
-        return per_number / self._film.whirl_share(tie, shaken) - self._error_m - self._offset_m
+        stable_m = [
+            per_number
+            / self._film.whirl_share(number / (viscosity * speed_rad_s * self._film_share), shaken)
+            for viscosity in viscosities
+        ]
+        return min(stable_m) - self._error_m - self._offset_m
 
     def _film_need(self, speeds: tuple[float, float], load_N: float) -> float:
         """Largest ``W / w`` in the range of speeds; the normal unbalance turns with the load.
@@ -343,9 +357,17 @@ class Shield:
         return self._safe_m - (down - 1) * GRID_M, self._safe_m + (up - 1) * GRID_M
 
     def _bounds(
-        self, box: Box, temperature_C: float, present_rad_s: float, oil: tuple[float, float]
-    ) -> tuple[float, float, float]:  # fmt: skip
+        self,
+        box: Box,
+        temperature_C: float,
+        present_rad_s: float,
+        thinner: float,
+        oils: tuple[float, float],
+    ) -> tuple[float, float, float]:
         """Clearances of film, from and to, and the widest of whirl, over a box of speed and load.
+
+        ``thinner``: of the thinnest credible oil over the law's; ``oils``: viscosities of
+        :meth:`_whirling`.
 
         Film heating goes with speed (friction power with its square, side flow with itself), so the
         excess of the outlet over the warmest inlet is scaled to the slow end, where the film is
@@ -354,22 +376,13 @@ class Shield:
         """
         inlet_C = min(temperature_C, self._oil.inlet_max_C)
         hottest_C = inlet_C + (temperature_C - inlet_C) * box.slow_rad_s / present_rad_s
-        thinner, thicker = oil
-        viscosity = self._viscosity.law(hottest_C) * thinner
+        law = self._viscosity.law(hottest_C)
         speeds = box.slow_rad_s, box.fast_rad_s
-        declared = max(
-            self._film_need(speeds, self._loads[1]) / self._viscosity.law(hottest_C),
-            -self._above[0],
-        )
+        declared = max(self._film_need(speeds, self._loads[1]) / law, -self._above[0])
         low_m, high_m = self._film_bounds(
-            min(self._film_need(speeds, box.heavy_N) / viscosity, declared)
+            min(self._film_need(speeds, box.heavy_N) / (law * thinner), declared)
         )
-        thin = self._viscosity.law(max(temperature_C, self._oil.film_max_C)) * thinner
-        thick = self._viscosity.law(temperature_C) * thicker
-        whirl_m = min(
-            self._whirl_bound(box.fast_rad_s, box.light_N, viscosity) for viscosity in (thin, thick)
-        )
-        return low_m, high_m, whirl_m
+        return low_m, high_m, self._whirl_bound(box.fast_rad_s, box.light_N, *oils)
 
     def _box_after(self, t_s: float, present: Box, announced: Sequence[Ramp]) -> Box:
         """All that unannounced ramps from now can reach in ``t_s``, and what has been announced."""

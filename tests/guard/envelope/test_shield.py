@@ -155,7 +155,13 @@ def test_an_announced_ramp_of_any_steepness_finds_the_clearance_ready(
         assert alone is not None
         assert found[1] <= alone[1]
         if now > 0:
-            point = shield._bounds(Box(speed, speed, load, load), 41.0, speed, any_oil)
+            point = shield._bounds(
+                Box(speed, speed, load, load),
+                41.0,
+                speed,
+                any_oil[0],
+                shield._whirling(41.0, any_oil),
+            )
             assert clearance_m <= max(point[1], SAFE_M) + 1e-9
         clearance_m += min(max(found[1] - clearance_m, -rate * step_s), rate * step_s)
 
