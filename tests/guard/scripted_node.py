@@ -32,6 +32,7 @@ from firmware_py.wire.codec import CanCodec
 
 MS = 1_000_000
 SESSION = 0x1234
+ROOT_2 = 2**0.5
 
 
 def bench() -> Config:
@@ -200,12 +201,11 @@ class ScriptedNode:
             self._mark_tick = tick_us - round(since_rad / max(self.speed_rpm * pi / 30, 1e-9) * 1e6)
 
     def _row(self, n: int) -> bytes:
-        a, p = self.amplitude_um, self._phase
+        a, (x, y), cosine = self.amplitude_um, self.mean_um, cos(self._phase)
         dither = n & 1
-        root2 = 2**0.5
-        d1 = (self.mean_um[0] + self.mean_um[1]) / root2 + a * cos(p)
-        d2 = (self.mean_um[1] - self.mean_um[0]) / root2 + a * sin(p)
-        acc = round(self.acceleration_m_s2 * root2 * 100 * cos(p))
+        d1 = (x + y) / ROOT_2 + a * cosine
+        d2 = (y - x) / ROOT_2 + a * sin(self._phase)
+        acc = round(self.acceleration_m_s2 * ROOT_2 * 100 * cosine)
         counts = [
             round(d1 * 100) + dither,
             round(d2 * 100) + dither,
@@ -316,6 +316,18 @@ class Bench:
     def run(self, seconds: float) -> list[Decision]:
         """Many milliseconds."""
         return [self.cycle() for _ in range(round(seconds * 1000))]
+
+    def until(self, condition: Callable[[], object], within_s: float) -> None:
+        """Many milliseconds, and no more than it takes."""
+        end_ns = self.now_ns + round(within_s * 1000) * MS
+        while not condition():
+            assert self.now_ns < end_ns, f"not within {within_s:g} s; {self.names()[-5:]}"
+            self.cycle()
+
+    @property
+    def authority(self) -> bool:
+        """Whether the advice counts now."""
+        return self.core.stages.arming.state.authority.held
 
     def ramp_to(self, speed_rpm: float, rate_rpm_s: float = 4000.0) -> None:
         """Change the speed as fast as a shaft can, in steps of a millisecond."""

@@ -57,7 +57,7 @@ def test_an_impossible_reading_ends_authority_widens_nothing_and_trips_nothing(
     b.node.amplitude_um = amplitude_um
     low_um, high_um = widest(b)
     setattr(b.node, FIELDS[name], value)
-    b.run(4.0)
+    b.run(2.0)  # twice the danger delay
     found = last_state(b)
     assert f"{name}_not_ok" in [a.name for a in found.alarms]
     assert not found.authority

@@ -31,7 +31,7 @@ def test_a_pump_switched_off_at_rest_trips_nothing_and_is_one_alert_that_says_so
     b.run(delay_s)
     b.node.pressure_bar = 0.0
     b.events.clear()
-    b.run(9.0)
+    b.run(9.0)  # a shaft is known to stand after 2 pi s without a mark
     assert not b.core.tripped
     assert list(standing(b)) == ["oil_pressure_low_alert"]
     assert "the shaft stands" in standing(b)["oil_pressure_low_alert"]
