@@ -46,6 +46,7 @@ BENCH = config.load(config.SHIPPED / "bench")[0]
 UNIX_NS = 1_800_000_000_000_000_000
 START_NS = 5_000_000_000
 SESSION = 0xC0FFEE
+BEGUN_CYCLES = 3_600
 
 
 class Flight:
@@ -92,10 +93,22 @@ def flown() -> list[tuple[Recordable, int]]:
 
 
 @pytest.fixture(scope="session")
+def begun(flown) -> list[tuple[Recordable, int]]:
+    """The flight until shortly before its first brain dies: armed, with a recorder that came."""
+    return [(record, t) for record, t in flown if t <= START_NS + BEGUN_CYCLES * 1_000_000]
+
+
+@pytest.fixture(scope="session")
 def decided(flown, tmp_path_factory) -> list[Replayed]:
     """Every cycle of the flight with the guard's decision."""
     recording = Recording(record(flown, tmp_path_factory.mktemp("decided")))
     return list(DecisionReplay(BENCH).run(recording))
+
+
+@pytest.fixture(scope="session")
+def decided_begun(decided) -> list[Replayed]:
+    """Of :func:`begun`."""
+    return decided[:BEGUN_CYCLES]
 
 
 def brain_again(path: Path, decided: list[Replayed], features: str = "") -> BrainReport:
@@ -187,13 +200,13 @@ def test_a_gap_starts_a_new_segment_and_is_counted(flown, tmp_path):
     assert 65 < report.brain.steps_set_aside < 75, "until the next snapshot with all its samples"
 
 
-def test_an_interrupted_recording_replays_up_to_its_end(flown, tmp_path):
-    path = record(flown, tmp_path)
+def test_an_interrupted_recording_replays_up_to_its_end(begun, tmp_path):
+    path = record(begun, tmp_path)
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
     report = replay(path)
     assert report.interrupted
     assert report.ok, report
-    assert 2000 < report.decisions.cycles < 5000
+    assert 1000 < report.decisions.cycles < 2600
 
 
 def third(data: bytes, share: float) -> int:
@@ -220,16 +233,16 @@ DAMAGES = {
 
 @pytest.mark.parametrize("name", DAMAGES)
 def test_what_is_whole_in_a_damaged_recording_is_replayed_with_a_note(
-    flown, tmp_path, capsys, name
+    begun, tmp_path, capsys, name
 ):
-    path = record(flown, tmp_path)
+    path = record(begun, tmp_path)
     path.write_bytes(DAMAGES[name](path.read_bytes()))
     assert main([str(path), "--json"]) == 0
     report = msgspec.json.decode(capsys.readouterr().out, type=Report)
     said = words(report)
     assert any(line.startswith("damage      bytes ") for line in said)
     assert said[-1].startswith("same decisions")
-    assert report.decisions.cycles > 3000
+    assert report.decisions.cycles > BEGUN_CYCLES * 3 // 7
     assert report.decisions.different == report.decisions.snapshots_different == 0
     assert report.skipped_bytes > 0
     if report.decisions.segments > 1:
@@ -266,10 +279,10 @@ def flip(frame: RawFrame) -> RawFrame:
     return msgspec.structs.replace(frame, data=frame.data[:-1] + bytes([frame.data[-1] ^ 1]))
 
 
-def test_one_changed_bit_in_a_sent_frame_is_found_and_named(flown, tmp_path, capsys):
-    sending = sum(1 for r, _ in flown if isinstance(r, CycleRecord) and r.frames_out)
+def test_one_changed_bit_in_a_sent_frame_is_found_and_named(begun, tmp_path, capsys):
+    sending = sum(1 for r, _ in begun if isinstance(r, CycleRecord) and r.frames_out)
     told, seen = [], 0
-    for item, now_ns in flown:
+    for item, now_ns in begun:
         if isinstance(item, CycleRecord) and item.frames_out:
             seen += 1
             if seen == sending // 2:
@@ -278,19 +291,19 @@ def test_one_changed_bit_in_a_sent_frame_is_found_and_named(flown, tmp_path, cap
                 )
         told.append((item, now_ns))
     path = record(told, tmp_path)
-    assert main([str(path)]) == 1
-    assert "NOT the same" in capsys.readouterr().out
-    report = replay(path)
+    assert main([str(path), "--json"]) == 1
+    report = msgspec.json.decode(capsys.readouterr().out, type=Report)
+    assert "NOT the same" in words(report)
     assert report.decisions.different == 1
     assert "frames_out" in report.decisions.first_difference
 
 
-def test_a_changed_diagnosis_is_found(flown, tmp_path):
+def test_a_changed_diagnosis_is_found(begun, tmp_path):
     told = changed(
-        flown,
+        begun,
         Diagnosis,
         lambda d: msgspec.structs.replace(d, probability=d.probability + 1e-12),
-        which=12,
+        which=6,
     )
     report = replay(record(told, tmp_path))
     assert not report.ok
@@ -313,25 +326,25 @@ def test_a_changed_diagnosis_is_found(flown, tmp_path):
     ],
 )
 def test_a_changed_word_of_the_brain_is_found_and_named(
-    flown, decided, tmp_path, kind, field, change
+    begun, decided_begun, tmp_path, kind, field, change
 ):
     def altered(r):
         return msgspec.structs.replace(r, **{field: change(getattr(r, field))})
 
-    report = brain_again(record(changed(flown, kind, altered, which=3), tmp_path), decided)
+    report = brain_again(record(changed(begun, kind, altered, which=3), tmp_path), decided_begun)
     assert not report.ok
     assert report.different == 1
     assert field in report.first_difference
 
 
-def test_a_brain_that_took_something_else_is_found(flown, decided, tmp_path):
+def test_a_brain_that_took_something_else_is_found(begun, decided_begun, tmp_path):
     def without_reading(r: BrainStep) -> BrainStep:
         return msgspec.structs.replace(r, readings=[])
 
-    victims = [r for r, _ in flown if isinstance(r, BrainStep) and r.readings]
+    victims = [r for r, _ in begun if isinstance(r, BrainStep) and r.readings]
     victim = victims[len(victims) // 3]
-    told = [(without_reading(r) if r is victim else r, t) for r, t in flown]
-    report = brain_again(record(told, tmp_path), decided)
+    told = [(without_reading(r) if r is victim else r, t) for r, t in begun]
+    report = brain_again(record(told, tmp_path), decided_begun)
     assert not report.ok
     assert report.records_lost == 1
 
@@ -352,34 +365,36 @@ def test_what_the_recorder_lost_of_the_brain_is_counted_not_called_different(
     assert 50 < report.steps_set_aside < 60
 
 
-def test_on_another_processor_the_brain_says_nearly_the_same(flown, decided, tmp_path):
+def test_on_another_processor_the_brain_says_nearly_the_same(begun, decided_begun, tmp_path):
     def other(share: float):
         def altered(f: Forecast) -> Forecast:
             return msgspec.structs.replace(f, power_W=tuple(v * (1 + share) for v in f.power_W))
 
-        return changed(flown, Forecast, altered, which=30)
+        return changed(begun, Forecast, altered, which=10)
 
-    report = brain_again(record(other(NUMBER_TOLERANCE / 2), tmp_path), decided, "other")
+    report = brain_again(record(other(NUMBER_TOLERANCE / 2), tmp_path), decided_begun, "other")
     assert report.ok, report
     assert not report.exact
-    assert report.segments == 3, "restored at each snapshot"
-    report = brain_again(record(other(NUMBER_TOLERANCE * 2), tmp_path / "far"), decided, "other")
+    assert report.segments == 2, "restored at each snapshot"
+    report = brain_again(
+        record(other(NUMBER_TOLERANCE * 2), tmp_path / "far"), decided_begun, "other"
+    )
     assert not report.ok
     assert report.first_difference.startswith("pa/forecast")
 
 
-def test_a_guard_that_got_a_frame_that_was_not_recorded_is_found(flown, tmp_path):
+def test_a_guard_that_got_a_frame_that_was_not_recorded_is_found(begun, tmp_path):
     def without_frames(r: CycleRecord) -> CycleRecord:
         return msgspec.structs.replace(r, cycle=msgspec.structs.replace(r.cycle, frames=[]))
 
-    carrying = [(r, t) for r, t in flown if isinstance(r, CycleRecord) and r.cycle.frames]
+    carrying = [(r, t) for r, t in begun if isinstance(r, CycleRecord) and r.cycle.frames]
     victim = carrying[len(carrying) // 2][0]
-    told = [(without_frames(r) if r is victim else r, t) for r, t in flown]
+    told = [(without_frames(r) if r is victim else r, t) for r, t in begun]
     assert not replay(record(told, tmp_path)).ok
 
 
-def test_other_models_leave_the_diagnoses_out_and_say_so(flown, tmp_path, capsys):
-    path = record(flown, tmp_path, models={"classifier.onnx": "other"})
+def test_other_models_leave_the_diagnoses_out_and_say_so(begun, tmp_path, capsys):
+    path = record(begun, tmp_path, models={"classifier.onnx": "other"})
     assert main([str(path)]) == 0
     assert "not compared: the model files" in capsys.readouterr().out
 

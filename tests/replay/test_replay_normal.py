@@ -37,7 +37,7 @@ NORMAL = Normal(
 
 @pytest.fixture(scope="module")
 def told():
-    """Four seconds; the state comes after two of them."""
+    """Three seconds; the state comes after half of them."""
     found = []
     codec, rig = codec_for(BENCH), load_rig("bench")
     loop = ClosedLoop(
@@ -47,8 +47,8 @@ def told():
         [lambda item, now_ns: found.append((item, now_ns))],
         START_NS,
     )
-    for millisecond in range(4_000):
-        if millisecond == 2_000:
+    for millisecond in range(3_000):
+        if millisecond == 1_500:
             loop.device.adopt(NORMAL)
         loop.step()
     return found
