@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import json
 import subprocess
 import sys
@@ -16,12 +18,31 @@ from tests.first_schema import BENCH
 
 
 def orbitd(*arguments: str) -> subprocess.CompletedProcess[str]:
+    """A command in this process: starting another one would take longer than any of them."""
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        code = cli.main(list(arguments))
+    return subprocess.CompletedProcess(arguments, code, out.getvalue(), err.getvalue())
+
+
+def started(*arguments: str) -> subprocess.CompletedProcess[str]:
+    """The same command as a process."""
     return subprocess.run(
         [sys.executable, "-m", "firmware_py", *arguments],
         capture_output=True,
         text=True,
         timeout=60,
         check=False,
+    )
+
+
+@pytest.mark.parametrize("arguments", [("--help",), (), ("fly",)])
+def test_a_process_ends_with_what_the_command_returns_and_says(arguments: tuple[str, ...]) -> None:
+    process, here = started(*arguments), orbitd(*arguments)
+    assert (process.returncode, process.stdout, process.stderr) == (
+        here.returncode,
+        here.stdout,
+        here.stderr,
     )
 
 

@@ -202,10 +202,14 @@ def test_a_terminal_that_knows_only_ascii_is_no_traceback() -> None:
 
 
 @pytest.mark.parametrize(
-    "arguments", [("demo", "--clock", "sim", "--json"), ("bus", "--instance", "a")]
+    ("arguments", "loaded"),
+    [
+        (("demo", "--clock", "sim", "--json"), "onnxruntime"),
+        (("bus", "--instance", "a"), "msgspec"),
+    ],
 )
 def test_ctrl_c_is_exit_code_130_and_no_traceback(
-    arguments: tuple[str, ...], tmp_path: Path
+    arguments: tuple[str, ...], loaded: str, tmp_path: Path
 ) -> None:
     process = subprocess.Popen(
         [sys.executable, "-m", "firmware_py", *arguments],
@@ -213,8 +217,13 @@ def test_ctrl_c_is_exit_code_130_and_no_traceback(
         stderr=subprocess.PIPE,
         stdout=subprocess.DEVNULL,
         text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # what a shell ignores
     )
-    time.sleep(6.0)
+    deadline = time.monotonic() + 60.0
+    while loaded not in Path(f"/proc/{process.pid}/maps").read_text():
+        assert time.monotonic() < deadline, f"{loaded} was never loaded"
+        time.sleep(0.02)
+    time.sleep(1.0)  # from the last library that it loads to its work
     process.send_signal(signal.SIGINT)
     errors = process.communicate(timeout=60)[1]
     assert "Traceback" not in errors
