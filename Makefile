@@ -21,7 +21,7 @@ demo: $(VENV)/.sim   ## the whole device against the rotor rig in software; opti
 
 test: $(VENV)/.dev   ## the default tests (about 12 minutes)
 	@$(PYTEST) --ignore=tests/models -m "not slow and not timing" $(APART)
-	@$(PYTEST) --ignore=tests/models -m "timing and not slow"
+	@$(PYTEST) $$(grep -rl "mark.timing" tests --include="test_*.py" --exclude-dir=models) -m "timing and not slow"
 
 # Without the tests that fly a rig: they reach no branch that the others do not.
 COVERED := tests/config tests/machine tests/acquire tests/guard tests/faults/test_guard_faults.py \

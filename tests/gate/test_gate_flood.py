@@ -17,6 +17,19 @@ TRIES = 3
 0.2 s once in some thousand calls, on any way. What the way itself costs shows in every try."""
 
 
+ONE_OF_EACH_WAY = (
+    "everything",
+    "cmd/disarm",
+    "page",
+    "mavlink",
+    "disarm.sock",
+    "disarm.sock silent",
+    "guard.sock",
+)
+"""Every key of Zenoh is answered by one handler, both pages by one server, and junk as fast as a
+request: the other inputs are of `make test-slow`."""
+
+
 @pytest.fixture(scope="module")
 def running(tmp_path_factory):
     folder = tmp_path_factory.mktemp("flood")
@@ -24,7 +37,14 @@ def running(tmp_path_factory):
         yield folder, ports
 
 
-@pytest.mark.parametrize("name", [name for name in INPUTS if name != "none"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        name if name in ONE_OF_EACH_WAY else pytest.param(name, marks=pytest.mark.slow)
+        for name in INPUTS
+        if name != "none"
+    ],
+)
 def test_a_disarm_is_answered_while_another_client_asks_at_its_greatest_rate(running, name):
     folder, ports = running
     found = []

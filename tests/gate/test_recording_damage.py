@@ -159,11 +159,11 @@ def test_bytes_made_to_mislead_cost_time_and_memory_in_proportion(whole, tmp_pat
     """Starts of chunks all over the file, each of which claims megabytes."""
     false = bytes([6]) + (8 << 20).to_bytes(8, "little") + bytes(28) + b"\x04\0\0\0zstd" + bytes(11)
     path = tmp_path / "x.mcap"
-    path.write_bytes(whole[: len(whole) // 2] + false * ((24 << 20) // len(false)))
+    path.write_bytes(whole[: len(whole) // 2] + false * ((8 << 20) // len(false)))
     tracemalloc.start()
     began = time.process_time()
     assert sum(1 for _ in Recording(path).messages()) > N // 3
-    assert time.process_time() - began < 20
+    assert time.process_time() - began < 7
     assert tracemalloc.get_traced_memory()[1] < 120 << 20
     tracemalloc.stop()
 
