@@ -80,7 +80,8 @@ def with_two_senders(kind: type, changed: dict[str, object], within_s: float, ah
 def test_two_senders_are_an_alarm_and_cost_authority(
     kind: type, changed: dict[str, object], within_s: float, ahead: int
 ) -> None:
-    with_two_senders(kind, changed, within_s, ahead)
+    b = with_two_senders(kind, changed, within_s, ahead)
+    assert "two_senders" in b.names()
 
 
 @pytest.mark.parametrize(("kind", "changed", "within_s"), FORGED)

@@ -22,21 +22,25 @@ SEEDS: Final = 1_000_000_000
 
 def run(name: str, seed: int, n: int, folder: Path, first: int = 0) -> Outcome:
     """Feed the payloads ``first`` to ``first + n`` of ``seed`` to the input ``name``."""
-    feed, corpus = _built(name)
     outcome = Outcome()
     for number in range(first, first + n):
-        data = mutated(corpus, seed * SEEDS + number)
-        start = time.perf_counter()
-        wrong = []
-        try:
-            feed(data)
-        except Exception as error:  # noqa: BLE001 -- whatever it is, it is what is looked for
-            wrong.append(f"{type(error).__name__}: {error}; {data[:80]!r}")
-        took_s = time.perf_counter() - start
-        if took_s > LIMIT_S:
-            wrong.append(f"took {took_s:.1f} s; {data[:80]!r}")
+        wrong = wrong_with(name, mutated(_built(name)[1], seed * SEEDS + number))
         outcome.add(f"{name}, seed {seed}, case {number}", not wrong, wrong)
     return outcome
+
+
+def wrong_with(name: str, data: bytes) -> list[str]:
+    """What is wrong with how the input ``name`` took ``data``; empty when nothing is."""
+    start = time.perf_counter()
+    wrong = []
+    try:
+        _built(name)[0](data)
+    except Exception as error:  # noqa: BLE001 -- whatever it is, it is what is looked for
+        wrong.append(f"{type(error).__name__}: {error}; {data[:80]!r}")
+    took_s = time.perf_counter() - start
+    if took_s > LIMIT_S:
+        wrong.append(f"took {took_s:.1f} s; {data[:80]!r}")
+    return wrong
 
 
 @cache

@@ -406,4 +406,7 @@ def test_a_removed_socket_is_bound_again_and_old_and_new_clients_are_served(
 def test_a_second_gate_takes_over_a_dead_ones_socket(stage, tmp_path_factory, bench):
     folder = tmp_path_factory.mktemp("dead")
     (folder / session.SOCKET).touch()
-    session.open_device(bench.zenoh, folder, "orbitd/a/b").close()
+    opened = session.open_device(bench.zenoh, folder, "orbitd/a/b")
+    with socket.socket(socket.AF_UNIX) as client:
+        client.connect(str(folder / session.SOCKET))  # refused by a file that nobody listens at
+    opened.close()

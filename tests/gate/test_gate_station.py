@@ -181,6 +181,9 @@ def test_nobody_listening_is_no_trouble(stage, bench, operator):
     stage.gate.station = GroundStation(operator.port, bench, stage.gate.ask)
     for _ in range(300):
         stage.step()
+    counted = stage.gate.station.counters
+    assert counted["station_packets_out"] >= 1
+    assert counted["station_lost"] == 0, "what nobody takes does not pile up"
     stage.gate.station.close()
 
 

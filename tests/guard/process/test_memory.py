@@ -4,6 +4,7 @@ import json
 import os
 import socket
 import stat
+import threading
 import time
 from collections.abc import Callable
 from copy import copy
@@ -357,4 +358,7 @@ def test_a_file_that_somebody_took_away_is_written_again(
 
 
 def test_a_keeper_that_was_never_used_has_nothing_to_close() -> None:
-    Keeper().close()
+    keeper, threads = Keeper(), threading.active_count()
+    keeper.close()
+    assert threading.active_count() == threads
+    assert (keeper.fault, keeper.failures) == ("", 0)
