@@ -384,6 +384,8 @@ def test_on_another_processor_the_brain_says_nearly_the_same(begun, decided_begu
 
 
 def test_a_guard_that_got_a_frame_that_was_not_recorded_is_found(begun, tmp_path):
+    """The brain's snapshot that follows asks for samples which are not there this time."""
+
     def without_frames(r: CycleRecord) -> CycleRecord:
         return msgspec.structs.replace(r, cycle=msgspec.structs.replace(r.cycle, frames=[]))
 
