@@ -33,6 +33,8 @@ from firmware_py.wire.codec import CanCodec
 MS = 1_000_000
 SESSION = 0x1234
 ROOT_2 = 2**0.5
+WARM_S = 1.5
+"""From the start until the guard may be armed."""
 
 
 def bench() -> Config:
@@ -343,9 +345,9 @@ class Bench:
         reply = self.cycle([CommandRequest(self.seq, verb, value, mode)]).replies[0]
         return reply.accepted, reply.reasons
 
-    def armed(self, mode: int = 2) -> Bench:
+    def armed(self, mode: int = 2, warm_s: float = WARM_S) -> Bench:
         """Warmed up, in ``mode``, armed."""
-        self.run(1.5)
+        self.run(warm_s)
         assert self.ask("mode", mode=mode)[0]
         accepted, reasons = self.ask("arm")
         assert accepted, reasons
@@ -373,6 +375,24 @@ class Bench:
         )
 
 
+def warmed_up(seconds: float) -> Bench:
+    """A bench that ran for so long (a fresh copy each time)."""
+    return deepcopy(_warmed_up(seconds))
+
+
+@cache
+def _warmed_up(seconds: float) -> Bench:
+    b = Bench()
+    b.run(seconds)
+    b.cycles.clear()
+    return b
+
+
+def armed(mode: int = 2) -> Bench:
+    """Warmed up, in ``mode``, armed (a fresh copy each time)."""
+    return warmed_up(WARM_S).armed(mode, 0.0)
+
+
 def working() -> Bench:
     """Armed in auto, with authority, following an advice of 70 um (a fresh copy each time)."""
     return deepcopy(_worked_up())
@@ -380,7 +400,7 @@ def working() -> Bench:
 
 @cache
 def _worked_up() -> Bench:
-    b = Bench().armed()
+    b = armed()
     b.advise_um = 70.0
     b.run(3.0)
     del b.cycles[:-20]

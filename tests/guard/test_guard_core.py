@@ -17,7 +17,7 @@ from firmware_py.records import (
 )
 from firmware_py.wire.codec import CanCodec
 
-from .scripted_node import MS, SESSION, Bench, bench
+from .scripted_node import MS, SESSION, Bench, armed, bench
 
 CODEC = CanCodec()
 
@@ -97,14 +97,14 @@ def test_disarm_is_never_refused_and_goes_before_what_came_first() -> None:
 def test_bad_requests_are_refused_by_name(
     verb: str, value: float | None, mode: int | None, why: str
 ) -> None:
-    b = Bench().armed(mode=1)
+    b = armed(mode=1)
     accepted, reasons = b.ask(verb, value, mode)
     assert not accepted
     assert why in reasons[0]
 
 
 def test_set_points_belong_to_manual() -> None:
-    b = Bench().armed(mode=2)
+    b = armed(mode=2)
     accepted, reasons = b.ask("set_clearance", 60.0)
     assert not accepted
     assert "manual" in reasons[0]
@@ -112,7 +112,7 @@ def test_set_points_belong_to_manual() -> None:
 
 @pytest.mark.parametrize("wish_um", [40.0, 45.0, 60.0, 90.0, 120.0, 160.0])
 def test_manual_set_points_are_narrowed_by_the_shield(wish_um: float) -> None:
-    b = Bench().armed(mode=1)
+    b = armed(mode=1)
     assert b.ask("set_clearance", wish_um)[0]
     b.run(0.02 + abs(wish_um - 50.0) / b.config.machine.actuator.rate_um_s)
     found = state(b)
@@ -147,7 +147,7 @@ def test_monitor_mode_sends_heartbeats_but_never_a_command() -> None:
 
 
 def test_commands_go_out_every_period_and_echo_the_newest_tick() -> None:
-    b = Bench().armed()
+    b = armed()
     decisions = b.run(1.0)
     frames = sent(decisions, Command)
     assert len(frames) == 50
@@ -162,7 +162,7 @@ def test_commands_go_out_every_period_and_echo_the_newest_tick() -> None:
 
 
 def test_auto_follows_good_advice_and_no_other() -> None:
-    b = Bench().armed()
+    b = armed()
     b.advise_um = 70.0
     b.run(1.5)
     assert state(b).target_clearance_um == 50.0
@@ -175,7 +175,7 @@ def test_auto_follows_good_advice_and_no_other() -> None:
 
 
 def test_danger_trips_latches_and_sends_the_safe_command_in_the_same_cycle() -> None:
-    b = Bench().armed()
+    b = armed()
     b.advise_um = 70.0
     b.run(4.0)
     b.node.amplitude_um = 40.0
@@ -199,7 +199,7 @@ def test_danger_trips_latches_and_sends_the_safe_command_in_the_same_cycle() -> 
 
 
 def test_trip_latency_is_the_delay_and_one_block() -> None:
-    b = Bench().armed()
+    b = armed()
     b.run(0.5)
     b.node.amplitude_um = 40.0
     start_ns = b.now_ns
@@ -284,7 +284,7 @@ def test_replay_from_a_snapshot_gives_the_same_bits() -> None:
 
 
 def test_a_snapshot_of_a_restored_guard_is_the_same_snapshot() -> None:
-    b = Bench().armed()
+    b = armed()
     b.run(0.5)
     taken = b.core.snapshot(1, 2)
     other = GuardCore(b.config, CanCodec(), SESSION)
@@ -305,7 +305,7 @@ def test_a_good_start_raises_no_alarm_and_a_bad_one_does() -> None:
 
 
 def test_a_trip_is_told_once_and_so_is_one_from_an_earlier_run() -> None:
-    fresh, old = Bench().armed(), Bench(latched=["of_an_older_version_danger"])
+    fresh, old = armed(), Bench(latched=["of_an_older_version_danger"])
     fresh.node.amplitude_um = 40.0
     fresh.run(1.5)
     old.run(1.5)

@@ -10,7 +10,7 @@ import pytest
 
 from firmware_py.records import Cycle, DeviceHeartbeat, GuardState
 
-from ..scripted_node import MS, Bench, working
+from ..scripted_node import MS, Bench, armed, warmed_up, working
 
 BUS_OFF = "the CAN controller is bus-off; check cable"
 
@@ -175,8 +175,7 @@ def test_a_cycle_of_an_old_recording_has_a_well_link() -> None:
 def test_a_failsafe_says_its_figures_and_the_next_step(
     act, name: str, said: tuple[str, ...]
 ) -> None:
-    b = Bench()
-    b.run(5.0)
+    b = warmed_up(5.0)
     act(b)
     b.run(7.0 if b.node.speed_rpm == 0.0 else 0.5)
     told = next(event.text for event in reversed(b.events) if event.name == name)
@@ -185,7 +184,7 @@ def test_a_failsafe_says_its_figures_and_the_next_step(
 
 
 def test_a_standing_alarm_says_its_present_figures_and_differences() -> None:
-    b = Bench().armed()
+    b = armed()
     b.node.rate_um_s = 0.0
     b.node.clearance_um += 8.0
     b.node.info_boot_um += 1.0

@@ -1,5 +1,8 @@
 """A machine at rest: the pump may be off, and nobody calls that a failing machine."""
 
+from copy import deepcopy
+from functools import cache
+
 import pytest
 
 from firmware_py.guard import report
@@ -9,12 +12,19 @@ from ..scripted_node import Bench
 
 def at_rest(how: str) -> Bench:
     """Stopped just now, or switched on while it stands."""
-    b = Bench()
     if how == "stopped":
-        b.run(1.5)
-        b.ramp_to(0.0, 2000.0)
-    else:
-        b.node.speed_rpm = 0.0
+        return deepcopy(_stopped())
+    b = Bench()
+    b.node.speed_rpm = 0.0
+    return b
+
+
+@cache
+def _stopped() -> Bench:
+    b = Bench()
+    b.run(1.5)
+    b.ramp_to(0.0, 2000.0)
+    b.cycles.clear()
     return b
 
 

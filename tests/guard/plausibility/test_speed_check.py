@@ -14,7 +14,7 @@ import pytest
 from firmware_py.guard.plausibility import speed_check
 from firmware_py.records import ArmState, GuardState, Quality
 
-from ..scripted_node import Bench, ScriptedNode, bench, working
+from ..scripted_node import Bench, ScriptedNode, armed, bench, working
 
 CLEAN_S = 4.0
 """Instead of half a minute."""
@@ -131,7 +131,7 @@ def test_a_false_mark_ends_authority_at_once_and_is_named_and_never_widens(
 
 
 def test_manual_mode_goes_to_the_safe_value_too() -> None:
-    b = Bench().armed(mode=1)
+    b = armed(mode=1)
     b.run(2.0)
     b.ask("set_clearance", 60.0)
     b.run(0.5)

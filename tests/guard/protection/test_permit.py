@@ -7,7 +7,7 @@ from firmware_py.guard.protection.permit import ROWS, UNREADABLE, Permit, Permit
 from firmware_py.records import ArmState, DeviceHeartbeat
 from firmware_py.wire.codec import CanCodec
 
-from ..scripted_node import MS, Bench
+from ..scripted_node import MS, Bench, armed
 
 S = 1_000_000_000
 CODEC = CanCodec()
@@ -194,7 +194,7 @@ def test_the_first_heartbeats_grant_nothing_and_the_permit_comes_with_the_first_
 
 
 def test_a_guard_that_sees_nothing_withdraws_the_permit_without_a_trip() -> None:
-    b = Bench().armed()
+    b = armed()
     b.run(0.5)
     b.node.running = False
     assert all(beat.run_permit for beat in beats(b, 2.9))
@@ -255,7 +255,7 @@ def test_a_refused_arm_does_not_lift_the_bar() -> None:
 
 
 def test_killing_the_guard_does_not_reset_a_danger_delay() -> None:
-    b = Bench().armed()
+    b = armed()
     b.node.amplitude_um = 40.0
     b.run(0.7)
     heir = Bench(timers=b.core.timers, start=Start(restart=True))

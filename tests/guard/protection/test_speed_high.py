@@ -13,7 +13,7 @@ from firmware_py.guard.protection.speed_high import NAME, TURNS, SpeedHigh, limi
 from firmware_py.records import ArmState, DeviceHeartbeat, GuardState
 from firmware_py.wire.codec import CanCodec
 
-from ..scripted_node import MS, SESSION, Bench, bench
+from ..scripted_node import MS, SESSION, Bench, armed, bench
 
 CODEC = CanCodec()
 LIMIT_RPM = 13_200.0
@@ -149,7 +149,7 @@ def test_a_lost_mark_does_not_bar_the_reset_for_ever() -> None:
 
 @pytest.mark.parametrize("rpm", [13_300.0, 18_000.0, 30_000.0])
 def test_a_load_rejection_trips_within_the_stated_latency(rpm: float) -> None:
-    b = Bench().armed()
+    b = armed()
     b.ramp_to(12_000.0)
     b.run(0.2)
     b.node.speed_rpm = rpm
