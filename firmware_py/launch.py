@@ -30,7 +30,10 @@ SERVICE_RUNTIME: Final = Path("/run/orbitd")
 SERVICE_RIGS: Final = (Path("/etc/orbitd/rig"), Path("/etc/orbitd/orbitd.toml"))
 """Where `orbitd install` puts the rig of the system service, and where it once did."""
 
-LAWS: Final = ("firmware_py.guard.envelope.shield:check_safe",)
+LAWS: Final = (
+    "firmware_py.guard.envelope.carrying:check_carried",
+    "firmware_py.guard.envelope.shield:check_safe",
+)
 """What else every process asks of a configuration, by name as entry points are: this module lies
 below the guard."""
 

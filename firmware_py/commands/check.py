@@ -16,7 +16,7 @@ import msgspec
 from firmware_py import launch
 from firmware_py.brain.store import Models
 from firmware_py.commands.building import build, surroundings
-from firmware_py.config import Config, ConfigError, Source
+from firmware_py.config import Config, ConfigError, Source, sampling
 from firmware_py.config.limits import LIMITS_OFF
 from firmware_py.config.simulation import load_simulation
 from firmware_py.config.source import shown
@@ -85,6 +85,8 @@ def _check(path: Path, as_json: bool) -> int:
             "admissible_everywhere_um": low_high_um,
             "monitor_only": why,
             "absent": [absence._asdict() for absence in absences(machine)],
+            "samples_per_turn": sampling.samples_per_turn(config),
+            "analysis_up_to_rpm": sampling.highest_rpm(config, sampling.ANALYSIS),
             "models": _labels(built.models),
             "refused_models": refused,
             "models_off": built.models.off,
@@ -103,6 +105,7 @@ def _check(path: Path, as_json: bool) -> int:
             print(f"  REFUSED {kind}: {reason}")
         if path.is_file():
             print("  first schema: `orbitd migrate OLD.toml FOLDER` makes a rig folder of it")
+        print(f"  {sampling.described(config)}")
         for line in [*derived(config), *provenance(config)]:
             print(f"  {line}")
         for line in _defaults(config, source):

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from firmware_py import launch
-from firmware_py.commands import rig_new
+from firmware_py.commands import rig_new, rig_show
 from firmware_py.machine.folder import METAVAR, find
 from firmware_py.wire import dbc
 from firmware_py.wire.layout import WireLayout
@@ -20,6 +20,12 @@ def main(argv: list[str]) -> int:
     new = actions.add_parser("new", help="make a rig folder to edit", description=rig_new.__doc__)
     rig_new.add_options(new)
     new.set_defaults(run=rig_new.run)
+    shown = actions.add_parser(
+        "show", help="what follows from a rig folder", description=rig_show.__doc__
+    )
+    add_rig(shown)
+    shown.add_argument("--json", action="store_true", help="every table, for programs")
+    shown.set_defaults(run=rig_show.run)
     written = actions.add_parser("dbc", help="the messages of the rig's bus, as a DBC file")
     add_rig(written)
     written.add_argument(

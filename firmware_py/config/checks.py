@@ -134,6 +134,17 @@ def _built(config: Config) -> Iterator[Found]:
         b.radial_clearance_min_um + b.radial_clearance_offset_um - b.radial_clearance_error_um
     )
     film_um = config.limits.min_film_um
+    if narrowest_um <= 0.0:
+        yield (
+            "machine.bearing.radial_clearance_min_um",
+            b.radial_clearance_min_um,
+            (
+                f"the film at rest may be {narrowest_um:g} um: radial_clearance_min_um "
+                f"{b.radial_clearance_min_um:g} + offset {b.radial_clearance_offset_um:g} - error "
+                f"{b.radial_clearance_error_um:g}; the shaft would not go in: measure the bearing"
+            ),
+        )
+        return
     if film_um > FILM_SHARE_MAX * narrowest_um:
         yield (
             "limits.min_film_um",

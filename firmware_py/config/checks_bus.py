@@ -9,6 +9,7 @@ from typing import Final
 from firmware_py import signals
 from firmware_py.config.convert import Found
 from firmware_py.config.instances import frame_instants
+from firmware_py.config.sampling import PROTECTION, highest_rpm
 from firmware_py.config.schema import Config
 
 SERIAL_BYTES_PER_SAMPLE_FRAME: Final = {1: 74, 2: 75}
@@ -20,9 +21,6 @@ node info once."""
 
 BUS_LOAD_LIMIT: Final = 0.8
 """Share of the bus that sample frames may take."""
-
-SAMPLES_PER_TURN_MIN: Final = 10
-"""With ten samples a turn a peak-to-peak reads 5 % low at worst."""
 
 BLOCK_S: Final = (0.002, 0.05)
 """Protection judges once a block: often enough beside its window of 0.1 s, and no more than every
@@ -95,16 +93,17 @@ def _period(config: Config) -> Iterator[Found]:
 
 
 def _turns(config: Config) -> Iterator[Found]:
+    """Enough samples for protection; those for analysis are told by ``orbitd check``."""
     rate_hz, fastest_rpm = config.sampling.rate_hz, config.machine.operating.speed_max_rpm
-    least_hz = SAMPLES_PER_TURN_MIN * fastest_rpm / 60.0
+    least_hz = PROTECTION * fastest_rpm / 60.0
     if rate_hz < least_hz:
         yield (
             "sampling.rate_hz",
             rate_hz,
             (
-                f"below {least_hz:g}, {SAMPLES_PER_TURN_MIN} samples a turn at "
-                f"machine.operating.speed_max_rpm = {fastest_rpm:g}; "
-                "raise it or lower the speed"
+                f"below {least_hz:g}, {PROTECTION} samples a turn at "
+                f"machine.operating.speed_max_rpm = {fastest_rpm:g}; raise it, or lower the speed "
+                f"to {highest_rpm(config, PROTECTION):g} rpm"
             ),
         )
 

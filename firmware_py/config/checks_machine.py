@@ -17,6 +17,9 @@ from firmware_py.machine.values import MachineTable
 SAME_ROTOR: Final = (0.5, 2.0)
 """Weighed over drawn effective mass: outside it is another rotor, or another unit."""
 
+SLENDER_MAX: Final = 200.0
+"""Length between coupling and bearing over the journal radius: long turbine shafts have 60."""
+
 DRAWING: Final = ("mass_kg", "diametral_inertia_kg_m2", "coupling_to_cg_m", "bearing_to_cg_m")
 """Keys of ``rotor`` from which its effective mass follows."""
 
@@ -83,6 +86,47 @@ def _mode(config: Config) -> Iterator[Found]:
     mode, why = config.device.mode_at_start, monitor_only(config.machine)
     if why and mode != "monitor":
         yield "device.mode_at_start", mode, f'monitor only: {"; ".join(why)}; write "monitor"'
+
+
+def _shaft(config: Config) -> Iterator[Found]:
+    """A rotor that there can be: inertias of a body, lengths of a shaft, the bearing on it."""
+    rotor, bearing = config.machine.rotor, config.machine.bearing
+    mass, j_d, j_p = rotor.mass_kg, rotor.diametral_inertia_kg_m2, rotor.polar_inertia_kg_m2
+    a, b = rotor.coupling_to_cg_m, rotor.bearing_to_cg_m
+    if j_d is not None and j_p is not None and j_p > 2.0 * j_d:
+        cause = (
+            f"above twice machine.rotor.diametral_inertia_kg_m2 = {j_d:g}, which no body has; "
+            f"exchange or correct them"
+        )
+        yield "machine.rotor.polar_inertia_kg_m2", j_p, cause
+    if a is not None and b is not None:
+        between, most = a + b, SLENDER_MAX * bearing.journal_radius_m
+        if between > most:
+            key, far = max(("coupling_to_cg_m", a), ("bearing_to_cg_m", b), key=lambda k: k[1])
+            yield (
+                f"machine.rotor.{key}",
+                far,
+                f"{between:g} m between coupling and bearing are "
+                f"{between / bearing.journal_radius_m:g} journal radii, at most {SLENDER_MAX:g} "
+                f"({most:g} m); if these are millimetres, write {far * 1e-3:g}",
+            )
+        elif mass is not None and j_d is not None and j_d > mass * between * between:
+            yield (
+                "machine.rotor.diametral_inertia_kg_m2",
+                j_d,
+                f"above mass times the square of the length between coupling and bearing, "
+                f"{mass:g} kg x ({between:g} m)^2 = {mass * between * between:.3g}; correct its "
+                f"unit",
+            )
+    end = rotor.shaft_end_to_cg_m
+    if end is not None and b is not None and b + 0.5 * bearing.length_m > end:
+        yield (
+            "machine.rotor.bearing_to_cg_m",
+            b,
+            f"the bearing lies outside the shaft: it ends {b + 0.5 * bearing.length_m:g} m from "
+            f"the centre of gravity ({b:g} and half of bearing.length_m), the shaft at {end:g} "
+            f"(machine.rotor.shaft_end_to_cg_m); correct one of them",
+        )
 
 
 def _groove_drawn(config: Config) -> Iterator[Found]:
@@ -160,6 +204,7 @@ MACHINE_CHECKS: Final[tuple[Callable[[Config], Iterator[Found]], ...]] = (
     *(_provenance(name, keys) for name, keys in _tables()),
     _drawing,
     _mode,
+    _shaft,
     _groove_drawn,
     _nominal_pressure,
     _pump,

@@ -15,6 +15,7 @@ import msgspec
 from msgspec import inspect
 
 from firmware_py.config.schema import WORDS, Config
+from firmware_py.machine.texts import unit_of
 from firmware_py.machine.values import Section
 
 Found = tuple[str, object, str]
@@ -124,6 +125,8 @@ def _value(kind: inspect.Type, value: Any, key: str, faults: list[Found]) -> Any
             cause = f"{_said(value)}, not a list; write it in brackets"
     elif isinstance(kind, inspect.IntType | inspect.FloatType):
         cause = _wrong_number(kind, value)
+        if cause and (meant := _in_other_unit(key, kind, value)):
+            cause = f"{cause.rpartition('; ')[0]}; {meant}"
     else:
         cause = _wrong_other(kind, value)
     if cause:
@@ -154,6 +157,36 @@ def _wrong_number(kind: inspect.IntType | inspect.FloatType, value: object) -> s
         return f"below the least, {least:g} (allowed {allowed}); raise it"
     if value > greatest:
         return f"above the greatest, {greatest:g} (allowed {allowed}); lower it"
+    return ""
+
+
+_OTHER_UNITS: Final = {
+    "_m": (("millimetres", 1e-3), ("micrometres", 1e-6)),
+    "_um": (("metres", 1e6), ("millimetres", 1e3)),
+    "_Pa_s": (("mPa s (centipoise)", 1e-3),),
+    "_rpm": (("turns a second", 60.0),),
+    "_bar": (("pascals", 1e-5), ("kilopascals", 1e-2)),
+    "_mm2": (("square metres", 1e6),),
+}
+"""By the end of a key's name: a unit that people take for its own, and how many of its own
+it is."""
+
+_NO_UNIT_OF_ITS_OWN: Final = ("_N_m", "_kg_m", "_N_s_m", "_ohm_per_m")
+"""Ends of names whose last part is a divisor, or one factor of several."""
+
+
+def _in_other_unit(key: str, kind: inspect.IntType | inspect.FloatType, value: object) -> str:
+    """What to write if a value outside its ends is inside them in a unit often taken for its own;
+    else empty."""
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    if not number or key.endswith(_NO_UNIT_OF_ITS_OWN):
+        return ""
+    least, greatest = _ends(kind)
+    for end, units in _OTHER_UNITS.items():
+        for unit, each in units if key.endswith(end) else ():
+            meant = float(f"{value * each:.12g}")  # type: ignore[operator]
+            if value and least <= meant <= greatest:
+                return f"if these are {unit}, write {meant:g}: the key's unit is {unit_of(key)}"
     return ""
 
 

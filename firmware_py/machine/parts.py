@@ -5,8 +5,9 @@ A table or key that the rig folder leaves out is filled with a stand-in of :data
 whose figures are stand-ins.  No stand-in decides or is shown: who needs a part asks :func:`has`
 first.
 
-:data:`REASONS` is the one place that says when a machine is **monitor only**: protection, orbit
-analysis and the machine's own normal state work; nothing is commanded, and no envelope is told.
+:func:`monitor_only` is the one place that says when a machine is **monitor only**: protection,
+orbit analysis and the machine's own normal state work; nothing is commanded, and no envelope is
+told.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, Final, NamedTuple
 
 from firmware_py import signals
+from firmware_py.machine.domain import outside_laws
 from firmware_py.machine.schema import Machine
 
 ACTUATOR, FEED, LUBRICANT, ROTOR = "actuator", "feed", "lubricant", "rotor"
@@ -182,8 +184,12 @@ REASONS: Final = (
 
 
 def monitor_only(machine: Machine) -> tuple[str, ...]:
-    """Why ``machine`` is monitor only, as texts; empty: it may be controlled."""
-    return tuple(reason.text for reason in REASONS if reason.holds(machine))
+    """Why ``machine`` is monitor only, as texts; empty: it may be controlled.
+
+    It lacks what a command needs, or lies where the guard's laws are not proven.
+    """
+    lacking = tuple(reason.text for reason in REASONS if reason.holds(machine))
+    return lacking or (tuple(outside_laws(machine)) if has_film_law(machine) else ())
 
 
 def absences(machine: Machine) -> list[Absence]:

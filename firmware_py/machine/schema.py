@@ -199,6 +199,9 @@ class RotorDrawing(MachineTable, frozen=True):
     bearing_to_cg_m: Annotated[float, Meta(ge=0.0, le=100.0)] | None = None
     """From the middle of the bearing to the centre of gravity, on the other side than the coupling.
     From: the drawing."""
+    shaft_end_to_cg_m: Annotated[float, Meta(ge=0.001, le=100.0)] | None = None
+    """From the end of the shaft on the bearing's side to the centre of gravity. From: the
+    drawing."""
     coupling_stiffness_N_m: Annotated[float, Meta(ge=1.0, le=1e13)] | None = None
     """Radial stiffness of the coupling's end: of its support, or of the other bearing. From: its
     data sheet, or a force and a dial."""

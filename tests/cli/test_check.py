@@ -6,6 +6,7 @@ from __future__ import annotations
 import datetime
 import json
 import os
+import re
 import shutil
 import socket
 from pathlib import Path
@@ -127,6 +128,72 @@ def test_faults_of_all_three_files_are_named_at_once(place: Path) -> None:
     assert {fault.key for fault in caught.value.faults} >= {
         "bearing.journal_radius_m", "sampling.rate_hz", "forces.teeth",
     }  # fmt: skip
+
+
+def test_what_nobody_has_is_named_with_the_arithmetic(place: Path) -> None:
+    rig = place / "elsewhere"
+    shutil.copytree(SHIPPED / "bench", rig)
+    machine = rig / "machine.toml"
+    text = machine.read_text()
+    for old, new, key, words in (
+        ("journal_radius_m = 0.02", "journal_radius_m = 20", "bearing.journal_radius_m",
+         "if these are millimetres, write 0.02"),
+        ("coupling_to_cg_m = 0.25", "coupling_to_cg_m = 25.0", "rotor.coupling_to_cg_m",
+         "25.25 m between coupling and bearing are 1262.5 journal radii, at most 200 (4 m); "
+         "if these are millimetres, write 0.025"),
+        ("radial_clearance_max_um = 160.0", "radial_clearance_max_um = 160e-6",
+         "bearing.radial_clearance_max_um", "if these are metres, write 160"),
+        ("radial_clearance_offset_um = 0.0", "radial_clearance_offset_um = -39.0",
+         "bearing.radial_clearance_min_um",
+         "the film at rest may be -1 um: radial_clearance_min_um 40 + offset -39 - error 2"),
+        ("bearing_to_cg_m = 0.25", "bearing_to_cg_m = 0.25\nshaft_end_to_cg_m = 0.2",
+         "rotor.bearing_to_cg_m",
+         "it ends 0.26 m from the centre of gravity (0.25 and half of bearing.length_m), the shaft "
+         "at 0.2"),
+        ("polar_inertia_kg_m2 = 0.004", "polar_inertia_kg_m2 = 0.4", "rotor.polar_inertia_kg_m2",
+         "above twice rotor.diametral_inertia_kg_m2 = 0.06"),
+        ("diametral_inertia_kg_m2 = 0.06", "diametral_inertia_kg_m2 = 60000.0",
+         "rotor.diametral_inertia_kg_m2", "6 kg x (0.5 m)^2 = 1.5"),
+        ("load_max_N = 300.0", "load_max_N = 600.0", "operating.load_max_N",
+         "at most 351.1 N with limits.min_film_um = 10 um left, in 40 um"),
+        ("load_min_N = 30.0", "load_min_N = 1.0", "operating.load_min_N",
+         "a rotor of 1.74 kg at the bearing is stable up to"),
+    ):  # fmt: skip
+        assert old in text, old
+        machine.write_text(text.replace(old, new))
+        with pytest.raises(ConfigError) as caught:
+            check.main([str(rig)])
+        said = {f.key: f"{f.cause}; {f.next_step}" for f in caught.value.faults}
+        assert words in said.get(key, ""), (key, said)
+
+
+def test_a_machine_outside_the_guards_laws_is_monitor_only(
+    place: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rig = place / "long"
+    shutil.copytree(SHIPPED / "bench", rig)
+    machine = rig / "machine.toml"
+    text = machine.read_text().replace("\nlength_m = 0.02", "\nlength_m = 0.045")
+    text = re.sub(r"\npump_\w+ = .*|, \"pump_\w+\"", "", text)  # no pump feeds a bearing as long
+    machine.write_text(text)
+    assert check.main([str(rig)]) == 0
+    out = capsys.readouterr().out
+    assert "monitor only: L/D = 1.12: the guard's bounds are verified up to 1" in out
+    assert "admissible over" not in out
+    device = rig / "device.toml"
+    device.write_text(device.read_text().replace('"monitor"', '"auto"'))
+    with pytest.raises(ConfigError, match=r"monitor only: L/D = 1\.12"):
+        check.main([str(rig)])
+
+
+def test_up_to_which_speed_the_samples_suffice_is_told(
+    place: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert said(place, "") == {}
+    assert (
+        "25 samples a turn at 12000 rpm; protection has its 20 up to 15000 rpm, analysis of the "
+        "orbit its 64 up to 4688 rpm"
+    ) in capsys.readouterr().out
 
 
 def test_folders_that_cannot_be_written_are_named(place: Path) -> None:

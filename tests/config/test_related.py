@@ -31,7 +31,7 @@ def test_shipped_configurations_load(name: str) -> None:
         (
             "rate_hz = 5000",
             "rate_hz = 1000",
-            "below 2000, 10 samples a turn at operating.speed_max_rpm = 12000",
+            "below 4000, 20 samples a turn at operating.speed_max_rpm = 12000",
         ),
         (
             "safe_radial_clearance_um = 50.0",

@@ -31,7 +31,7 @@ from typing import Final, NamedTuple
 import msgspec
 
 from firmware_py.config import Config
-from firmware_py.machine.film import LENGTH_OVER_DIAMETER_MAX, static_film
+from firmware_py.machine.film import static_film
 from firmware_py.machine.groove import Groove
 from firmware_py.machine.lubricant import CredibleOil
 from firmware_py.machine.parts import monitor_only
@@ -449,22 +449,10 @@ def _hull(a: Box, b: Box) -> Box:
 def check_safe(config: Config) -> Iterator[tuple[str, object, str]]:
     """What the guard's laws have against the machine: key, value, and cause with the next step.
 
-    ``L/D`` outside the verified domain, no fixed clearance admissible over the declared range, or
-    the safe one not among them.  A machine that is monitor only has no envelope to prove.
+    No fixed clearance admissible over the declared range, or the safe one not among them.
+    A machine that is monitor only has no envelope to prove.
     """
     if monitor_only(config.machine):
-        return
-    ratio = 0.5 * config.machine.bearing.length_m / config.machine.bearing.journal_radius_m
-    if ratio > LENGTH_OVER_DIAMETER_MAX:
-        yield (
-            "machine.bearing.length_m",
-            config.machine.bearing.length_m,
-            (
-                f"L/D = {ratio:.2f}, the guard's bounds are verified up to "
-                f"{LENGTH_OVER_DIAMETER_MAX:g}; "
-                "shorten it or use monitor equipment for long bearings"
-            ),
-        )
         return
     shield = Shield(config)
     fixed = shield.fixed_range()

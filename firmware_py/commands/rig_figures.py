@@ -1,0 +1,363 @@
+"""What follows from a rig folder, as tables of figures: by the laws that the device runs on.
+
+Each table says in a line what it is good for.  What a machine lacks leaves its tables out, by
+name; what needs a simulator says so.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Iterator, Sequence
+from math import degrees, pi
+from typing import Any, Final, NamedTuple
+
+from firmware_py.config import Config
+from firmware_py.config.sampling import ANALYSIS, PROTECTION, highest_rpm, samples_per_turn
+from firmware_py.guard.envelope.cost import Corner, Cost, corners, costs
+from firmware_py.guard.envelope.shield import Shield
+from firmware_py.machine import Machine
+from firmware_py.machine.domain import INERTIA_LIMIT, TAYLOR_LIMIT, film_domain
+from firmware_py.machine.film import static_film
+from firmware_py.machine.lubricant import viscosity_Pa_s
+from firmware_py.machine.parts import LOAD, ROTOR, has, has_film_law, monitor_only
+from firmware_py.machine.static import (
+    Resting,
+    greatest_load_N,
+    resting,
+    sommerfeld,
+    stable_clearance_m,
+)
+
+Cell = float | str | None
+LINEAR: Final = "sim_hil.rotor.linear_film:linear_film"
+"""Damping and modes, by name as entry points are: the device does not import the simulator."""
+
+CLEARANCES: Final = 7
+"""Clearances, and speeds, at which whirl is looked for."""
+
+RPM: Final = 30.0 / pi
+ONSET_STEPS: Final = 60
+"""Halvings and steps of the search for the onset of whirl: to 1e-3 of speed."""
+ONSET_MOST: Final = 4.0
+"""Of the greatest declared speed: whirl is not looked for beyond."""
+
+
+class Figures(NamedTuple):
+    """A table: its key for programs, its title, what it is good for, and its figures."""
+
+    key: str
+    title: str
+    meaning: str
+    columns: tuple[str, ...]
+    rows: list[list[Cell]]
+
+
+class State(NamedTuple):
+    """A corner of the declared range in the retreat value, in the warmest oil of the inlet."""
+
+    corner: Corner
+    clearance_m: float
+    viscosity: float
+    rest: Resting | None
+
+    @property
+    def name(self) -> str:
+        """For people."""
+        return f"{self.corner.speed_rad_s * RPM:.0f} rpm, {self.corner.load_N:g} N"
+
+
+def states(config: Config) -> list[State]:
+    """The four corners."""
+    machine = config.machine
+    film = static_film(machine.bearing.journal_radius_m, machine.bearing.length_m)
+    built_um = (
+        machine.actuator.safe_radial_clearance_um + machine.bearing.radial_clearance_offset_um
+    )
+    mu = viscosity_Pa_s(machine.lubricant, machine.lubricant.inlet_max_C)
+    return [
+        State(each, built_um * 1e-6, mu, resting(film, built_um * 1e-6, mu, *each))
+        for each in corners(config)
+    ]
+
+
+def groups(config: Config) -> Figures:
+    """Dimensionless groups over the whole declared range."""
+    machine = config.machine
+    b, o, oil = machine.bearing, machine.operating, machine.lubricant
+    radius, length = b.journal_radius_m, b.length_m
+    narrow, wide = b.radial_clearance_min_um * 1e-6, b.radial_clearance_max_um * 1e-6
+    slow, fast = o.speed_min_rpm / RPM, o.speed_max_rpm / RPM
+    thick, thin = (viscosity_Pa_s(oil, t) for t in (oil.inlet_min_C, oil.film_max_C))
+    least = sommerfeld(radius, length, wide, thin, slow, o.load_max_N)
+    most = sommerfeld(radius, length, narrow, thick, fast, o.load_min_N)
+    low = film_domain(radius, narrow, oil.density_kg_m3, thick, slow)
+    high = film_domain(radius, wide, oil.density_kg_m3, thin, fast)
+    rows: list[list[Cell]] = [
+        ["L/D", 0.5 * length / radius, 0.5 * length / radius, 1.0,
+         "length over diameter; the guard's laws end at the limit"],
+        ["c/R", narrow / radius, wide / radius, None, "clearance ratio; usual are 0.001 .. 0.003"],
+        ["Sommerfeld", least, most, None,
+         "mu N L D / W (R/c)^2: below 0.1 heavily loaded, above 1 light and prone to whirl"],
+        ["bearing number", 12.0 * pi * least, 12.0 * pi * most, None,
+         "6 mu w R^2 / (p c^2), p = W / (L D): the same, as film papers have it"],
+        ["Re", low.reynolds, high.reynolds, None, "inertia over friction around the gap"],
+        ["Ta", low.taylor, high.taylor, TAYLOR_LIMIT, "Re sqrt(c/R): vortices above the limit"],
+        ["Re*", low.inertia, high.inertia, INERTIA_LIMIT,
+         "rho w c^2 / mu: above the limit the film equation leaves out what counts"],
+    ]  # fmt: skip
+    return Figures(
+        "groups", "Dimensionless groups",
+        "which regime the film is in over the declared range; a limit passed somewhere is no "
+        "fault, but figures there are not proven",
+        ("group", "least", "greatest", "limit", "meaning"), rows,
+    )  # fmt: skip
+
+
+def film(config: Config) -> Figures:
+    """The film at rest at the corners."""
+    machine = config.machine
+    law = static_film(machine.bearing.journal_radius_m, machine.bearing.length_m)
+    thin_m = config.limits.min_film_um * 1e-6
+    rows: list[list[Cell]] = []
+    for state in states(config):
+        speed = state.corner.speed_rad_s
+        most_N = greatest_load_N(law, state.clearance_m, thin_m, state.viscosity * speed)
+        wind_W = machine.rotor.windage_W_s3 * speed * speed * speed
+        rest = state.rest
+        found: list[Cell] = [None, None, None, None]
+        if rest:
+            found = [
+                rest.film_m * 1e6, rest.eccentricity, degrees(rest.attitude_rad),
+                rest.friction_W + wind_W,
+            ]  # fmt: skip
+        rows.append([state.name, *found, most_N])
+    return Figures(
+        "film", "Film at rest at the corners",
+        f"in the retreat value {machine.actuator.safe_radial_clearance_um:g} um, oil at "
+        f"{machine.lubricant.inlet_max_C:g} degC; it must stay above limits.min_film_um = "
+        f"{config.limits.min_film_um:g} um",
+        ("corner", "film um", "eccentricity", "attitude deg", "power W", "carries down to it N"),
+        rows,
+    )  # fmt: skip
+
+
+def stiffness(config: Config, linear: Sequence[Any]) -> Figures:
+    """The eight coefficients at the corners; damping only with ``linear``, one for each corner."""
+    rows: list[list[Cell]] = []
+    for i, state in enumerate(states(config)):
+        k: list[Cell] = [None] * 4
+        c: list[Cell] = [None] * 4
+        if state.rest:
+            k = [value for row in state.rest.stiffness_N_m for value in row]
+        if linear and linear[i]:
+            c = [value for row in linear[i].damping_N_s_m for value in row]
+        rows.append([state.name, *k, *c])
+    return Figures(
+        "coefficients",
+        "Stiffness N/m and damping N s/m at the corners",
+        "axis 1 along the load, 2 at 90 deg in the direction of rotation; K12 and K21 of opposite "
+        "sign are what drives whirl",
+        ("corner", *(f"{letter}{axes}" for letter in "KC" for axes in ("11", "12", "21", "22"))),
+        rows,
+    )
+
+
+def criticals(config: Config, linear: Sequence[Any]) -> Figures:
+    """Damped modes of the rigid rotor on the film, at the corners."""
+    senses = {1: "forward", -1: "backward", 0: "straight"}
+    rows: list[list[Cell]] = [
+        [state.name, mode.frequency_rpm, mode.damping_ratio, senses[mode.sense]]
+        for state, found in zip(states(config), linear, strict=True)
+        if found
+        for mode in found.modes
+    ]
+    return Figures(
+        "criticals",
+        "Critical speeds: modes of the rigid rotor on the film",
+        "a mode at the speed of its corner with a damping ratio below 0.1 is a resonance; a "
+        "negative one is whirl",
+        ("corner", "mode rpm", "damping ratio", "sense"),
+        rows,
+    )
+
+
+def rotor(config: Config) -> Figures:
+    """What of the rotor acts on the film."""
+    machine = config.machine
+    r, o = machine.rotor, machine.operating
+    fast = o.speed_max_rpm / RPM
+    force_N = r.unbalance_normal_kg_m * fast * fast
+    rows: list[list[Cell]] = [
+        ["mass at the bearing", r.mass_at_bearing_kg, "kg",
+         "weighed" if r.effective_mass_at_bearing_kg else "from the drawing"],
+        ["normal unbalance at the greatest speed", force_N, "N", "turns with the shaft"],
+        ["over the least load", force_N / o.load_min_N, "", "above 1 the shaft lifts each turn"],
+    ]  # fmt: skip
+    if r.bearing_to_cg_m is not None and r.shaft_end_to_cg_m is not None:
+        left_m = r.shaft_end_to_cg_m - r.bearing_to_cg_m - 0.5 * machine.bearing.length_m
+        rows.append(["shaft beyond the bearing", left_m, "m", "below 0 it lies outside"])
+    columns = ("figure", "value", "unit", "meaning")
+    return Figures("rotor", "Rotor", "what of it acts on the film", columns, rows)
+
+
+def onset(config: Config) -> Figures:
+    """Speed at which whirl begins over clearance, and the clearance that just whirls over speed."""
+    machine = config.machine
+    b, o = machine.bearing, machine.operating
+    low, high = b.radial_clearance_min_um, b.radial_clearance_max_um
+    rows: list[list[Cell]] = []
+    for i in range(CLEARANCES):
+        share = i / (CLEARANCES - 1)
+        clearance_um, rpm = low + share * (high - low), o.speed_min_rpm
+        rpm += share * (o.speed_max_rpm - o.speed_min_rpm)
+        onsets = (onset_rpm(machine, clearance_um * 1e-6, n) for n in (o.load_min_N, o.load_max_N))
+        widest = (
+            _within(stable_clearance_m(machine, rpm / RPM, n) * 1e6, high)
+            for n in (o.load_min_N, o.load_max_N)
+        )
+        rows.append([clearance_um, *onsets, rpm, *widest])
+    return Figures(
+        "whirl", "Onset of whirl",
+        f"of the balanced rigid rotor, {machine.rotor.mass_at_bearing_kg:.3g} kg at the bearing, "
+        f"in the worse of coldest and hottest oil; -: not below {ONSET_MOST:g} times the greatest "
+        f"speed, not in this bearing",
+        ("clearance um", f"whirls from rpm at {o.load_min_N:g} N", f"at {o.load_max_N:g} N",
+         "speed rpm", f"stable up to um at {o.load_min_N:g} N", f"um at {o.load_max_N:g} N"),
+        rows,
+    )  # fmt: skip
+
+
+def onset_rpm(machine: Machine, clearance_m: float, load_N: float) -> float | None:
+    """Least speed at which the rotor whirls in that clearance, from a tenth of the least declared
+    speed on."""
+    low = 0.1 * machine.operating.speed_min_rpm / RPM
+    most = ONSET_MOST * machine.operating.speed_max_rpm / RPM
+    ratio = (most / low) ** (1.0 / ONSET_STEPS)
+    speed = low
+    while stable_clearance_m(machine, speed, load_N) >= clearance_m:
+        speed *= ratio
+        if speed > most:
+            return None
+    low, high = speed / ratio, speed
+    while high - low > 1e-3 * high:
+        middle = 0.5 * (low + high)
+        if stable_clearance_m(machine, middle, load_N) >= clearance_m:
+            low = middle
+        else:
+            high = middle
+    return high * RPM
+
+
+def admissible(config: Config, found: Sequence[Cost]) -> Figures:
+    """What the guard admits, over the whole range and at its corners."""
+    low_m, high_m = Shield(config).fixed_range() or (None, None)
+    rows: list[list[Cell]] = [
+        ["everywhere, at any time", _um(low_m), _um(high_m), None],
+    ]
+    for corner, admitted in zip(corners(config), found[0].corners, strict=True):
+        name = f"now at {corner.speed_rad_s * RPM:.0f} rpm, {corner.load_N:g} N"
+        low, high, power_W = admitted or (None, None, None)
+        rows.append([name, _um(low), _um(high), power_W])
+    return Figures(
+        "admissible", "Admissible radial clearance",
+        "by the guard: the retreat value must lie in the first row; a measured state admits more",
+        ("where", "from um", "to um", "power in the widest W"), rows,
+    )  # fmt: skip
+
+
+def budget(config: Config, found: Sequence[Cost]) -> Figures:
+    """What each uncertainty costs, beside all as declared."""
+    known = found[0]
+    columns = ["retreat range um"]
+    for corner in corners(config):
+        columns += [f"um at {corner.speed_rad_s * RPM:.0f} rpm, {corner.load_N:g} N", "W"]
+    rows: list[list[Cell]] = []
+    for cost in found[1:]:
+        row: list[Cell] = [cost.name, round((cost.range_m - known.range_m) * 1e6, 1)]
+        for before, after in zip(known.corners, cost.corners, strict=True):
+            if before and after:
+                row += [
+                    round((after.high_m - before.high_m) * 1e6, 1),
+                    round(before.power_W - after.power_W, 1),
+                ]
+            else:
+                row += [None, None]
+        rows.append(row)
+    return Figures(
+        "budget",
+        "Field error budget",
+        "what is gained where that uncertainty is gone: um of admissible radial clearance, and W "
+        "of shaft power in the widest; spend on the largest, then on the next",
+        ("uncertainty", *columns),
+        rows,
+    )
+
+
+def sampling(config: Config) -> Figures:
+    """Samples a turn, and up to which speed they suffice."""
+    most = config.machine.operating.speed_max_rpm
+    rows: list[list[Cell]] = [
+        [name, samples_per_turn(config), float(least), highest_rpm(config, least),
+         "yes" if highest_rpm(config, least) >= most else "not up to the greatest speed"]
+        for name, least in (("protection", PROTECTION), ("analysis of the orbit", ANALYSIS))
+    ]  # fmt: skip
+    return Figures(
+        "sampling", "Samples a turn",
+        f"{config.sampling.rate_hz} Hz at {most:g} rpm",
+        ("for", "samples a turn", "needed", "enough up to rpm", "enough"), rows,
+    )  # fmt: skip
+
+
+def tables(config: Config) -> Iterator[Figures | str]:
+    """Every table that the machine allows, and a line for each that is left out."""
+    machine, why = config.machine, monitor_only(config.machine)
+    yield sampling(config)
+    if has(machine, ROTOR) and has(machine, LOAD):
+        yield rotor(config)
+    if not has_film_law(machine):
+        yield "film, whirl and admissible clearance are left out: " + "; ".join(why)
+        return
+    yield groups(config)
+    yield film(config)
+    if has(machine, ROTOR):
+        yield onset(config)
+        linear, lacking = _linear(config)
+        yield stiffness(config, linear)
+        if linear:
+            yield criticals(config, linear)
+        else:
+            yield f"damping and critical speeds are left out: {lacking}"
+    else:
+        yield stiffness(config, [])
+        yield "whirl, damping and critical speeds are left out: no [rotor]"
+    if why:
+        yield "admissible clearance and error budget are left out: " + "; ".join(why)
+        return
+    found = costs(config, machine.lubricant.inlet_max_C)
+    yield admissible(config, found)
+    yield budget(config, found)
+
+
+def _linear(config: Config) -> tuple[list[Any], str]:
+    """Damping and modes at the corners by the simulator's film, None where it does not carry the
+    load; or why there are none."""
+    module, _, name = LINEAR.partition(":")
+    try:
+        linear = getattr(importlib.import_module(module), name)
+    except ModuleNotFoundError as error:
+        return [], f"no {error.name}; pip install 'orbitd[sim]'"
+    return [
+        linear(config.machine, state.clearance_m, state.viscosity, *state.corner)
+        if state.rest
+        else None
+        for state in states(config)
+    ], ""
+
+
+def _within(value: float, most: float) -> float | None:
+    """None above ``most``: no bound."""
+    return value if value <= most else None
+
+
+def _um(value_m: float | None) -> float | None:
+    return None if value_m is None else value_m * 1e6
