@@ -28,7 +28,8 @@ import numpy.typing as npt
 from firmware_py.acquire.rails import CLEAR, Rail, RailState, RailWatch
 from firmware_py.config import Config
 from firmware_py.config.instances import places
-from firmware_py.machine import FastChannel
+from firmware_py.machine import FastChannel, JournalBearing, Machine
+from firmware_py.machine.parts import bearings_of, clearance_known
 from firmware_py.records import ChannelCause, cause_bits, cause_of
 from firmware_py.records.acquired import CAUSE_BITS
 
@@ -140,12 +141,10 @@ class ChannelOk:
 
     @classmethod
     def of(cls, config: Config) -> ChannelOk:
-        """With the clearance and speed that ``config`` declares."""
-        reach_m = (
-            config.machine.bearing.radial_clearance_max_um
-            + config.machine.bearing.radial_clearance_offset_um
-        ) * 1e-6
-        fastest_m_s = STEP_FACTOR * reach_m * config.machine.operating.speed_max_rpm * math.pi / 30
+        """With the widest clearance and the speed that ``config`` declares."""
+        machine = config.machine
+        reach_m = max(_reach_m(machine, bearing) for bearing in bearings_of(machine))
+        fastest_m_s = STEP_FACTOR * reach_m * machine.operating.speed_max_rpm * math.pi / 30
         return cls(config.machine.channel, config.sampling.rate_hz, reach_m, fastest_m_s)
 
     def step(
@@ -262,6 +261,13 @@ class ChannelOk:
         s.same[i] = s.same[i] + len(samples) if value == s.value[i] else len(samples)
         s.value[i] = value
         return s.same[i] >= self._stuck_samples
+
+
+def _reach_m(machine: Machine, bearing: JournalBearing) -> float:
+    """The farthest that the shaft can be from the middle of ``bearing``; infinite: not known."""
+    if not clearance_known(machine, bearing):
+        return math.inf
+    return (bearing.radial_clearance_max_um + bearing.radial_clearance_offset_um) * 1e-6
 
 
 def _after(owed: int, n: int) -> int:

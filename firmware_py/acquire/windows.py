@@ -84,12 +84,18 @@ class ChannelMap:
         return cls._of(config, tuple(range(len(config.machine.channel))))
 
     @classmethod
+    def chosen(cls, config: Config, order: tuple[int, ...]) -> ChannelMap:
+        """The channels at the places ``order`` of the block, two probes first; -1: none."""
+        return cls._of(config, order)
+
+    @classmethod
     def _of(cls, config: Config, order: tuple[int, ...]) -> ChannelMap:
         channels = config.machine.channel
+        first, second = channels[order[0]], channels[order[1]]
         return cls(
             np.array([channels[i].scale if i >= 0 else 1.0 for i in order]),
             np.array([channels[i].offset if i >= 0 else 0.0 for i in order]),
-            _probe_inverse(channels[0].angle_deg, channels[1].angle_deg),
+            _probe_inverse(first.angle_deg, second.angle_deg),
             order,
         )
 

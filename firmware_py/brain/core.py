@@ -18,7 +18,10 @@ from firmware_py.brain.observation import Observer, ObserverState
 from firmware_py.brain.policy import Policy, PolicyState, Proposal
 from firmware_py.brain.prediction import HORIZON_S, slow_roll_forward
 from firmware_py.brain.store import Models
+from firmware_py.brain.watch import OrbitWatch, WatchState
+from firmware_py.brain.watch_commissioning import WatchCommissioner, WatchCommissionState
 from firmware_py.config import Config
+from firmware_py.machine.parts import monitor_only
 from firmware_py.records import (
     Advice,
     Block,
@@ -65,6 +68,8 @@ class BrainTree(msgspec.Struct):
     diagnoser: DiagnoserState
     commissioner: CommissionerState
     policy: PolicyState
+    watch: WatchState | None = None
+    watch_commissioner: WatchCommissionState | None = None
 
 
 class BrainCore:
@@ -82,12 +87,15 @@ class BrainCore:
     """
 
     def __init__(self, config: Config, models: Models, cpu_features: str = "") -> None:
-        channels = ChannelMap.from_config(config)
+        self._monitor_only = monitor_only(config.machine)
+        self._watch = OrbitWatch(config) if self._monitor_only else None
+        channels = self._watch.channels if self._watch else ChannelMap.from_config(config)
         self._windower = Windower(channels, config.sampling.rate_hz)
         self._observer = Observer(channels)
         slow_roll_m = slow_roll_forward(config)
         self._diagnoser = Diagnoser(models.classifier, config.machine, slow_roll_m)
         self._commissioner = Commissioner(models.classifier, config, self._diagnoser, slow_roll_m)
+        self._own = WatchCommissioner(self._watch, config) if self._watch else None
         self._policy = Policy(models, config)
         self._pressure_bar = config.machine.actuator.safe_pressure_bar
         self._cpu_features = cpu_features
@@ -144,6 +152,9 @@ class BrainCore:
         self._observer.restore(state.observer, self.recent)
         self._diagnoser.state, self._commissioner.state = state.diagnoser, state.commissioner
         self._policy.state = state.policy
+        if self._watch and self._own and state.watch and state.watch_commissioner:
+            self._watch.restore(state.watch, self.recent)
+            self._own.state = state.watch_commissioner
 
     def record_from_here(self) -> None:
         """Let the next step begin with a snapshot: somebody has just begun to record."""
@@ -158,6 +169,8 @@ class BrainCore:
                 self._diagnoser.state,
                 self._commissioner.state,
                 self._policy.state,
+                self._watch.save() if self._watch else None,
+                self._own.state if self._own else None,
             )
         )
 
@@ -193,6 +206,8 @@ class BrainCore:
             self._recent.take(record)
             self._observer.take(record)
             self._state.newest_ns = record.t_acq_ns
+            if self._watch:
+                self._watch.take(record)
             return self._windower.step(record)
         if isinstance(record, RigReading):
             self._observer.take(record)
@@ -200,27 +215,31 @@ class BrainCore:
         elif isinstance(record, GuardState):
             self._state.guard = msgspec.structs.replace(record, counters={})
         elif isinstance(record, Normal):
-            self._commissioner.adopt(record)
+            (self._own or self._commissioner).adopt(record)
         return []
 
     def _obey(self, request: CommandRequest, now_ns: int) -> list[RoomRecord]:
         """The answer to a wish about commissioning, how that stands now, and what was learned."""
-        reply, learned = self._commissioner.obey(request)
-        said: list[RoomRecord] = [
-            reply,
-            self._commissioner.report(self._state.advice_seq, now_ns),
-        ]
+        commissioner = self._own or self._commissioner
+        reply, learned = commissioner.obey(request)
+        said: list[RoomRecord] = [reply, commissioner.report(self._state.advice_seq, now_ns)]
         return [*said, learned] if learned else said
 
     def diagnose(self, window: Window) -> list[RoomRecord]:
         """Diagnosis of ``window`` and the record that lets a replay find the same window."""
-        diagnosis, orders = self._diagnoser.step(window)
+        normal_name = self._diagnoser.normal_name
+        if self._watch and self._own:
+            diagnosis = self._watch.step(window)
+            self._own.gather(diagnosis, self._state.guard)
+            normal_name = self._own.normal_name
+        else:
+            diagnosis, orders = self._diagnoser.step(window)
+            self._commissioner.gather(
+                window, orders, diagnosis, self._diagnoser.answer, self._state.guard
+            )
+            if orders is not None:
+                self._policy.learn(window, orders)
         self._state.diagnosis = diagnosis
-        self._commissioner.gather(
-            window, orders, diagnosis, self._diagnoser.answer, self._state.guard
-        )
-        if orders is not None:
-            self._policy.learn(window, orders)
         return [
             diagnosis,
             WindowRecord(
@@ -229,13 +248,17 @@ class BrainCore:
                 last_block_seq=window.last_block_seq,
                 diagnosis_seq=diagnosis.seq,
                 cpu_features=self._cpu_features,
-                normal=self._diagnoser.normal_name,
+                normal=normal_name,
             ),
         ]
 
     def _advise(self, now_ns: int) -> list[RoomRecord]:
         state = self._state
-        proposal = self._policy.step(self._observer.present(), state.diagnosis, state.guard, now_ns)
+        proposal = (
+            Proposal(None, [f"monitor only: {reason}" for reason in self._monitor_only])
+            if self._monitor_only
+            else self._policy.step(self._observer.present(), state.diagnosis, state.guard, now_ns)
+        )
         state.advice_seq += 1
         forecast = self._forecast(proposal)
         proposes = proposal.clearance_m is not None
@@ -254,7 +277,7 @@ class BrainCore:
         if state.advice_seq % STATE_EVERY == 0:
             said += [
                 BrainState(state.advice_seq, now_ns, self.counters),
-                self._commissioner.report(state.advice_seq, now_ns),
+                (self._own or self._commissioner).report(state.advice_seq, now_ns),
             ]
         return said
 

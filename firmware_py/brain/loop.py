@@ -31,6 +31,8 @@ def main(argv: list[str]) -> int:
     launch.add_options(parser)
     start = launch.from_options(parser.parse_args(argv))
     models = load_models(start.config)
+    for kind, text in models.off.items():
+        print(f"orbitd brain: {kind} is off: {text}", file=sys.stderr, flush=True)
     for kind, text in models.refusals.items():
         print(f"orbitd brain: {kind} not used: {text}", file=sys.stderr, flush=True)
     prewarm(models)

@@ -63,11 +63,12 @@ def lines(stands: CommissionState | None, stored: str) -> list[str]:
         ]
     found = [f"normal      {_phase(stands, stored)}"]
     if stands.ranges:
-        (low, high), (least_m, most_m) = stands.ranges["speed_rad_s"], stands.ranges["clearance_m"]
-        found.append(
-            f"            {low * _RAD_S_TO_RPM:.0f} .. {high * _RAD_S_TO_RPM:.0f} rpm, "
-            f"{least_m * 1e6:.0f} .. {most_m * 1e6:.0f} um radial clearance"
-        )
+        low, high = stands.ranges["speed_rad_s"]
+        over = f"            {low * _RAD_S_TO_RPM:.0f} .. {high * _RAD_S_TO_RPM:.0f} rpm"
+        if "clearance_m" in stands.ranges:
+            least_m, most_m = stands.ranges["clearance_m"]
+            over += f", {least_m * 1e6:.0f} .. {most_m * 1e6:.0f} um radial clearance"
+        found.append(over)
     if stands.phase == "gathering":
         found += [
             f"            left out: {count} windows, {reason}"

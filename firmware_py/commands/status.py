@@ -36,9 +36,9 @@ def _lines(state: DeviceState) -> list[str]:
         lines += _guard_lines(state.guard)
     if state.diagnosis:
         doubt = ", in doubt" if state.diagnosis.doubt else ""
+        sure = f" ({100 * state.diagnosis.probability:.0f} %{doubt})"
         lines.append(
-            f"diagnosis   {state.diagnosis.verdict} ({100 * state.diagnosis.probability:.0f} "
-            f"%{doubt})"
+            f"diagnosis   {state.diagnosis.verdict}{sure if state.diagnosis.classes else ''}"
         )
     if state.forecast:
         power, film = state.forecast.power_W[1], state.forecast.min_film_um[1]
@@ -80,11 +80,21 @@ def _guard_lines(guard: GuardState) -> list[str]:
     )
     permit = "granted" if guard.run_permit else f"withheld: {'; '.join(guard.permit_reasons)}"
     x_um, y_um = guard.peak_to_peak_um
-    return [
+    others = [
+        f"            at {name} {x:.1f} x {y:.1f} um"
+        for name, (x, y) in guard.other_peak_to_peak_um.items()
+    ]
+    lines = [
         f"guard       {standing}; {authority}",
         f"run permit  {permit}",
         f"rotor       {guard.speed_rad_s * RAD_S_TO_RPM:.0f} rpm, orbit {x_um:.1f} x {y_um:.1f} um "
         f"peak to peak",
+        *others,
+    ]
+    if guard.monitor_only:
+        return [*lines, f"clearance   not measured here, monitor only: {guard.monitor_only}"]
+    return [
+        *lines,
         f"clearance   {guard.clearance_actual_um:.1f} um, target {guard.target_clearance_um:.1f} "
         f"um, "
         f"admissible {guard.clearance_low_um:.1f} .. {guard.clearance_high_um:.1f} um (radial)",

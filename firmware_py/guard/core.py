@@ -118,7 +118,9 @@ class GuardCore:
     def timers(self) -> dict[str, int]:
         """How long each danger limit has been exceeded whose delay is not over, ns: kept over a
         restart as well."""
-        return self.stages.protection.timers() | self.stages.oil.timers()
+        g = self.stages
+        others = {k: v for bearing in g.bearings for k, v in bearing.timers().items()}
+        return g.protection.timers() | g.oil.timers() | others
 
     @property
     def barred(self) -> bool:

@@ -26,7 +26,7 @@ def look_around(g: Stages, now_ns: int) -> None:
     that is sent.
 
     While the mark stays away, the shaft may have any speed between the one told and the last
-    reading.
+    reading.  On a machine that is monitor only there is neither load nor envelope to tell.
     """
     m, readings, known = g.memory, g.readings, g.readings.known()
     m.shield_due_ns = now_ns + SHIELD_PERIOD_NS
@@ -35,6 +35,8 @@ def look_around(g: Stages, now_ns: int) -> None:
     smaller_um = readings.smaller_clearance_um(g.acquire.node)
     m.vibration_um = (p2p_m * 1e6, g.protection.set_points_um(smaller_um)[1])
     m.vibration_high = m.vibration_um[0] > m.vibration_um[1]
+    if g.monitor_only:
+        return
     displacement_ok = g.protection.displacement_ok and g.pair.plausible
     if (
         not displacement_ok
@@ -104,6 +106,7 @@ def situation(g: Stages, cycle: Cycle, gap: bool) -> Situation:
         interval_m=m.interval_m,
         tripped=g.tripped,
         brain_connected=cycle.brain_connected,
+        monitor_only=g.monitor_only,
         doubts=g.readings.doubts
         | g.oil.beyond
         | g.supervision.doubts

@@ -6,7 +6,7 @@ from firmware_py.acquire.stage import AcquireOutput
 from firmware_py.guard.alarms.alarm import Notice
 from firmware_py.guard.authority.failsafe import Situation, node_reasons
 from firmware_py.guard.plausibility.pair import NO_FACTS
-from firmware_py.guard.plausibility.readings import CLEARANCE, PRESSURE
+from firmware_py.guard.plausibility.readings import CLEARANCE, OIL, PRESSURE
 from firmware_py.guard.protection.permit import PermitFacts
 from firmware_py.guard.state import Stages
 from firmware_py.guard.supervision import ActuatorReadings, NodeReports
@@ -24,9 +24,12 @@ def judge(g: Stages, acquired: AcquireOutput, now_ns: int) -> list[Notice]:
     notices += supervise(g, acquired, now_ns)
     if acquired.blocks:
         cap_um = g.readings.smaller_clearance_um(g.acquire.node)
-        notices += g.protection.step(acquired.blocks, cap_um)
+        notices += g.protection.step([g.first.block(b) for b in acquired.blocks], cap_um)
     notices += judge_speed(g, acquired, now_ns)
-    return notices + judge_pair(g, acquired.blocks)
+    notices += judge_pair(g, acquired.blocks)
+    for bearing in g.bearings:
+        notices += bearing.step(acquired.blocks, g.readings.value(OIL))
+    return notices
 
 
 def judge_speed(g: Stages, acquired: AcquireOutput, now_ns: int) -> list[Notice]:
@@ -80,8 +83,11 @@ def judge_pair(g: Stages, blocks: list[Block]) -> list[Notice]:
     """Whether the two displacements tell of one shaft, with the slow readings of now."""
     if not blocks:
         return []
-    known, notices = g.readings.known(), list[Notice]()
-    facts = g.pair.facts(known.clearance_um * 1e-6, known.oil_C) if known else NO_FACTS
+    known, notices, facts = g.readings.known(), list[Notice](), NO_FACTS
+    if known:
+        facts = g.pair.facts(known.clearance_um * 1e-6, known.oil_C)
+    elif g.readings.drawn:
+        facts = g.pair.drawn(g.readings.value(OIL))
     for block in blocks:
         p2p_m = max(g.protection.motion.peak_to_peak_um) * 1e-6
         notices += g.pair.step(block, facts, p2p_m)

@@ -6,6 +6,7 @@ from math import pi
 from typing import Final
 
 from firmware_py.guard.alarms.alarm import Notice
+from firmware_py.guard.envelope.target import Target
 from firmware_py.guard.protection.vibration import zone
 from firmware_py.guard.state import Stages
 from firmware_py.records import Alarm, Event, GuardState, NodeMode, Severity
@@ -60,6 +61,7 @@ def standing(g: Stages) -> list[Alarm]:
     found = [
         *g.protection.standing(),
         *g.pair.standing(),
+        *(alarm for bearing in g.bearings for alarm in bearing.standing()),
         *g.readings.standing(),
         *g.oil.standing(),
         *g.speed_high.standing(),
@@ -83,7 +85,11 @@ def guard_state(g: Stages, now_ns: int) -> GuardState:
     permit = g.permit.state
     low_m, high_m = m.interval_m or (0.0, 0.0)
     p2p_um = g.protection.motion.peak_to_peak_um
-    node = a.node
+    node, causes = a.node, g.protection.causes
+    others = {bearing.name: bearing.peak_to_peak_um for bearing in g.bearings}
+    for bearing in g.bearings:
+        causes = causes | bearing.causes
+    target = Target(0.0, 0.0) if g.monitor_only else m.target
     return GuardState(
         seq=m.state_seq,
         t_ns=now_ns,
@@ -95,9 +101,9 @@ def guard_state(g: Stages, now_ns: int) -> GuardState:
         load_estimate_N=0.5 * (m.load.low_N + m.load.high_N),
         clearance_low_um=low_m * 1e6,
         clearance_high_um=high_m * 1e6,
-        target_clearance_um=m.target.clearance_um,
-        target_pressure_bar=m.target.pressure_bar,
-        clearance_actual_um=a.status.clearance_actual_um if a.status else 0.0,
+        target_clearance_um=target.clearance_um,
+        target_pressure_bar=target.pressure_bar,
+        clearance_actual_um=a.status.clearance_actual_um if a.status and g.measures else 0.0,
         peak_to_peak_um=p2p_um,
         run_permit=permit.granted,
         trip_request=permit.trip_request,
@@ -108,5 +114,7 @@ def guard_state(g: Stages, now_ns: int) -> GuardState:
         counters=counters(g),
         zone=zone(max(p2p_um), a.speed.speed_rad_s * 30 / pi),
         permit_reasons=permit.reasons,
-        channel_causes=g.protection.causes,
+        channel_causes=causes,
+        monitor_only=g.monitor_only,
+        other_peak_to_peak_um=others,
     )

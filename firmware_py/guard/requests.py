@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from firmware_py.guard.alarms.alarm import Notice
 from firmware_py.guard.authority.failsafe import Situation
 from firmware_py.guard.state import Stages
-from firmware_py.records import CommandReply, CommandRequest, Severity
+from firmware_py.records import CommandReply, CommandRequest, Mode, Severity
+
+MOVING: Final = ("arm", "set_clearance", "set_pressure", "announce")
+"""Requests that need something to be moved, or an envelope."""
 
 
 class Answered(NamedTuple):
@@ -21,7 +24,10 @@ def answer(g: Stages, commands: list[CommandRequest], situation: Situation) -> A
     """Answer every request; disarm goes first."""
     replies, notices = list[CommandReply](), list[Notice]()
     for request in sorted(commands, key=lambda c: c.verb != "disarm"):
-        if request.verb == "reset":
+        refused = _refused(request, situation)
+        if refused:
+            reply, told = CommandReply(request.seq, False, refused), list[Notice]()
+        elif request.verb == "reset":
             reply, told = _reset(g, request, situation)
         elif request.verb == "announce":
             reply, told = _announce(g, request, situation.now_ns)
@@ -34,11 +40,24 @@ def answer(g: Stages, commands: list[CommandRequest], situation: Situation) -> A
     return Answered(replies, notices)
 
 
+def _refused(request: CommandRequest, situation: Situation) -> list[str]:
+    """Why a machine that is monitor only takes no such request: nothing there can be moved."""
+    moves = request.verb in MOVING or (request.verb == "mode" and request.mode != Mode.MONITOR)
+    if not (situation.monitor_only and moves):
+        return []
+    return [f"monitor only: {situation.monitor_only}; see `orbitd check`"]
+
+
 def _reset(
     g: Stages, request: CommandRequest, situation: Situation
 ) -> tuple[CommandReply, list[Notice]]:
     """Unlatch what no longer stands."""
-    left = g.protection.reset() + g.oil.reset() + g.speed_high.reset(g.acquire.speed.lost)
+    left = (
+        g.protection.reset()
+        + g.oil.reset()
+        + [reason for bearing in g.bearings for reason in bearing.reset()]
+    )
+    left += g.speed_high.reset(g.acquire.speed.lost)
     notices = g.speed_check.reset()
     g.arming.reset(left)
     g.permit.reset()

@@ -9,6 +9,7 @@ import msgspec
 
 from firmware_py.acquire.stage import Acquire, AcquireState
 from firmware_py.config import Config
+from firmware_py.config.bearings import views
 from firmware_py.guard.alarms.condition import Condition, ConditionState
 from firmware_py.guard.alarms.telling import Telling, Told
 from firmware_py.guard.authority.arming import Arming, ArmingState
@@ -21,15 +22,17 @@ from firmware_py.guard.envelope.vibration_hold import VibrationHold, VibrationHo
 from firmware_py.guard.plausibility.frame_loss import FrameLoss, FrameLossState
 from firmware_py.guard.plausibility.more_readings import MoreReadings
 from firmware_py.guard.plausibility.pair import PairCheck, PairState
-from firmware_py.guard.plausibility.readings import Readings, ReadingsState
+from firmware_py.guard.plausibility.readings import CLEARANCE, Readings, ReadingsState
 from firmware_py.guard.plausibility.rest import Rest, RestState
 from firmware_py.guard.plausibility.speed_check import SpeedCheck, SpeedCheckState
+from firmware_py.guard.protection.bearing import BearingGuard, BearingGuardState
 from firmware_py.guard.protection.oil import OilProtection, OilProtectionState
 from firmware_py.guard.protection.permit import Permit, PermitState, Start
 from firmware_py.guard.protection.speed_high import NAME as SPEED_HIGH
 from firmware_py.guard.protection.speed_high import SpeedHigh, SpeedHighState
 from firmware_py.guard.protection.vibration import Protection, ProtectionState
 from firmware_py.guard.supervision import Supervision, SupervisionState
+from firmware_py.machine.parts import has_reading, monitor_only
 from firmware_py.records import Advice
 
 NEVER_NS: Final = -(1 << 62)
@@ -85,6 +88,7 @@ class CoreState(msgspec.Struct):
     frame_loss: FrameLossState = msgspec.field(default_factory=FrameLossState)
     rest: RestState = msgspec.field(default_factory=RestState)
     more: dict[str, ConditionState] = {}
+    bearings: dict[str, BearingGuardState] = {}
 
 
 class Stages:
@@ -107,6 +111,8 @@ class Stages:
         timers: dict[str, int] | None = None,
     ) -> None:
         self.config = config
+        self.monitor_only = "; ".join(monitor_only(config.machine))
+        self.first, *others = views(config)
         self.session = session
         self.ttl_ns = config.machine.actuator.time_to_live_ms * 1_000_000
         self.fresh_ns = round(config.sampling.fresh_age_ms * 1e6)
@@ -124,13 +130,18 @@ class Stages:
         self.oil = OilProtection(config, names)
         self.speed_high = SpeedHigh(config, SPEED_HIGH in names)
         self.speed_check, self.rest = SpeedCheck(config), Rest(config.machine)
+        self.bearings = [BearingGuard(view, names) for view in others]
+        owned = {SPEED_HIGH, *self.oil.state.alarms}
+        owned |= {name for bearing in self.bearings for name in bearing.alarms}
         self.protection = Protection(
-            config,
-            [name for name in names if name != SPEED_HIGH and name not in self.oil.state.alarms],
+            self.first.config, [name for name in names if name not in owned]
         )
         self.readings = Readings(config)
-        for stage in (self.protection, self.oil):
-            stage.resume(timers or {})
+        ran = timers or {}
+        self.protection.resume(ran)
+        self.oil.resume(ran)
+        for bearing in self.bearings:
+            bearing.resume(ran)
         self.permit = Permit(config.drive, start or Start())
         self.unwritable = Condition("trip_file_unwritable", "trip_file_written")
         self.arming = Arming(config)
@@ -143,7 +154,10 @@ class Stages:
         self.more = MoreReadings(config)
         self.announcements = Announcements(config, self.shield.lead_s)
         self.telling = Telling()
-        self.memory = MemoryState(self.arming.safe, self.load.declared())
+        nothing = LoadInterval(0.0, 0.0, 0.0, False)
+        self.memory = MemoryState(
+            self.arming.safe, nothing if self.monitor_only else self.load.declared()
+        )
 
     @property
     def state(self) -> CoreState:
@@ -169,6 +183,7 @@ class Stages:
             self.frame_loss.state,
             self.rest.state,
             self.more.state,
+            {bearing.name: bearing.state for bearing in self.bearings},
         )
 
     @state.setter
@@ -192,11 +207,20 @@ class Stages:
         self.vibration.state = state.vibration
         self.frame_loss.state, self.rest.state = state.frame_loss, state.rest
         self.more.state = state.more
+        for bearing in self.bearings:
+            if bearing.name in state.bearings:
+                bearing.restore(state.bearings[bearing.name])
 
     @property
     def tripped(self) -> list[str]:
         """Names of latched danger alarms."""
-        return self.protection.tripped + self.oil.tripped + self.speed_high.tripped
+        others = [name for bearing in self.bearings for name in bearing.tripped]
+        return self.protection.tripped + others + self.oil.tripped + self.speed_high.tripped
+
+    @property
+    def measures(self) -> bool:
+        """Whether the rig sends a measured clearance."""
+        return has_reading(self.config.machine, CLEARANCE)
 
     def away(self, now_ns: int) -> bool:
         """Whether the guard was not called for longer than a command lives."""

@@ -18,7 +18,7 @@ from typing import Any, Final, NamedTuple
 
 from firmware_py import signals
 from firmware_py.machine.domain import outside_laws
-from firmware_py.machine.schema import Machine
+from firmware_py.machine.schema import JournalBearing, Machine
 
 ACTUATOR, FEED, LUBRICANT, ROTOR = "actuator", "feed", "lubricant", "rotor"
 BEARING, CLEARANCE, LOAD, RAMPS = "bearing", "clearance", "load", "ramps"
@@ -153,6 +153,17 @@ class Reason(NamedTuple):
 def has(machine: Machine, part: str) -> bool:
     """Whether ``machine`` really has ``part``: its figures are no stand-ins."""
     return part not in machine.absent
+
+
+def bearings_of(machine: Machine) -> list[JournalBearing]:
+    """Every bearing, the first one first."""
+    return [machine.bearing, *machine.other_bearing]
+
+
+def clearance_known(machine: Machine, bearing: JournalBearing) -> bool:
+    """Whether the clearance of one of its bearings is no stand-in."""
+    first = bearing is machine.bearing
+    return has(machine, CLEARANCE if first else part_of(CLEARANCE, bearing.name))
 
 
 def has_reading(machine: Machine, name: str) -> bool:

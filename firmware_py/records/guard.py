@@ -81,3 +81,7 @@ class GuardState(Record, frozen=True, tag=True):
     channel_causes: dict[str, str] = msgspec.field(default_factory=dict)
     """Channels that are not OK, and why: ``open``, ``stuck``, ``saturated``, ``intermittent``,
     ``beyond``."""
+    monitor_only: str = ""
+    """Why the machine is monitor only: load, clearances and targets above are 0 and say nothing."""
+    other_peak_to_peak_um: dict[str, tuple[float, float]] = msgspec.field(default_factory=dict)
+    """Vibration of the further bearings, by name."""

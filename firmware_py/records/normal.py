@@ -36,6 +36,26 @@ class Belonging(Record, frozen=True):
     configuration: str
 
 
+class OwnNormal(Record, frozen=True):
+    """The healthy state of a machine that no fleet stands behind
+    (:mod:`firmware_py.brain.watch_normal`).
+
+    ``names`` are its figures, ``weights`` ``(terms, figures)`` what speed explains of them (about
+    ``centre`` of the logarithm, in units of ``spread``), ``scatter`` what is left; ``columns`` of
+    each of ``parts``, whose distances have ``typical`` medians and ``limits``.
+    """
+
+    names: list[str]
+    parts: list[str]
+    columns: list[int]
+    centre: float
+    spread: float
+    weights: list[list[float]]
+    scatter: list[float]
+    typical: list[float]
+    limits: list[float]
+
+
 class Normal(Record, frozen=True, tag=True):
     """The healthy state of one machine, learned from its own windows
     (:class:`firmware_py.brain.normal.Learner`).
@@ -57,6 +77,8 @@ class Normal(Record, frozen=True, tag=True):
     quiet: list[float]
     baseline: Baseline
     made_unix_ns: int = 0
+    own: OwnNormal | None = None
+    """Of a machine that is monitor only; what stands above of fleet and heads is then empty."""
 
 
 class CommissionState(Record, frozen=True, tag=True):

@@ -9,6 +9,7 @@ from typing import Final
 import msgspec
 
 from firmware_py.config import Config
+from firmware_py.machine.parts import ACTUATOR, has
 from firmware_py.records import NodeFigures, NodeInfo
 from firmware_py.wire.layout import WireLayout
 
@@ -57,6 +58,8 @@ class Situation(msgspec.Struct):
     speeds_rpm: tuple[float, float] = (0.0, 0.0)
     vibration_um: float = 0.0
     vibration_limit_um: float = 0.0
+    monitor_only: str = ""
+    """Why nothing may be commanded here, ever; empty where it may."""
 
     @property
     def speed_said(self) -> str:
@@ -82,6 +85,9 @@ class Failsafe(msgspec.Struct, frozen=True):
     alarmed: bool = False
     """Its name is that of an alarm, whose text says it all: no further event, no text of its
     own."""
+    watches: bool = False
+    """It is of what is watched, not of what is commanded: it holds on a machine that is monitor
+    only as well."""
 
     def reason(self, situation: Situation) -> str:
         """What a person reads now."""
@@ -108,10 +114,12 @@ def _doubt(name: str, alarms: tuple[str, ...], text: str, *, bars_arming: bool =
     )
 
 
-def _supervised(name: str, action: Action, *, bars_arming: bool = True) -> Failsafe:
+def _supervised(
+    name: str, action: Action, *, bars_arming: bool = True, watches: bool = False
+) -> Failsafe:
     """A row for an alarm of the supervision, or of the target's way."""
     return Failsafe(
-        name, lambda s: name in s.doubts, action, bars_arming, "", (name,), alarmed=True
+        name, lambda s: name in s.doubts, action, bars_arming, "", (name,), True, watches
     )
 
 
@@ -122,6 +130,15 @@ FAILSAFES: Final = (
         Action.TRIP,
         True,
         "a danger alarm is latched; remove the cause, then `reset`",
+        watches=True,
+    ),
+    Failsafe(
+        "monitor_only",
+        lambda s: bool(s.monitor_only),
+        Action.TAKE_AUTHORITY,
+        True,
+        "monitor only: {s.monitor_only}",
+        watches=True,
     ),
     Failsafe(
         "node_mismatch",
@@ -129,6 +146,7 @@ FAILSAFES: Final = (
         Action.DISARM,
         True,
         "the node is not the configured one",
+        watches=True,
     ),
     Failsafe(
         "foreign_command",
@@ -138,7 +156,7 @@ FAILSAFES: Final = (
         "another device sends commands on this bus; disconnect it",
     ),
     _supervised("node_elsewhere", Action.DISARM),
-    _supervised("two_senders", Action.RECOVER),
+    _supervised("two_senders", Action.RECOVER, watches=True),
     _supervised("node_state_frozen", Action.RECOVER),
     Failsafe(
         "link_down",
@@ -147,6 +165,7 @@ FAILSAFES: Final = (
         True,
         "the link to the node is down; check adapter, hub or port",
         ("link_fault",),
+        watches=True,
     ),
     Failsafe(
         "samples_stale",
@@ -155,6 +174,7 @@ FAILSAFES: Final = (
         True,
         "no fresh samples; check that the node is running",
         ("link_fault",),
+        watches=True,
     ),
     Failsafe(
         "clock_unsettled",
@@ -162,6 +182,7 @@ FAILSAFES: Final = (
         Action.RECOVER,
         True,
         "the node's clock is not settled yet; wait a second",
+        watches=True,
     ),
     Failsafe(
         "node_silent",
@@ -195,6 +216,7 @@ FAILSAFES: Final = (
         Action.TAKE_AUTHORITY,
         True,
         "another device sends heartbeats on this bus; disconnect it",
+        watches=True,
     ),
     Failsafe(
         "mark_lost",
@@ -202,6 +224,7 @@ FAILSAFES: Final = (
         Action.TAKE_AUTHORITY,
         False,
         "the once-per-turn mark is lost or implausible; the speed is unknown",
+        watches=True,
     ),
     Failsafe(
         "displacement_not_ok",
@@ -286,9 +309,14 @@ FAILSAFES: Final = (
 )
 
 
+MONITORED: Final = tuple(failsafe for failsafe in FAILSAFES if failsafe.watches)
+
+
 def active(situation: Situation) -> list[Failsafe]:
-    """Every failsafe that holds, worst first."""
-    return [failsafe for failsafe in FAILSAFES if failsafe.holds(situation)]
+    """Every failsafe that holds, worst first; on a machine that is monitor only, those of what is
+    watched."""
+    rows = MONITORED if situation.monitor_only else FAILSAFES
+    return [failsafe for failsafe in rows if failsafe.holds(situation)]
 
 
 def node_reasons(
@@ -297,12 +325,13 @@ def node_reasons(
     """Every way in which the node is not the configured one; empty when it conforms.
 
     ``info`` is None while it has not said yet, which gives an empty list: not having heard it is
-    another matter.
+    another matter.  Of a node without an actuator only what it measures is compared.
     """
     if info is None:
         return []
     a, period_us = config.machine.actuator, config.sampling.period_us
     schema, layout = config.bus.schema, WireLayout.of(config)
+    moves = has(config.machine, ACTUATOR)
     step = "update one of the two" if schema == 1 else "update one of the two, or set bus.schema"
     checks = (
         (
@@ -315,19 +344,20 @@ def node_reasons(
             f"channels and readings; give node and device the same list (`orbitd rig dbc`)",
         ),
         (
-            abs(info.boot_clearance_um - a.safe_radial_clearance_um) < CLEARANCE_STEP_UM,
+            not moves
+            or abs(info.boot_clearance_um - a.safe_radial_clearance_um) < CLEARANCE_STEP_UM,
             f"node: boot clearance {info.boot_clearance_um:g} um is not "
             f"actuator.safe_radial_clearance_um = "
             f"{a.safe_radial_clearance_um:g}; make them equal",
         ),
         (
-            abs(info.boot_pressure_bar - a.safe_pressure_bar) < PRESSURE_STEP_BAR,
+            not moves or abs(info.boot_pressure_bar - a.safe_pressure_bar) < PRESSURE_STEP_BAR,
             f"node: boot pressure {info.boot_pressure_bar:g} bar is not "
             f"actuator.safe_pressure_bar = "
             f"{a.safe_pressure_bar:g}; make them equal",
         ),
         (
-            info.time_to_live_ms == a.time_to_live_ms,
+            not moves or info.time_to_live_ms == a.time_to_live_ms,
             f"node: time to live {info.time_to_live_ms} ms is not actuator.time_to_live_ms = "
             f"{a.time_to_live_ms}",
         ),
@@ -337,13 +367,13 @@ def node_reasons(
             f"({period_us} us)",
         ),
         (
-            info.rate_um_s >= a.rate_um_s - 0.1,
+            not moves or info.rate_um_s >= a.rate_um_s - 0.1,
             f"node: rate {info.rate_um_s:g} um/s is below actuator.rate_um_s = {a.rate_um_s:g}; "
             f"lower the latter",
         ),
     )
     reasons = [text for holds, text in checks if not holds]
-    if schema == 1 or info.schema != schema:
+    if schema == 1 or info.schema != schema or not moves:
         return reasons
     return reasons + _figure_reasons(config, figures)
 

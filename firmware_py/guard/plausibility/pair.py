@@ -53,7 +53,7 @@ sums are integers, so that they are the same on every machine.
 
 from __future__ import annotations
 
-from math import pi, sqrt
+from math import isnan, nan, pi, sqrt
 from typing import Final, NamedTuple
 
 import msgspec
@@ -67,6 +67,7 @@ from firmware_py.guard.measurement.motion import DISPLACEMENTS, probes_to_xy
 from firmware_py.machine.film import KNOTS, static_film
 from firmware_py.machine.groove import Groove
 from firmware_py.machine.lubricant import CredibleOil
+from firmware_py.machine.parts import CLEARANCE, has, has_film_law
 from firmware_py.machine.probes import are_zeroed, probe_errors
 from firmware_py.records import Alarm, Block, ChannelCause, Quality, Severity, cause_of
 
@@ -112,7 +113,8 @@ MOVED_M: Final = 6e-6
 OUTSIDE, POSITION, BACKWARD, COPIED_KIND = "outside", "position", "backward", "copied"
 REST: Final = "rest"
 KINDS: Final = (OUTSIDE, POSITION, BACKWARD, COPIED_KIND, REST)
-NEXT_STEP: Final = "check wiring, order, sign, gain and zero of disp_x and disp_y"
+FIRST: Final = "disp"
+"""Before the names of the alarms of the first bearing."""
 
 
 class Facts(msgspec.Struct, frozen=True):
@@ -198,10 +200,17 @@ class PairCheck:
     ----------
     config
         Bearing, oil, probes and the declared range of static load (downward, along -y).
+    name
+        Of the bearing, in its alarms; that of the first is ``disp``.
     """
 
-    def __init__(self, config: Config) -> None:
+    def __init__(self, config: Config, name: str = FIRST) -> None:
         b, o = config.machine.bearing, config.machine.operating
+        self._name, self._probes = name, tuple(c.name for c in config.machine.channel[:2])
+        self._has_law = has_film_law(config.machine)
+        self._drawn_m = (
+            b.radial_clearance_nominal_um * 1e-6 if has(config.machine, CLEARANCE) else nan
+        )
         probes = [config.machine.channel[i] for i in DISPLACEMENTS]
         self._scales = [(p.scale, p.offset) for p in probes]
         self._to_xy = probes_to_xy(probes[0].angle_deg, probes[1].angle_deg)
@@ -262,6 +271,12 @@ class PairCheck:
         within = low_m <= clearance_m <= high_m and cold_C <= temperature_C <= hot_C
         return Facts(clearance_m, temperature_C, ok and within)
 
+    def drawn(self, temperature_C: float | None) -> Facts:
+        """Of a bearing whose clearance is fixed and not measured: that of its drawing."""
+        if isnan(self._drawn_m):
+            return NO_FACTS
+        return Facts(self._drawn_m, nan if temperature_C is None else temperature_C)
+
     @property
     def plausible(self) -> bool:
         """Whether nothing stands against the pair."""
@@ -271,17 +286,25 @@ class PairCheck:
         """One alarm for each kind that stands."""
         return [
             Alarm(
-                f"disp_pair_{name}",
+                f"{self._name}_pair_{name}",
                 int(Severity.FAULT),
                 k.since_ns,
                 k.value,
                 k.limit,
                 False,
-                f"disp_x and disp_y contradict the machine ({name}); {NEXT_STEP}",
+                f"{self._both} contradict the machine ({name}); {self._next_step}",
             )
             for name, k in self.state.kinds.items()
             if k.standing
         ]
+
+    @property
+    def _both(self) -> str:
+        return " and ".join(self._probes)
+
+    @property
+    def _next_step(self) -> str:
+        return f"check wiring, order, sign, gain and zero of {self._both}"
 
     def step(self, block: Block, facts: Facts, peak_to_peak_m: float) -> list[Notice]:
         """Take in ``block``; judge when it ends a window."""
@@ -398,8 +421,44 @@ class PairCheck:
         notices = []
         for name in KINDS:
             if name in found:
-                notices += _count(name, self.state.kinds[name], found[name], t_ns)
+                notices += self._count(name, self.state.kinds[name], found[name], t_ns)
         return notices
+
+    def _count(self, name: str, kind: Kind, found: Verdict, t_ns: int) -> list[Notice]:
+        """Count a verdict; what begins or ends with it."""
+        kind.bad = counted(kind.bad, found.bad, 1, BAD_LEAST)
+        kind.good = 0 if found.bad else kind.good + 1
+        if found.bad:
+            kind.value, kind.limit = found.value, found.limit
+        if found.bad and kind.bad >= BAD * BAD_LEAST and not kind.standing:
+            kind.standing, kind.since_ns = True, t_ns
+            return [
+                Notice(
+                    Severity.FAULT,
+                    f"{self._name}_pair_{name}",
+                    (
+                        f"{self._both} contradict the machine: {found.text} {found.value:.4g} "
+                        f"above {found.limit:.4g} for "
+                        f"{BAD_LEAST * WINDOW_S:g} s; {self._next_step}"
+                    ),
+                    found.value,
+                    found.limit,
+                )
+            ]
+        if kind.good >= GOOD_LEAST and kind.standing:
+            kind.standing = False
+            kind.bad = 0
+            return [
+                Notice(
+                    Severity.INFO,
+                    f"{self._name}_pair_{name}_ok",
+                    (
+                        f"{self._both} agree with the machine again ({name}) since "
+                        f"{GOOD_LEAST * WINDOW_S:g} s"
+                    ),
+                )
+            ]
+        return []
 
     def _backward(self, w: PairStatistics) -> Verdict:
         limit = (
@@ -447,7 +506,8 @@ class PairCheck:
         unsteady = (
             abs(speed_rad_s - s.start_rad_s) > STEADY_SPEED * s.start_rad_s or moved_m > STEADY_M
         )
-        if unsteady or clearance_m <= 0.0 or s.p2p_m > ORBIT_SHARE_MAX * clearance_m:
+        lawless = not self._has_law or isnan(facts.temperature_C)
+        if lawless or unsteady or clearance_m <= 0.0 or s.p2p_m > ORBIT_SHARE_MAX * clearance_m:
             return None
         first, last = self._admissible(clearance_m, speed_rad_s, facts.temperature_C)
         fixed_m = self._zero_m + moved_m + s.p2p_m / (2.0 * pi * max(1.0, s.turns))
@@ -533,40 +593,3 @@ def _copied(w: PairStatistics) -> Verdict:
 def _share(both: float, first: float, second: float) -> float:
     """Correlation coefficient; 0 where there is no signal."""
     return both / sqrt(first * second) if first > 0 and second > 0 else 0.0
-
-
-def _count(name: str, kind: Kind, found: Verdict, t_ns: int) -> list[Notice]:
-    """Count a verdict; what begins or ends with it."""
-    kind.bad = counted(kind.bad, found.bad, 1, BAD_LEAST)
-    kind.good = 0 if found.bad else kind.good + 1
-    if found.bad:
-        kind.value, kind.limit = found.value, found.limit
-    if found.bad and kind.bad >= BAD * BAD_LEAST and not kind.standing:
-        kind.standing, kind.since_ns = True, t_ns
-        return [
-            Notice(
-                Severity.FAULT,
-                f"disp_pair_{name}",
-                (
-                    f"disp_x and disp_y contradict the machine: {found.text} {found.value:.4g} "
-                    f"above {found.limit:.4g} for "
-                    f"{BAD_LEAST * WINDOW_S:g} s; {NEXT_STEP}"
-                ),
-                found.value,
-                found.limit,
-            )
-        ]
-    if kind.good >= GOOD_LEAST and kind.standing:
-        kind.standing = False
-        kind.bad = 0
-        return [
-            Notice(
-                Severity.INFO,
-                f"disp_pair_{name}_ok",
-                (
-                    f"disp_x and disp_y agree with the machine again ({name}) since "
-                    f"{GOOD_LEAST * WINDOW_S:g} s"
-                ),
-            )
-        ]
-    return []

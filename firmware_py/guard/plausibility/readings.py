@@ -30,11 +30,22 @@ from typing import Final, NamedTuple
 import msgspec
 import numpy as np
 
+from firmware_py import signals
 from firmware_py.config import Config
 from firmware_py.config.instances import places
 from firmware_py.guard.alarms.alarm import AlarmState, Notice
 from firmware_py.guard.alarms.tally import Tally
 from firmware_py.machine.lubricant import CredibleOil, coldest_outlet_C
+from firmware_py.machine.parts import (
+    ACTUATOR,
+    FEED,
+    LUBRICANT,
+    ROTOR,
+    has,
+    has_film_law,
+    has_reading,
+)
+from firmware_py.machine.parts import CLEARANCE as DRAWN_CLEARANCE
 from firmware_py.records import (
     Alarm,
     Block,
@@ -171,13 +182,21 @@ class Readings:
         self._age_max_ns, self._clean_ns = round(r.age_max_ms * 1e6), round(r.clean_s * 1e9)
         self._clearances_um = b.radial_clearance_min_um, b.radial_clearance_max_um
         self._safe_um = config.machine.actuator.safe_radial_clearance_um
-        self._coldest_C = coldest_outlet_C(config.machine)
+        self._coldest_C = (
+            coldest_outlet_C(config.machine) if has(config.machine, LUBRICANT) else -inf
+        )
         self._supply = places(config.machine.channel).of(SUPPLY)
         channel = config.machine.channel[self._supply]
         self._supply_scale, self._supply_offset = channel.scale, channel.offset
+        self._moves = has(config.machine, ACTUATOR)
+        self._clearance_known = has(config.machine, DRAWN_CLEARANCE)
         self._heat_W = FROZEN_HEAT_C * config.machine.lubricant.cooling_W_K or inf
-        most_W = r.shaft_power_max_W or power_max_W(config)
-        most_bar = r.pressure_max_bar or PRESSURE_MARGIN * f.pressure_max_bar
+        most_W = r.shaft_power_max_W or _power_limit_W(config)
+        most_bar = r.pressure_max_bar or (
+            PRESSURE_MARGIN * f.pressure_max_bar
+            if has(config.machine, FEED)
+            else signals.SLOW["pressure"].greatest
+        )
         self.rows = {
             OIL: ReadingRow(
                 "oil_outlet_C",
@@ -201,6 +220,9 @@ class Readings:
             PRESSURE: ReadingRow(
                 "pressure_actual_bar", "bar", "readings.pressure_max_bar", 0.0, most_bar
             ),
+        }
+        self._sent = {
+            name: row for name, row in self.rows.items() if has_reading(config.machine, name)
         }
         alarms = {
             name: AlarmState(f"{name}_not_ok", int(Severity.FAULT), latching=False)
@@ -232,7 +254,7 @@ class Readings:
         s, notices = self.state, list[Notice]()
         if blocks and now_ns - s.supply_ns >= SUPPLY_PERIOD_NS:
             self._average(blocks[-1], now_ns)
-        if status is None:
+        if status is None or not self._sent:
             s.tick_us, s.heard_ns, s.fresh, s.readings[CLEARANCE].believed = (
                 -1,
                 NEVER_NS,
@@ -274,7 +296,7 @@ class Readings:
     ) -> None:
         """Each reading of a new message, and the pressure beside its channel."""
         target_um = node.target_clearance_um if node else None
-        for name, row in self.rows.items():
+        for name, row in self._sent.items():
             state, value = self.state.readings[name], float(getattr(status, row.field))
             cause, limit = _implausible(
                 row, state.value, value, passed_s, target_um if name == CLEARANCE else None
@@ -348,6 +370,8 @@ class Readings:
             s.both_ns = now_ns
         if not s.fresh and now_ns - s.supply_ns > self._age_max_ns:
             return
+        if PRESSURE not in self._sent and self._supply < 0:
+            return
         if s.blind.add(slow is None and fast is None, passed_ns, BLIND_NS):
             self._tell(
                 "blind",
@@ -403,7 +427,8 @@ class Readings:
     def value(self, name: str) -> float | None:
         """The reading where it is OK and fresh; None otherwise."""
         s = self.state
-        return s.readings[name].value if s.fresh and not s.alarms[name].standing else None
+        known = s.fresh and name in self._sent and not s.alarms[name].standing
+        return s.readings[name].value if known else None
 
     def supply_bar(self, now_ns: int) -> float | None:
         """Mean of the channel ``supply_pressure``; None while it is not OK or old."""
@@ -414,11 +439,14 @@ class Readings:
         """The smaller of measured and commanded radial clearance, for the caps of protection.
 
         A measured one that is not OK neither lifts the cap nor closes it: the last that was
-        believed counts instead.
+        believed counts instead.  Where the bearing's clearance is not known at all, nothing is
+        capped.
         """
+        if not self._clearance_known:
+            return inf
         low_um, high_um = self._clearances_um
         measured_um = self.state.readings[CLEARANCE].believed
-        target_um = node.target_clearance_um if node else self._safe_um
+        target_um = node.target_clearance_um if node and self._moves else self._safe_um
         smaller_um = min(self._safe_um if measured_um is None else measured_um, target_um)
         return min(max(smaller_um, low_um), high_um)
 
@@ -426,6 +454,11 @@ class Readings:
         """The clearance in which vibration was measured: :meth:`smaller_clearance_um`, or the
         narrowest there is."""
         return self._clearances_um[0] if self.value(CLEARANCE) is None else smaller_um
+
+    @property
+    def drawn(self) -> bool:
+        """Whether the clearance is fixed and not measured, so that the drawing's counts."""
+        return not self._moves and CLEARANCE not in self._sent
 
     @property
     def doubts(self) -> dict[str, str]:
@@ -515,6 +548,12 @@ def _implausible(
     if moved > most and not arrived:
         return f"moved by {moved:.4g} in {passed_s:.3g} s, more than {most:.4g}", most
     return "", row.high
+
+
+def _power_limit_W(config: Config) -> float:
+    """:func:`power_max_W` where film and wind are known; else what the wire can carry."""
+    known = has_film_law(config.machine) and has(config.machine, ROTOR)
+    return power_max_W(config) if known else signals.SLOW["power"].greatest
 
 
 def power_max_W(config: Config) -> float:

@@ -18,6 +18,7 @@ from firmware_py.config import Config
 from firmware_py.guard.alarms.alarm import QUIET_NS, AlarmState, Notice
 from firmware_py.guard.plausibility.readings import OilEvidence
 from firmware_py.machine.lubricant import coldest_outlet_C
+from firmware_py.machine.parts import FEED, LUBRICANT, has
 from firmware_py.records import Alarm, Severity
 
 GAP_NS: Final = 250_000_000
@@ -197,11 +198,25 @@ class OilProtection:
 
 
 def _watches(config: Config) -> list[Watch]:
-    """Every limit of the oil, in the order in which it is judged."""
-    feed, oil = config.machine.feed, config.machine.lubricant
+    """Every limit of the oil, in the order in which it is judged.
+
+    Where feed or lubricant are not described, the limits that are written; hysteresis then counts
+    from twice the pressure, and from 0 degC.
+    """
+    machine, lim = config.machine, config.limits
+    feed, oil = has(machine, FEED), has(machine, LUBRICANT)
     low_bar, hot_C = config.oil_pressure_limits_bar, config.oil_outlet_limits_C
-    alert, danger, coldest_C = Severity.ALERT, Severity.DANGER, coldest_outlet_C(config.machine)
-    return [
+    most_bar = machine.feed.pressure_max_bar if feed else 2.0 * max(low_bar)
+    cold_C = machine.lubricant.inlet_min_C if oil else 0.0
+    alert, danger, coldest_C = Severity.ALERT, Severity.DANGER, coldest_outlet_C(machine)
+    written = {
+        "limits.oil_pressure_low_alert_bar": feed or lim.oil_pressure_low_alert_bar,
+        "limits.oil_pressure_low_danger_bar": feed or lim.oil_pressure_low_danger_bar,
+        "limits.oil_outlet_high_alert_C": oil or lim.oil_outlet_high_alert_C,
+        "limits.oil_outlet_high_danger_C": oil or lim.oil_outlet_high_danger_C,
+        "oil.inlet_min_C": oil,
+    }
+    watches = [
         Watch(
             "oil_pressure_low_alert",
             alert,
@@ -210,7 +225,7 @@ def _watches(config: Config) -> list[Watch]:
             "limits.oil_pressure_low_alert_bar",
             -1.0,
             low_bar[0],
-            feed.pressure_max_bar,
+            most_bar,
         ),
         Watch(
             "oil_pressure_low_danger",
@@ -220,7 +235,7 @@ def _watches(config: Config) -> list[Watch]:
             "limits.oil_pressure_low_danger_bar",
             -1.0,
             low_bar[1],
-            feed.pressure_max_bar,
+            most_bar,
         ),
         Watch(
             "oil_outlet_high_alert",
@@ -230,7 +245,7 @@ def _watches(config: Config) -> list[Watch]:
             "limits.oil_outlet_high_alert_C",
             1.0,
             hot_C[0],
-            oil.inlet_min_C,
+            cold_C,
         ),
         Watch(
             "oil_outlet_high_danger",
@@ -240,7 +255,7 @@ def _watches(config: Config) -> list[Watch]:
             "limits.oil_outlet_high_danger_C",
             1.0,
             hot_C[1],
-            oil.inlet_min_C,
+            cold_C,
         ),
         Watch(
             "oil_outlet_low_alert",
@@ -250,6 +265,7 @@ def _watches(config: Config) -> list[Watch]:
             "oil.inlet_min_C",
             -1.0,
             coldest_C,
-            oil.film_max_C,
+            machine.lubricant.film_max_C,
         ),
     ]
+    return [watch for watch in watches if written[watch.key]]

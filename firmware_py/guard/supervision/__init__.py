@@ -13,6 +13,7 @@ from firmware_py.guard.supervision.following import Following, FollowingState, Q
 from firmware_py.guard.supervision.node_watch import NodeWatch, NodeWatchState, Surroundings
 from firmware_py.guard.supervision.standing import Supervised
 from firmware_py.machine import ClearanceActuator
+from firmware_py.machine.parts import ACTUATOR, has
 from firmware_py.machine.supply import slowest_s, slowest_slew_bar_s
 from firmware_py.records import Alarm, NodeInfo, NodeState
 
@@ -76,6 +77,7 @@ class Supervision:
 
     def __init__(self, config: Config, session: int) -> None:
         a = config.machine.actuator
+        self._moves = has(config.machine, ACTUATOR)
         self._boot = Target(a.safe_radial_clearance_um, a.safe_pressure_bar)
         self._watch = NodeWatch(config, session)
         lasting_ns = round(a.following_time_s * 1e9)
@@ -122,8 +124,11 @@ class Supervision:
         self._watch.sent(counter, target, now_ns)
 
     def step(self, heard: NodeReports, now_ns: int) -> list[Notice]:
-        """Judge what one cycle brought."""
+        """Judge what one cycle brought: of a machine without an actuator who sends, and no
+        more."""
         notices = self._senders(heard.two_senders, now_ns)
+        if not self._moves:
+            return notices
         if heard.restarted:
             self._watch.restarted()
         info = heard.info
