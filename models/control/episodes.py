@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
 from typing import Protocol
@@ -26,9 +26,11 @@ SIDE_BY_SIDE = 10
 """Episodes that one process plays at once: with any number of processes the same ones stand
 together."""
 
-UNTRIPPED = EpisodeLimits(trip_film_m=-1.0)
-"""A film thin enough to trip is a violation that ends nothing: every episode is as long as the
-others."""
+
+def untripped(rig: RigData) -> EpisodeLimits:
+    """A film thin enough to trip is a violation that ends nothing: every episode is as long as the
+    others."""
+    return replace(EpisodeLimits.of_rig(rig), trip_film_m=-1.0)
 
 
 class SettingPolicy(Protocol):
@@ -94,6 +96,11 @@ class Board:
         both = np.array([[b.clearance_min_m, supply.min_Pa], [b.clearance_max_m, supply.max_Pa]])
         return both[:, : 1 + self.pressure]
 
+    @property
+    def limits(self) -> EpisodeLimits:
+        """What the rig's device is to keep."""
+        return untripped(self.data)
+
     def rotors(self, count: int, limits: EpisodeLimits | None = None) -> RotorVectorEnv:
         """That many rotors."""
         law = None
@@ -137,12 +144,11 @@ class Score:
             )
         )
 
-    @property
-    def depth(self) -> Floats:
+    def depth(self, limits: EpisodeLimits) -> Floats:
         """By how much the worst instant of each episode broke film or swing, as a share of the
         limit."""
-        lack = 1.0 - self.min_film_m / UNTRIPPED.min_film_m
-        return np.maximum(0.0, np.maximum(lack, self.swing_share / UNTRIPPED.swing_share - 1.0))
+        lack = 1.0 - self.min_film_m / limits.min_film_m
+        return np.maximum(0.0, np.maximum(lack, self.swing_share / limits.swing_share - 1.0))
 
     def kept(self, counted: NDArray[np.bool_]) -> Score:
         """Only the counted episodes."""
@@ -164,7 +170,7 @@ class Score:
 
 def play(board: Board, seeds: Sequence[int], policy: SettingPolicy, *, shielded: bool) -> Score:
     """Run ``policy`` once in the episode of each seed, rotors alone, all side by side."""
-    rotors = board.rotors(len(seeds), UNTRIPPED)
+    rotors = board.rotors(len(seeds), board.limits)
     environment = ShieldedRotors(rotors, shielded=shielded, commissioned=board.commissioned)
     observation, _ = environment.reset(seed=list(seeds))
     policy.start(len(seeds))
@@ -184,7 +190,7 @@ def play_machine(
         raise ValueError(
             "the whole machine is played behind its shield only; use `play` for the rotor alone"
         )
-    rotor = RotorEnv(board.rig, board.seconds, limits=UNTRIPPED, pressure=board.pressure)
+    rotor = RotorEnv(board.rig, board.seconds, limits=board.limits, pressure=board.pressure)
     environment = ShieldedRotor(rotor, commissioned=board.commissioned)
     scores = []
     for seed in seeds:

@@ -75,7 +75,7 @@ class Bench:
         setting, fixed = tried[_best(tried, counted)]
         times = np.stack([score.violation_s for _, score in tried])
         least, every = times.argmin(axis=0), np.arange(len(seeds))
-        depth = np.stack([score.depth for _, score in tried])[least, every]
+        depth = np.stack([score.depth(board.limits) for _, score in tried])[least, every]
         references = {"preview": preview[counted], "causal": causal[counted]}
         return cls(
             board,
@@ -103,7 +103,7 @@ class Bench:
             float((score.violation_s - self.least_s)[rest].sum()), 2
         )
         figures["rejected_depth_beyond"] = round(
-            float((score.depth - self.least_depth)[rest].max(initial=0.0)), 4
+            float((score.depth(self.board.limits) - self.least_depth)[rest].max(initial=0.0)), 4
         )
         for name in self.references:
             figures[f"gap_share_{name}"] = round(self.gap_share(counted.power_W, name), 4)

@@ -194,7 +194,9 @@ class GuardedBuild:
             if room and distort is None
             else self._target_m
         )
-        self._target_m = float(np.clip(wished_m if room else self._safe_m, 40e-6, 160e-6))
+        bearing = self._machine.rig.bearing
+        within_m = bearing.clearance_min_m, bearing.clearance_max_m
+        self._target_m = float(np.clip(wished_m if room else self._safe_m, *within_m))
         return names
 
 

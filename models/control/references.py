@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from models import PHYSICS_VERSION
 from models.control.episodes import Board
-from models.control.rivals import PRESSURES_PA
+from models.control.rivals import settings_Pa
 from models.manifest import write_whole
 from models.workers import map_in_order
 from sim_hil.bound import ReferenceRun, episode_references
@@ -39,7 +39,7 @@ def reference_powers(
 
     Some 5 s an episode on one core the first time, 20 s where the pressure may be set.
     """
-    name = f"{board.rig}-{board.seconds:g}s{'-pair' if board.pressure else ''}"
+    name = f"{board.rig}-{board.seconds:g}s{'-pair-supplied' if board.pressure else ''}"
     folder = out / f"references-{name}-physics{PHYSICS_VERSION}"
     folder.mkdir(parents=True, exist_ok=True)
     found = []
@@ -59,7 +59,7 @@ def _kept(folder: Path, board: Board, seed: int) -> ReferencePower:
         rig=board.rig,
         episode_s=board.seconds,
         spacing_um=SPACING_UM,
-        pressures_Pa=PRESSURES_PA if board.pressure else None,
+        pressures_Pa=settings_Pa(board.data) if board.pressure else None,
     )
     power = ReferencePower(_power(found.preview), _power(found.causal))
     write_whole(path, msgspec.json.encode(power))

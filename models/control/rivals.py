@@ -27,10 +27,6 @@ SWING_MARGIN: Final = 0.6
 """Shares of the limits that the nominal machine keeps, so that a build at the edge of the spread
 still does."""
 
-PRESSURES_PA: Final = (0.5e5, 1e5, 2e5)
-"""The rig's least and nominal supply pressure, and the double; the pump's power grows with its
-square."""
-
 
 class Lookup(nn.Module):
     """``observation (m, 11)`` -> ``settings (m, k)``, SI: bilinear in the logarithms of speed and
@@ -102,16 +98,22 @@ def _row(board: Board, points: tuple[int, int, int], speed_rad_s: float) -> Floa
         figures.append([m[0] for m in (found.power_W, found.min_film_m, found.peak_to_peak_m)])
         settings += [[c] if pressure is None else [c, pressure] for c in clearances]
     power, film, swing = np.concatenate(figures, axis=2)
-    choices = np.array(settings)
-    return np.array(
-        [choices[_best(choices[:, 0], power[j], film[j], swing[j])] for j in range(len(loads))]
-    )
+    choices, limits = np.array(settings), board.limits
+    best = [_best(limits, choices[:, 0], *row) for row in zip(power, film, swing, strict=True)]
+    return choices[best]
 
 
 def pressures(board: Board) -> tuple[float | None, ...]:
     """Supply pressures that tables and fixed settings are chosen from, Pa; None where it cannot be
     set."""
-    return PRESSURES_PA if board.pressure else (None,)
+    return settings_Pa(board.data) if board.pressure else (None,)
+
+
+def settings_Pa(rig: RigData) -> tuple[float, float, float]:
+    """The rig's least and nominal supply pressure, and the middle between that and the greatest;
+    the pump's power grows with its square."""
+    supply = rig.supply
+    return supply.min_Pa, supply.nominal_Pa, 0.5 * (supply.nominal_Pa + supply.max_Pa)
 
 
 def _axes(rig: RigData, points: tuple[int, int]) -> tuple[Floats, Floats]:
@@ -120,10 +122,11 @@ def _axes(rig: RigData, points: tuple[int, int]) -> tuple[Floats, Floats]:
     return speeds, np.geomspace(rig.load_min_N, rig.load_max_N, points[1])
 
 
-def _best(clearances: Floats, power: Floats, film: Floats, swing: Floats) -> int:
+def _best(
+    limits: EpisodeLimits, clearances: Floats, power: Floats, film: Floats, swing: Floats
+) -> int:
     """The setting of least power among those that keep the limits with margin, else the one of
     thickest film."""
-    limits = EpisodeLimits()
     good = (film >= FILM_MARGIN * limits.min_film_m) & (
         swing <= SWING_MARGIN * limits.swing_share * clearances
     )

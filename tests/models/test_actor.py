@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from firmware_py.guard.envelope.shield import Ramp
-from models.control.episodes import Board, FixedSetting, Score, play, play_all
+from models.control.episodes import Board, FixedSetting, Score, play, play_all, untripped
 from models.control.judge import Bench
 from models.control.predictive import ModelPredictive
 from models.control.rivals import AdaptivePI, EccentricityPI, Fed, Lookup
@@ -157,7 +157,8 @@ def test_a_score_sums_time_in_violation_and_keeps_the_worst() -> None:
     assert summary["violation_s"] == pytest.approx(0.3)
     assert summary["min_film_um"] == 9.0
     assert score.kept(np.array([True, False])).summary(20.0)["episodes_in_violation"] == 0.0
-    assert score.depth.tolist() == [0.0, pytest.approx(0.1)]
+    limits = untripped(load_rig("bench"))
+    assert score.depth(limits).tolist() == [0.0, pytest.approx(0.1)]
 
 
 def test_episodes_come_back_in_their_order_policy_by_policy() -> None:

@@ -15,7 +15,7 @@ from firmware_py.records import (
     RawFrame,
 )
 from firmware_py.wire.codec import CanCodec
-from models.control.episodes import UNTRIPPED
+from models.control.episodes import untripped
 from models.control.shielded import ANNOUNCED_S, ShieldedRotors, fast_ramps
 from sim_hil.gym.control_task import CONTROL_S, Disturbances, actions_of
 from sim_hil.gym.vector_environment import RotorVectorEnv
@@ -25,6 +25,7 @@ from sim_hil.rigs import load_rig
 
 from ..scripted_node import MS, bench
 
+RIG = load_rig("bench")
 ARM_S, START_S, END_S = 3, 8, 74
 
 UNANNOUNCED = Duty(
@@ -44,7 +45,7 @@ def test_after_the_fastest_unannounced_ramps_no_machine_out_of_balance_whirls(
     commissioned: bool,
 ) -> None:
     seconds, count = UNANNOUNCED.time_s[-1], len(UNBALANCED)
-    rotors = RotorVectorEnv(count, "bench", seconds, UNANNOUNCED, limits=UNTRIPPED,
+    rotors = RotorVectorEnv(count, "bench", seconds, UNANNOUNCED, limits=untripped(RIG),
                             disturbances=Disturbances(developing=0.0))  # fmt: skip
     shielded = ShieldedRotors(rotors, commissioned=commissioned)
     shielded.reset(seed=list(UNBALANCED))
@@ -57,7 +58,7 @@ def test_after_the_fastest_unannounced_ramps_no_machine_out_of_balance_whirls(
 @pytest.mark.slow
 @pytest.mark.parametrize("advised_um", [160.0, 40.0])
 def test_the_widest_and_the_narrowest_advice_violate_nothing(advised_um: float) -> None:
-    config, codec, drawing = bench(), CanCodec(), load_rig("bench")
+    config, codec, drawing = bench(), CanCodec(), RIG
     rig = Rig(drawing, codec, node_limits(drawing, config), 1, duty=Duty.hold(12000.0, 30.0))
     core = GuardCore(config, codec, 77)
     ramps = fast_ramps(config, Duty.published(drawing))

@@ -9,7 +9,7 @@ import pytest
 from firmware_py.guard.envelope import shield
 from firmware_py.machine.film import static_film
 from models.control.commissioned import apparent_mass_kg
-from models.control.episodes import UNTRIPPED
+from models.control.episodes import untripped
 from sim_hil.gym.control_task import CONTROL_S, Disturbances, actions_of
 from sim_hil.gym.vector_environment import RotorVectorEnv
 from sim_hil.plant.duty import Duty
@@ -36,7 +36,7 @@ def opened(duty: Duty | None) -> list[tuple[float, float, float]]:
     """
     held = Disturbances(hold_s=(1e4, 1e4), developing=0.0, inlet_C=(40.0, 40.0))
     rotors = RotorVectorEnv(
-        len(SEEDS), "bench", episode_s=400.0, limits=UNTRIPPED, duty=duty, disturbances=held
+        len(SEEDS), "bench", episode_s=400.0, limits=untripped(RIG), duty=duty, disturbances=held
     )
     rotors.reset(seed=list(SEEDS))
     found: dict[int, tuple[float, float, float]] = {}

@@ -1,5 +1,5 @@
-"""The guard on the rig when the oil pump is lost at a wide clearance: is the shaft back at its safe
-clearance before the film is no longer full?
+"""The guard on the rig when the oil pump is lost while a policy holds a wide clearance: is the
+shaft back at its safe clearance before the film is no longer full?
 
 ``python -m tests.guard.protection.pump_loss`` prints a row for each build, with the accumulator
 that the folder declares and without one.
@@ -12,6 +12,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Final
 
+from firmware_py.brain.core import BrainCore
+from firmware_py.brain.store import load_models
 from firmware_py.guard.core import GuardCore
 from firmware_py.machine import supply
 from firmware_py.records import Decision, Mode
@@ -21,9 +23,7 @@ from sim_hil.demo.setting import Setting, prepare
 from sim_hil.hil.rig import Rig, node_limits
 
 SPEED_RPM, LOAD_N = 9000.0, 100.0
-WIDE_UM: Final = 110.0
-"""Wished clearance: inside what the guard admits there."""
-ARM_S, LOSE_S, END_S = 2.0, 6.0, 30.0
+ARM_S, LOSE_S, END_S = 2.0, 10.0, 35.0
 NEAR_UM: Final = 2.0
 
 
@@ -54,20 +54,19 @@ def setting(seed: int, hold_up: bool) -> Setting:
 
 
 def play(seed: int, hold_up: bool = True) -> Loss:
-    """Armed at :data:`WIDE_UM`, then without a pump until the guard has tripped."""
+    """Armed under the shipped policy, then without a pump until the guard has tripped."""
     played = setting(seed, hold_up)
     config, codec = played.config, codec_for(played.config)
     rig = Rig(played.rig, codec, node_limits(played.rig, config), seed, build=played.build)
     rig.set_operating(SPEED_RPM, LOAD_N)
-    loop = ClosedLoop(rig, GuardCore(config, codec, 1), None)
+    models = load_models(config)
+    loop = ClosedLoop(rig, GuardCore(config, codec, 1), lambda: BrainCore(config, models))
     times = {"alert": float("nan"), "trip": float("nan")}
     wide_um = lost_ns = 0.0
     for cycle in range(round(END_S * 1e3)):
         if cycle == round(ARM_S * 1e3):
-            loop.command("mode", mode=Mode.MANUAL)
+            loop.command("mode", mode=Mode.AUTO)
             loop.command("arm")
-        if cycle == round(ARM_S * 1e3) + 200:
-            loop.command("set_clearance", WIDE_UM)
         if cycle == round(LOSE_S * 1e3):
             wide_um, lost_ns = rig.truth[-1].clearance_um, loop.now_ns
             rig.inject("pressure_loss", 1.0)
