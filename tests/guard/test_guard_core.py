@@ -3,6 +3,7 @@ import pytest
 
 from firmware_py.guard.core import GuardCore
 from firmware_py.guard.facts import SHIELD_PERIOD_NS
+from firmware_py.guard.state import CoreState
 from firmware_py.records import (
     ArmState,
     Command,
@@ -313,3 +314,14 @@ def test_a_trip_is_told_once_and_so_is_one_from_an_earlier_run() -> None:
     assert old.core.tripped == ["of_an_older_version_danger"]
     assert old.ask("reset")[0]
     assert old.core.tripped == []
+
+
+def test_a_snapshot_of_a_guard_that_did_not_judge_readings_is_restored() -> None:
+    b = armed()
+    taken = b.core.snapshot(b.seq, b.now_ns)
+    old = msgspec.msgpack.decode(taken.state, type=CoreState)
+    old.readings = None
+    fresh = GuardCore(b.config, CanCodec(), SESSION)
+    fresh.restore(msgspec.structs.replace(taken, state=msgspec.msgpack.encode(old)))
+    assert fresh.tripped == b.core.tripped
+    assert fresh.stages.arming.state == b.core.stages.arming.state

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from firmware_py.clock import SimClock
+from firmware_py.guard import loop
 from firmware_py.guard.core import GuardCore
 from firmware_py.guard.loop import Guard, run
 from firmware_py.guard.process.memory import Memory
@@ -32,6 +33,7 @@ from firmware_py.records import (
     decode,
     encode,
 )
+from firmware_py.routing import Stage
 from firmware_py.wire.codec import CanCodec
 from firmware_py.wire.disarm_room import SOCKET, DisarmRoom
 from firmware_py.wire.rooms import RoomClient, RoomServer
@@ -194,6 +196,18 @@ def test_rooms_hear_what_is_theirs(house: House) -> None:
 def test_a_request_is_answered_and_the_brain_may_not_make_one(house: House) -> None:
     house.run(1200)
     house.brain.send(CommandRequest(7, "disarm"))
+    house.gate.send(CommandRequest(8, "disarm"))
+    house.run(3)
+    assert house.of("gate", CommandReply) == [CommandReply(8, True, [])]
+
+
+def test_a_record_that_the_guard_does_not_know_is_left_alone(
+    house: House, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Were the routing table to send it one more, the guard goes on."""
+    house.run(1200)
+    monkeypatch.setattr(loop, "receivers", lambda *_: (Stage.GUARD,))
+    house.gate.send(Event(1, 0, 0, "x", "x"))
     house.gate.send(CommandRequest(8, "disarm"))
     house.run(3)
     assert house.of("gate", CommandReply) == [CommandReply(8, True, [])]

@@ -22,6 +22,7 @@ from firmware_py.records import (
     RawFrame,
     ReadingsFrame,
     Rejected,
+    RigStatus,
     SampleFrame,
     WireMessage,
 )
@@ -166,6 +167,21 @@ def test_a_frame_of_another_layout_is_refused_by_name() -> None:
     assert ours.decode(frame) == Rejected("layout", FrameId.SAMPLES_2)
     assert CanCodec(swapped).decode(frame) == Rejected("layout", FrameId.SAMPLES_2)
     assert swapped.hash != LAYOUTS["bench"].hash
+
+
+def test_what_does_not_fit_the_layout_is_not_sent() -> None:
+    nine = CanCodec(LAYOUTS["nine"])
+    page = nine.decode(nine.encode(ReadingsFrame(1, 2, 0, (0.0,) * 5, (0,) * 5, (0,) * 5)))
+    assert isinstance(page, ReadingsFrame)
+    for message, words in (
+        (SampleFrame(1, 2, 3, 4, 2, bytes(35)), "samples hold 35 bytes"),
+        (SampleFrame(1, 2, 3, 4, 0x80, bytes(36)), "flags 0x80"),
+        (msgspec.structs.replace(page, page=9), "page 9: this layout has 1"),
+        (msgspec.structs.replace(page, ages_ms=(0,)), "page 0 has 5 readings"),
+        (RigStatus(1, 2, 0.0, 0.0, 0.0, 0.0), "wire schema 2 has no RigStatus"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            nine.encode(message)
 
 
 def test_calibration_does_not_change_the_layout_but_what_crosses_the_wire_does() -> None:

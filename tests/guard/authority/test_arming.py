@@ -6,7 +6,8 @@ import pytest
 from firmware_py.guard.authority.arming import CHECK_PATIENCE_NS, RECOVERY_MAX_NS, Arming
 from firmware_py.guard.authority.failsafe import Situation, node_reasons
 from firmware_py.guard.envelope.target import Target
-from firmware_py.records import Advice, ArmState, CommandRequest, Mode
+from firmware_py.records import Advice, ArmState, CommandRequest, Mode, NodeFigures, NodeInfo
+from firmware_py.wire.layout import WireLayout
 
 from ..scripted_node import MS, bench
 
@@ -248,3 +249,37 @@ def test_without_an_admissible_clearance_the_target_retreats() -> None:
 
 def test_a_node_that_has_not_said_what_it_is_has_nothing_against_it() -> None:
     assert node_reasons(CONFIG, None) == []
+
+
+def figures(**changed: float | bool) -> NodeFigures:
+    """Of a node that is what the bench under wire schema 2 wants."""
+    has = NodeFigures(
+        0, 0, 3000, True, False, 40.0, 160.0, 0.5, 3.0, 50, 100, 0, 0.0, 0.0, 0.0, 0.0
+    )
+    return msgspec.structs.replace(has, **changed)
+
+
+@pytest.mark.parametrize(
+    ("told", "words"),
+    [
+        (figures(), ""),
+        (None, "says nothing of its figures (NODE_FIGURES)"),
+        (figures(clearance_max_um=150.0), "its clearance is 40 .. 150 um"),
+        (figures(pressure_min_bar=1.0), "its pressure is 1 .. 3 bar"),
+        (figures(heartbeat_limit_ms=100), "heartbeat limit 100 ms is outside"),
+        (figures(heartbeat_limit_ms=60_000), "heartbeat limit 60000 ms is outside"),
+        (figures(coasts_on_silence=False), "its drive runs on when the heartbeat is lost"),
+    ],
+)
+def test_what_a_node_of_schema_2_was_built_with_is_compared(
+    told: NodeFigures | None, words: str
+) -> None:
+    config = CONFIG.replaced(bus=msgspec.structs.replace(CONFIG.bus, schema=2))
+    a = config.machine.actuator
+    info = NodeInfo(
+        0, 0, 2, config.sampling.period_us, a.safe_radial_clearance_um, a.safe_pressure_bar,
+        a.time_to_live_ms, a.rate_um_s, WireLayout.of(config).hash,
+    )  # fmt: skip
+    reasons = node_reasons(config, info, told)
+    assert len(reasons) == (1 if words else 0), reasons
+    assert all(words in reason for reason in reasons)
