@@ -6,7 +6,7 @@ from math import pi
 from typing import Final
 
 from firmware_py.guard.authority.failsafe import Situation
-from firmware_py.guard.envelope.load_estimate import Look
+from firmware_py.guard.envelope.admissible import EnvelopeInput
 from firmware_py.guard.envelope.shield import PERIOD_S
 from firmware_py.guard.plausibility.readings import OIL
 from firmware_py.guard.state import Stages
@@ -16,19 +16,14 @@ from firmware_py.records import Cycle
 SHIELD_PERIOD_NS: Final = round(PERIOD_S * 1e9)
 NODE_SILENT_NS: Final = 500_000_000
 
-UNKNOWN_VIBRATION: Final = 1.01
-"""A vibration that is not known counts as this many times what may fill the clearance: the bearing
-narrows to safe."""
-
 
 def look_around(g: Stages, now_ns: int) -> None:
-    """Estimate the load and ask the shield: every :data:`PERIOD_S`, and anew for each command
-    that is sent.
+    """Ask the envelope: every :data:`PERIOD_S`, and anew for each command that is sent.
 
     While the mark stays away, the shaft may have any speed between the one told and the last
     reading.  On a machine that is monitor only there is neither load nor envelope to tell.
     """
-    m, readings, known = g.memory, g.readings, g.readings.known()
+    m, readings = g.memory, g.readings
     m.shield_due_ns = now_ns + SHIELD_PERIOD_NS
     motion, speed = g.protection.motion, g.acquire.speed
     p2p_m = max(motion.peak_to_peak_um) * 1e-6
@@ -37,47 +32,19 @@ def look_around(g: Stages, now_ns: int) -> None:
     m.vibration_high = m.vibration_um[0] > m.vibration_um[1]
     if g.monitor_only:
         return
-    displacement_ok = g.protection.displacement_ok and g.pair.plausible
-    if (
-        not displacement_ok
-    ):  # a vibration that is not known may be the largest that is admissible, and more
-        share = g.config.limits.clearance_share
-        p2p_m = max(p2p_m, UNKNOWN_VIBRATION * share * readings.narrowest_um(smaller_um) * 1e-6)
-    if known is None or not motion.complete or not speed.known or not displacement_ok:
-        m.load = g.load.declared()
-    else:
-        m.load = g.load.estimate(
-            Look(
-                now_ns * 1e-9,
-                motion.mean_x_m,
-                motion.mean_y_m,
-                p2p_m,
-                known.clearance_um * 1e-6,
-                speed.reading_rad_s,
-                known.oil_C,
-                known.power_W,
-                known.pressure_bar,
-            )
-        )
-    oil_C, oil = g.load.oil_at(readings.value(OIL))
-    narrow_m = readings.narrowest_um(smaller_um) * 1e-6
-    if speed.known and motion.complete and displacement_ok:
-        p2p_m = g.vibration.step(p2p_m, narrow_m, speed.reading_rad_s, now_ns)
-    m.interval_m = (
-        None
-        if not speed.known
-        else g.shield.interval(
-            speed.reading_rad_s,
-            m.load.low_N,
-            m.load.film_N,
-            oil_C,
-            p2p_m,
-            narrow_m,
-            g.announcements.ahead(now_ns),
-            oil,
-            speed.speed_rad_s,
-        )
+    seen = EnvelopeInput(
+        (motion.mean_x_m, motion.mean_y_m),
+        p2p_m,
+        g.protection.displacement_ok and g.pair.plausible,
+        motion.complete,
+        speed.reading_rad_s if speed.known else None,
+        speed.speed_rad_s,
+        readings.known(),
+        readings.value(OIL),
+        readings.narrowest_um(smaller_um),
     )
+    announced = g.announcements.ahead(now_ns) if speed.known else ()
+    m.load, m.interval_m = g.envelope.step(seen, announced, now_ns)
 
 
 def situation(g: Stages, cycle: Cycle, gap: bool) -> Situation:

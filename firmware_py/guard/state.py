@@ -14,11 +14,11 @@ from firmware_py.guard.alarms.condition import Condition, ConditionState
 from firmware_py.guard.alarms.telling import Telling, Told
 from firmware_py.guard.authority.arming import Arming, ArmingState
 from firmware_py.guard.authority.speaker import GuardCodec, Speaker, SpeakerState
+from firmware_py.guard.envelope.admissible import Envelope
 from firmware_py.guard.envelope.announcements import Announced, Announcements
-from firmware_py.guard.envelope.load_estimate import LoadEstimator, LoadInterval, LoadState
-from firmware_py.guard.envelope.shield import Shield
+from firmware_py.guard.envelope.load_estimate import LoadInterval, LoadState
 from firmware_py.guard.envelope.target import Target
-from firmware_py.guard.envelope.vibration_hold import VibrationHold, VibrationHoldState
+from firmware_py.guard.envelope.vibration_hold import VibrationHoldState
 from firmware_py.guard.plausibility.frame_loss import FrameLoss, FrameLossState
 from firmware_py.guard.plausibility.more_readings import MoreReadings
 from firmware_py.guard.plausibility.pair import PairCheck, PairState
@@ -146,17 +146,16 @@ class Stages:
         self.unwritable = Condition("trip_file_unwritable", "trip_file_written")
         self.arming = Arming(config)
         self.speaker = Speaker(config, codec, session)
-        self.shield = Shield(config)
+        self.envelope = Envelope(config)
         self.supervision = Supervision(config, session)
-        self.load = LoadEstimator(config)
-        self.pair, self.vibration = PairCheck(config), VibrationHold()
+        self.pair = PairCheck(config)
         self.frame_loss = FrameLoss(config)
         self.more = MoreReadings(config)
-        self.announcements = Announcements(config, self.shield.lead_s)
+        self.announcements = Announcements(config, self.envelope.shield.lead_s)
         self.telling = Telling()
         nothing = LoadInterval(0.0, 0.0, 0.0, False)
         self.memory = MemoryState(
-            self.arming.safe, nothing if self.monitor_only else self.load.declared()
+            self.arming.safe, nothing if self.monitor_only else self.envelope.load.declared()
         )
 
     @property
@@ -169,7 +168,7 @@ class Stages:
             self.speaker.state,
             self.memory,
             self.announcements.state,
-            self.load.state,
+            self.envelope.load.state,
             self.permit.state,
             self.unwritable.state,
             self.telling.state,
@@ -179,7 +178,7 @@ class Stages:
             self.speed_high.state,
             self.supervision.state,
             self.pair.state,
-            self.vibration.state,
+            self.envelope.vibration.state,
             self.frame_loss.state,
             self.rest.state,
             self.more.state,
@@ -194,7 +193,7 @@ class Stages:
             state.speaker,
             state.memory,
         )
-        self.announcements.state, self.load.state = state.announced, state.load
+        self.announcements.state, self.envelope.load.state = state.announced, state.load
         self.permit.state, self.unwritable.state = state.permit, state.unwritable
         self.telling.state = state.telling
         if state.readings is not None:
@@ -204,7 +203,7 @@ class Stages:
         if state.supervision is not None:  # a recording of a device that had none
             self.supervision.state = state.supervision
         self.pair.restore(state.pair)
-        self.vibration.state = state.vibration
+        self.envelope.vibration.state = state.vibration
         self.frame_loss.state, self.rest.state = state.frame_loss, state.rest
         self.more.state = state.more
         for bearing in self.bearings:

@@ -24,10 +24,10 @@ import numpy as np
 
 from firmware_py.acquire.channel_ok import ChannelOk
 from firmware_py.config import SHIPPED, Config, load
-from firmware_py.guard.envelope.load_estimate import LoadEstimator, Look
-from firmware_py.guard.envelope.shield import Shield
+from firmware_py.guard.envelope.admissible import Envelope, EnvelopeInput
 from firmware_py.guard.measurement.motion import MotionMeter
 from firmware_py.guard.plausibility.pair import KINDS, PairCheck
+from firmware_py.guard.plausibility.readings import Known
 from firmware_py.records import Block
 from sim_hil.plant.build import Build
 from sim_hil.plant.duty import Duty
@@ -102,7 +102,7 @@ class GuardedBuild:
             MotionMeter(config),
             PairCheck(config),
         )
-        self._load, self._shield = LoadEstimator(config), Shield(config)
+        self._envelope = Envelope(config)
         self._seq, self._wish, self._wish_s = 0, 0.5, 0.0
         self._left_out = False
 
@@ -164,29 +164,20 @@ class GuardedBuild:
         if self._rest:
             return names
         time_s = self._seq * ROWS / RATE_HZ
-        load = self._load.estimate(
-            Look(
-                time_s,
-                motion.mean_x_m,
-                motion.mean_y_m,
-                p2p_m,
-                clearance_m,
-                speed,
-                oil_C,
-                float(row[_COLUMN["shaft_power_W"]]) + self._power_error,
-                self._pressure_Pa * 1e-5,
-            )
-        )
-        room = self._shield.interval(
-            speed,
-            load.low_N,
-            load.film_N,
-            oil_C,
+        power_W = float(row[_COLUMN["shaft_power_W"]]) + self._power_error
+        narrow_um = min(clearance_m, self._target_m) * 1e6
+        seen = EnvelopeInput(
+            (motion.mean_x_m, motion.mean_y_m),
             p2p_m,
-            clearance_m,
-            (),
-            self._load.oil_range(oil_C),
+            displacement_ok=True,
+            whole=motion.complete,
+            fast_rad_s=speed,
+            slow_rad_s=speed,
+            readings=Known(oil_C, clearance_m * 1e6, self._pressure_Pa * 1e-5, power_W),
+            oil_C=oil_C,
+            narrow_um=narrow_um,
         )
+        room = self._envelope.step(seen, (), round(time_s * 1e9)).interval_m
         if time_s >= self._wish_s:
             self._wish, self._wish_s = float(self._rng.uniform()), time_s + WANDER_S
         wished_m = (

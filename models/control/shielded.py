@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from firmware_py import config as configuration
 from firmware_py.config import Config
-from firmware_py.guard.envelope.load_estimate import LoadEstimator, Look
-from firmware_py.guard.envelope.shield import Ramp, Shield
+from firmware_py.guard.envelope.admissible import Envelope, EnvelopeInput
+from firmware_py.guard.envelope.shield import Ramp
+from firmware_py.guard.plausibility.readings import Known
 from models.control.commissioned import Commissioned
 from sim_hil.gym.control_task import CONTROL_S, OBSERVATIONS, Episode, actions_of, targets
 from sim_hil.gym.environment import RotorEnv
@@ -32,6 +33,19 @@ ANNOUNCED_S: Final = 3.0
 """A ramp faster than the declared unannounced ones is told this long before it starts."""
 
 _COLUMNS = {name: i for i, name in enumerate(OBSERVATIONS)}
+
+
+_SEEN = (
+    "eccentricity_x_m",
+    "eccentricity_y_m",
+    "peak_to_peak_x_m",
+    "peak_to_peak_y_m",
+    "clearance_m",
+    "speed_rad_s",
+    "oil_outlet_C",
+    "shaft_power_W",
+    "supply_pressure_bar",
+)
 
 
 def column(name: str) -> int:
@@ -85,7 +99,7 @@ def fast_ramps(config: Config, duty: Duty) -> list[Ramp]:
 
 
 class ShieldAdapter:
-    """Shield and load estimate of one rotor, fed with observations.
+    """The guard's envelope of one rotor, fed with observations.
 
     Parameters
     ----------
@@ -103,7 +117,8 @@ class ShieldAdapter:
     ) -> None:
         config = commissioned.config if commissioned else config
         self._commissioned = commissioned
-        self._shield, self._loads = Shield(config), LoadEstimator(config)
+        self._envelope = Envelope(config)
+        self._target_m: float | None = None
         self._safe_m = config.machine.actuator.safe_radial_clearance_um * 1e-6
         self._ramps = fast_ramps(config, duty)
 
@@ -122,36 +137,37 @@ class ShieldAdapter:
         return self._commissioned.corrected(observation) if self._commissioned else observation
 
     def interval(self, observation: Observation, time_s: float) -> tuple[float, float] | None:
-        """What the guard would admit."""
-        names = (
-            "eccentricity_x_m",
-            "eccentricity_y_m",
-            "peak_to_peak_x_m",
-            "peak_to_peak_y_m",
-            "clearance_m",
-            "speed_rad_s",
-            "oil_outlet_C",
-            "shaft_power_W",
-            "supply_pressure_bar",
+        """What the guard would admit: its envelope, with every channel OK."""
+        x, y, swing_x, swing_y, clearance, speed, oil, power, pressure = (
+            float(observation[column(name)]) for name in _SEEN
         )
-        x, y, swing_x, swing_y, clearance, speed, oil, *rest = (
-            float(observation[column(name)]) for name in names
+        clearance_um = clearance * 1e6
+        target_um = clearance_um if self._target_m is None else self._target_m * 1e6
+        seen = EnvelopeInput(
+            (x, y),
+            max(swing_x, swing_y),
+            displacement_ok=True,
+            whole=True,
+            fast_rad_s=speed,
+            slow_rad_s=speed,
+            readings=Known(oil, clearance_um, pressure, power),
+            oil_C=oil,
+            narrow_um=min(clearance_um, target_um),
         )
-        swing = max(swing_x, swing_y)
-        load = self._loads.estimate(Look(time_s, x, y, swing, clearance, speed, oil, *rest))
-        known = [
+        ahead = [
             Ramp(r.start_s - time_s, r.end_s - time_s, r.speed_rad_s, r.load_N)
             for r in self._ramps
             if r.start_s - ANNOUNCED_S <= time_s < r.end_s
         ]
-        return self._shield.interval(
-            speed, load.low_N, load.film_N, oil, swing, clearance, known, self._loads.oil_range(oil)
-        )
+        return self._envelope.step(seen, ahead, round(time_s * 1e9)).interval_m
 
     def admitted(self, observation: Observation, time_s: float, wish_m: float) -> float:
         """``wish_m`` within the interval, else the safe clearance."""
         interval = self.interval(observation, time_s)
-        return self._safe_m if interval is None else min(max(wish_m, interval[0]), interval[1])
+        self._target_m = (
+            self._safe_m if interval is None else min(max(wish_m, interval[0]), interval[1])
+        )
+        return self._target_m
 
 
 class ShieldedRotors(gymnasium.vector.VectorWrapper[Observation, Observation, NDArray[Any]]):

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from firmware_py import config as configuration
 from firmware_py.acquire.windows import ChannelMap
-from firmware_py.guard.envelope.load_estimate import LoadEstimator, Look
-from firmware_py.guard.envelope.shield import Shield
+from firmware_py.guard.envelope.admissible import Envelope, EnvelopeInput
+from firmware_py.guard.plausibility.readings import Known
+from firmware_py.records import CHANNELS
 from sim_hil.plant.duty import Duty
 from sim_hil.plant.machine import Batch, SimulatedMachine
 from sim_hil.plant.runs import run
@@ -23,6 +24,7 @@ LOOPS: Final = ("fixed", "random actor", "agent")
 STEP_S: Final = 0.1
 """The agent chooses this often."""
 
+_PRESSURE: Final = CHANNELS.index("supply_pressure")
 _POWER: Final = TRUTH_COLUMNS.index("shaft_power_W")
 
 
@@ -74,7 +76,7 @@ class AgentLoop:
 
     def __init__(self, rig: RigData, wish: float) -> None:
         config, _ = configuration.load(configuration.SHIPPED / rig.name)
-        self._shield, self._loads = Shield(config), LoadEstimator(config)
+        self._envelope = Envelope(config)
         self._channels, self._wish = ChannelMap.wire(), wish
         self.start_m = config.machine.actuator.safe_radial_clearance_um * 1e-6
 
@@ -88,9 +90,8 @@ class AgentLoop:
             batches.append(
                 run(machine, duty, STEP_S, clearance=target_m, pressure=pressure_Pa, start_s=now_s)
             )
-            target_m = self._choose(
-                machine, batches[-1], now_s + STEP_S, duty.point(now_s + STEP_S)[0]
-            )
+            speed_rad_s = duty.point(now_s + STEP_S)[0]
+            target_m = self._choose(machine, batches[-1], now_s + STEP_S, speed_rad_s, target_m)
         return Batch(
             *(
                 np.concatenate([getattr(b, name) for b in batches])
@@ -99,22 +100,29 @@ class AgentLoop:
         )
 
     def _choose(
-        self, machine: SimulatedMachine, batch: Batch, now_s: float, speed_rad_s: float
+        self,
+        machine: SimulatedMachine,
+        batch: Batch,
+        now_s: float,
+        speed_rad_s: float,
+        target_m: float,
     ) -> float:
-        shaft = self._channels.to_si(batch.counts)[:, :2]
-        (x, y), swing = shaft.mean(axis=0).tolist(), float(np.ptp(shaft, axis=0).max())
-        seen, power_W = machine.readings(), float(batch.truth[:, _POWER].mean())
-        load = self._loads.estimate(
-            Look(now_s, x, y, swing, seen.clearance_m, speed_rad_s, seen.oil_C, power_W)
-        )
-        interval = self._shield.interval(
-            speed_rad_s,
-            load.low_N,
-            load.film_N,
-            seen.oil_C,
+        si = self._channels.to_si(batch.counts)
+        (x, y), swing = si[:, :2].mean(axis=0).tolist(), float(np.ptp(si[:, :2], axis=0).max())
+        reading, power_W = machine.readings(), float(batch.truth[:, _POWER].mean())
+        clearance_um, pressure_bar = reading.clearance_m * 1e6, float(si[:, _PRESSURE].mean())
+        seen = EnvelopeInput(
+            (x, y),
             swing,
-            oil=self._loads.oil_range(seen.oil_C),
+            displacement_ok=True,
+            whole=True,
+            fast_rad_s=speed_rad_s,
+            slow_rad_s=speed_rad_s,
+            readings=Known(reading.oil_C, clearance_um, pressure_bar, power_W),
+            oil_C=reading.oil_C,
+            narrow_um=min(clearance_um, target_m * 1e6),
         )
+        interval = self._envelope.step(seen, (), round(now_s * 1e9)).interval_m
         if interval is None:
             return self.start_m
         return interval[0] + self._wish * (interval[1] - interval[0])

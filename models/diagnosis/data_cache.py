@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_py.guard.envelope import load_estimate, shield
+from firmware_py.guard.envelope import admissible, load_estimate, shield, vibration_hold
 from models import PHYSICS_VERSION
 from models.diagnosis import clearance_loops, recordings
 from models.diagnosis.dataset import DatasetError
@@ -29,9 +29,8 @@ from sim_hil.whole_file import whole_file
 
 def folder_of(out: Path, plan: RecordingPlan) -> Path:
     """Where the recordings of ``plan`` lie."""
-    code = [
-        inspect.getsource(module) for module in (recordings, clearance_loops, shield, load_estimate)
-    ]
+    guard = admissible, shield, load_estimate, vibration_hold
+    code = [inspect.getsource(module) for module in (recordings, clearance_loops, *guard)]
     key = repr((PHYSICS_VERSION, code, plan.rig, plan.seed, plan.rate_hz, plan.seconds))
     return out / f"recordings-{plan.draw.__name__}-{hashlib.sha256(key.encode()).hexdigest()[:12]}"
 

@@ -196,7 +196,7 @@ def test_the_speed_told_while_the_mark_stays_away_never_widens_the_envelope() ->
     b.run(1.5)
     facts.look_around(b.core.stages, b.now_ns)
     before = b.core.stages.memory.interval_m
-    level_m = b.core.stages.vibration.state.level_m
+    level_m = b.core.stages.envelope.vibration.state.level_m
     assert before is not None
     assert level_m > 0.0
     cut(b)
@@ -210,7 +210,9 @@ def test_the_speed_told_while_the_mark_stays_away_never_widens_the_envelope() ->
             assert found is None or (found[0] >= before[0] - 1e-7 and found[1] <= before[1] + 1e-7)
     assert 5400.0 < lowest_rpm < 8000.0, "it was told lower, for less than a turn"
     assert b.core.stages.memory.interval_m is None
-    assert b.core.stages.vibration.state.level_m == level_m, "what it vibrated is not forgotten"
+    assert b.core.stages.envelope.vibration.state.level_m == level_m, (
+        "what it vibrated is not forgotten"
+    )
 
 
 def test_a_run_down_is_told_between_the_marks_and_costs_no_alarm() -> None:
