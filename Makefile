@@ -11,7 +11,7 @@ APART  := -n $(WORKERS) --dist worksteal
 # Tests start hundreds of interpreters, which would compile every module again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help demo test coverage lint types layers test-train test-slow pair-study test-kill fuzz test-systemd test-socketcan lock dialect clean golden
+.PHONY: help demo test coverage lint types layers test-train test-slow pair-study nightly test-kill fuzz test-systemd test-socketcan lock dialect clean golden
 
 help:            ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 16
@@ -62,6 +62,9 @@ golden: $(VENV)/.dev ## fly and record the golden recordings again: after a mean
 
 pair-study: $(VENV)/.dev   ## false alarms of the probe pair's plausibility in 20 simulated hours (about 1 h on 2 cores)
 	@$(BIN)/python -m models.control.pair_study --hours 20
+
+nightly: $(VENV)/.train   ## final figures of what ships by the whole device, 50 scenarios; goes on where it stood (hours)
+	@$(BIN)/python -m models.nightly --out nightly.jsonl
 
 test-systemd: $(VENV)/.dev   ## boots a real systemd, installs, starts and kills the service (root, about 4 minutes)
 	@deploy/systemd_test/run.sh
