@@ -12,7 +12,9 @@ from typing import Any
 
 import msgspec
 
+from firmware_py.brain.store import STATUS_TEXT
 from models import PHYSICS_VERSION
+from models.diagnosis.real_figures import REAL_SENTENCE
 from models.manifest import write_whole
 from models.runs import TrainingRun
 
@@ -51,6 +53,7 @@ CLASSIFIER = Prose(
     "each head, and what "
     "is normal for one machine; the brain derives six classes.",
     (
+        f"All figures above are of simulated builds.  {REAL_SENTENCE}",
         "Trained on simulated builds of one rig only; a measured machine is another matter.  The "
         "features that hold "
         "film, position and power against each other know the sizes and the oil of that rig.",
@@ -134,9 +137,9 @@ PREDICTOR = Prose(
         "The device knows the regime that it recognises (one growing fault in seven is not, yet); "
         "the factors are set "
         "so that the true regimes are covered all the same.",
-        "Bounds are those of the filter's own noise model, which allows for more than this "
-        "simulator does: errors may "
-        "lie below them.",
+        "`predicted_deviation` is what the filter expects of its own error by its noise model, "
+        "which allows for more than this simulator does: errors may lie below it.  It is no bound "
+        "that other estimators could not pass.",
     ),
 )
 
@@ -223,7 +226,7 @@ def settle(path: Path, status: str, verdict: Mapping[str, Any]) -> None:
     """Put the verdict of the frozen evaluation into the model card at ``path``."""
     text = path.read_text(encoding="utf-8").partition(_FROZEN)[0]
     lines = [
-        re.sub(r"Status: \*\*\w+\*\*", f"Status: **{status}**", text) + _FROZEN,
+        re.sub(r"Status: \*\*[^*]+\*\*", f"Status: **{STATUS_TEXT[status]}**", text) + _FROZEN,
         "",
         f"Seed {verdict['seed']}, size {verdict['size']}, against `models/bars.toml`.",
         "",

@@ -1,10 +1,10 @@
 """``orbitd evaluate MODEL --qualify``: judge a model on the frozen evaluation against bars that
 training never reads.
 
-A model is called qualified only when every bar of ``bars.toml`` holds, and takes the shipped one's
-place only when it was made for this physics and is not worse than the shipped one on the same
-evaluation: one that keeps every bar comes before one that does not, and between equals one figure
-decides.
+A model has passed its sealed simulation test (status ``qualified``) only when every bar of
+``bars.toml`` holds, and takes the shipped one's place only when it was made for this physics and is
+not worse than the shipped one on the same evaluation: one that keeps every bar comes before one
+that does not, and between equals one figure decides.
 """
 
 from __future__ import annotations

@@ -169,7 +169,7 @@ def power_figures(flight: Flight, config: Config) -> dict[str, float]:
         "violation_s": 0.1 * float(broken.sum()),
         "min_film_um": float(film.min()),
         "swing_share": float(swing.max()),
-        "authority_share": float(np.mean(flight.authority or [0.0])),
+        "authority_share": float(np.mean(flight.authority or [False])),
         "coasted_share": float(np.mean([t.coasting for t in flight.truth])),
         "tripped": float(flight.events["tripped"]),
         "refused": float(len(flight.refused)),

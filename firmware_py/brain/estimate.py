@@ -239,12 +239,12 @@ class Synchroniser:
         return self._estimate(measured)
 
     def static_film(self) -> tuple[float, float]:
-        """Film (m) at the mean shaft position and its deviation: the root of the Cramer-Rao bound
-        of these readings.
+        """Film (m) at the mean shaft position, and the deviation that the filter predicts of its
+        own error there.
 
         The position is the probes', less their zeros and gains as found so far: the mean of a
-        whirling shaft, or of a large orbit, is no equilibrium of the model.  The bound is the
-        posterior one (Tichavsky et al. 1998) at the estimate: of the filter's own noise model.
+        whirling shaft, or of a large orbit, is no equilibrium of the model.  The deviation follows
+        from the filter's own noise model: it is no bound that another estimator could not pass.
         Only after a :meth:`step`.
         """
         state = self.state

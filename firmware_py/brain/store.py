@@ -70,6 +70,12 @@ FILM_STATE: Final = (
     "L_m",
 )
 
+STATUS_TEXT: Final = {
+    "qualified": "passed its sealed simulation test",
+    "provisional": "provisional: has not passed its sealed simulation test",
+}
+"""What people read of a model's status."""
+
 _INTERFACES: Final[dict[str, tuple[tuple[str, ...], tuple[str, ...]]]] = {
     "classifier": (FEATURE_NAMES, ("heads", "score")),
     "actor": (OBSERVATION, ("clearance",)),
@@ -116,8 +122,14 @@ class Model:
 
     @property
     def label(self) -> str:
-        """Kind, version, status and the start of the hash, for records and pages."""
+        """Kind, version, status and the start of the hash, for records."""
         return f"{self.card.kind} {self.card.version} {self.card.status} {self.sha256[:12]}"
+
+    @property
+    def described(self) -> str:
+        """The same for people."""
+        about = STATUS_TEXT[self.card.status]
+        return f"{self.card.kind} {self.card.version} ({about}) {self.sha256[:12]}"
 
     @property
     def qualified(self) -> bool:

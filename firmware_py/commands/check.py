@@ -14,7 +14,7 @@ from pathlib import Path
 import msgspec
 
 from firmware_py import launch
-from firmware_py.brain.store import Models
+from firmware_py.brain.store import Model, Models
 from firmware_py.commands.building import build, surroundings
 from firmware_py.config import Config, ConfigError, Source, sampling
 from firmware_py.config.limits import LIMITS_OFF
@@ -87,7 +87,7 @@ def _check(path: Path, as_json: bool) -> int:
             "absent": [absence._asdict() for absence in absences(machine)],
             "samples_per_turn": sampling.samples_per_turn(config),
             "analysis_up_to_rpm": sampling.highest_rpm(config, sampling.ANALYSIS),
-            "models": _labels(built.models),
+            "models": [model.label for model in _used(built.models)],
             "refused_models": refused,
             "models_off": built.models.off,
         }
@@ -99,8 +99,8 @@ def _check(path: Path, as_json: bool) -> int:
             print(f"  absent {absence.name}: off is {absence.off}")
         for kind, reason in built.models.off.items():
             print(f"  off {kind}: {reason}")
-        for label in _labels(built.models):
-            print(f"  model {label}")
+        for model in _used(built.models):
+            print(f"  model {model.described}")
         for kind, reason in refused.items():
             print(f"  REFUSED {kind}: {reason}")
         if path.is_file():
@@ -126,8 +126,8 @@ def _rights(config: Config, admissible_um: tuple[float, float] | None) -> list[s
     ]
 
 
-def _labels(models: Models) -> list[str]:
-    return [model.label for model in (models.classifier, models.actor, models.surrogate) if model]
+def _used(models: Models) -> list[Model]:
+    return [model for model in (models.classifier, models.actor, models.surrogate) if model]
 
 
 def derived(config: Config) -> list[str]:

@@ -31,6 +31,7 @@ from models.diagnosis.judge import (
 )
 from models.diagnosis.ladder import HeadNetwork, cross_fitted
 from models.diagnosis.novelty import fit_novelty, fleet
+from models.diagnosis.real_figures import REAL_RECORDINGS
 from models.diagnosis.recordings import RecordingPlan
 from models.diagnosis.rungs import LadderSettings, choose, climb
 from models.diagnosis.windowed import Views, WindowSampling, per_decision, views_of
@@ -120,6 +121,7 @@ def train(run: TrainingRun, settings: ClassifierSettings) -> dict[str, object]:
             rung.name: scores.summary(rung.decisions(decided)) for rung in rungs
         },
         "named_above": _by_fault(limits),
+        "real_recordings": REAL_RECORDINGS,
         "unseen_builds": judge(answers, limits, settings.judge, run.seed, out),
         "training": {
             "builds": settings.builds,
@@ -242,4 +244,5 @@ def evaluate(
         "unseen_builds": judge(answers, limits_of(path), settings, seed, out),
         "unseen_builds_at_the_other_rate": at_other_rate(answers, settings, seed, out),
         "after_commissioning": known,
+        "real_recordings": REAL_RECORDINGS,
     }

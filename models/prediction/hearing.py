@@ -126,7 +126,7 @@ def _row(
         truth_at(rig, episode, recording, then_s),
         truth_at(rig, episode, recording, now_s - 0.1),
     )
-    film_m, bound_m = predictor.static_film()
+    film_m, predicted_m = predictor.static_film()
     virtual = [
         [here.min_film_m[0, 1], here.deviation[0, 2], now.min_film_m],
         [estimate.load_N, estimate.load_N * estimate.log_covariance[0, 0] ** 0.5, now.load_N],
@@ -142,7 +142,7 @@ def _row(
         np.array([_figures(true)]),
         forecasts(rig, measured, target_m, future)[None],
         np.array([virtual]),
-        np.array([[film_m, bound_m, now.static_film_m]]),
+        np.array([[film_m, predicted_m, now.static_film_m]]),
         np.array([_to_limit(rig, episode, recording, predictor, measured, now_s)]),
         np.array([episode.number]),
         np.array([episode.regime]),

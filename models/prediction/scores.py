@@ -188,11 +188,11 @@ def _groups(said: Said) -> list[tuple[str, NDArray[np.bool_]]]:
 
 
 def _sensors(said: Said) -> dict[str, object]:
-    """Errors of the virtual sensors at the time of the forecast, and the film's beside its
-    Cramer-Rao bound."""
+    """Errors of the virtual sensors at the time of the forecast, and the film's beside the
+    deviation that the filter predicts of it."""
     film, force, friction = (said.now[:, i, 0] - said.now[:, i, 2] for i in range(3))
     static = said.static_film[:, 0] - said.static_film[:, 2]
-    bound = float(np.sqrt(np.mean(said.static_film[:, 1] ** 2)))
+    predicted = float(np.sqrt(np.mean(said.static_film[:, 1] ** 2)))
     rms = float(np.sqrt(np.mean(static**2)))
     return {
         "min_film_um": {
@@ -201,8 +201,8 @@ def _sensors(said: Said) -> dict[str, object]:
         },
         "static_film_um": {
             "rms": _figure(1e6 * rms),
-            "cramer_rao": _figure(1e6 * bound),
-            "ratio": _figure(rms / bound),
+            "predicted_deviation": _figure(1e6 * predicted),
+            "ratio": _figure(rms / predicted),
             "p95": _figure(1e6 * np.quantile(np.abs(static), 0.95)),
         },
         "bearing_force_percent_p95": _figure(

@@ -69,7 +69,7 @@ def test_the_verdict_goes_into_report_card_and_manifest(tmp_path):
     )
     assert report["own"] == 1
     assert report["frozen_evaluation"]["qualified"] is True
-    assert "Status: **qualified**" in text
+    assert "Status: **passed its sealed simulation test**" in text
     assert text.count("| share.right | 0.95 | least 0.9 | yes |") == 1
     listed = json.loads((tmp_path / "manifest.json").read_text())["files"]["actor.onnx"]
     assert listed["sha256"] == hashlib.sha256(path.read_bytes()).hexdigest()
