@@ -29,9 +29,9 @@ from models.control.shielded import shipped_config
 from models.diagnosis.real_figures import REAL_SENTENCE
 from models.diagnosis.recordings import FAULT_OF_CLASS
 from models.whole_device import Scenario, fly, power_figures
-from sim_hil.build import Build
-from sim_hil.control_task import Disturbances
-from sim_hil.duty import Duty
+from sim_hil.gym.control_task import Disturbances
+from sim_hil.plant.build import Build
+from sim_hil.plant.duty import Duty
 from sim_hil.rigs import RigData, load_rig
 
 SCENARIOS: Final = 50
@@ -50,13 +50,14 @@ def scenario(rig: RigData, number: int, run_seed: int, run: str) -> Scenario:
     class ``number``."""
     rng = np.random.default_rng([run_seed, number, 15])
     build, d = Build.draw(rig, rng), Disturbances()
+    load_rate_N_s, speed_rate_rpm_s = d.ramps(rig)
     duty = Duty.random(
         rig,
         rng,
         DUTY_S,
         hold_s=d.hold_s,
-        load_rate_N_s=d.load_rate_N_s,
-        speed_rate_rpm_s=d.speed_rate_rpm_s,
+        load_rate_N_s=load_rate_N_s,
+        speed_rate_rpm_s=speed_rate_rpm_s,
     )
     noise = int(rng.integers(2**31))
     if run != CLASSIFIER:
@@ -118,8 +119,8 @@ def table(rows: list[Row], scenarios: int) -> list[str]:
                 for name in ("power_W", "violation_s", "min_film_um", "authority_share")
             )
             lines.append(
-                f"{run:<12}{len(of_run):>7}/{scenarios:<2}{power.mean():>8.2f} W{broken.sum():>9.1f}"
-                f" s{film.min():>6.1f} um{authority.mean():>11.3f}"
+                f"{run:<12}{len(of_run):>7}/{scenarios:<2}{power.mean():>8.2f} W"
+                f"{broken.sum():>9.1f} s{film.min():>6.1f} um{authority.mean():>11.3f}"
             )
     both = sorted(set(by_run[POLICY]) & set(by_run[WIDEST]))
     if both:

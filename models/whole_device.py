@@ -30,12 +30,12 @@ from firmware_py.records import (
 )
 from firmware_py.wire.link import codec_for
 from models.control.shielded import fast_ramps
-from sim_hil.build import Build
 from sim_hil.closed_loop import ClosedLoop
-from sim_hil.duty import RAD_S_PER_RPM, Duty
-from sim_hil.rig import Rig, node_limits
+from sim_hil.hil.rig import Rig, node_limits
+from sim_hil.plant.build import Build
+from sim_hil.plant.duty import RAD_S_PER_RPM, Duty
+from sim_hil.plant.truth import RigTruth
 from sim_hil.rigs import RigData
-from sim_hil.truth import RigTruth
 
 START_NS: Final = 1_000_000_000
 SESSION: Final = 0x5EED0002
@@ -160,7 +160,7 @@ def _announced(scenario: Scenario, config: Config) -> list[tuple[float, PlannedR
 
 
 def power_figures(flight: Flight, config: Config) -> dict[str, float]:
-    """Mean shaft power, W, time with a limit broken, s, smallest film, um, and share of authority."""
+    """Mean power, W, time with a limit broken, s, smallest film, um, and share of authority."""
     film = np.array([t.min_film_um for t in flight.truth])
     swing = np.array([t.peak_to_peak_um / t.clearance_um for t in flight.truth])
     broken = (film < config.limits.min_film_um) | (swing > config.limits.clearance_share)
