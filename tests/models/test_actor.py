@@ -22,7 +22,7 @@ from models.control.shielded import (
     fast_ramps,
     shipped_config,
 )
-from sim_hil.gym.control_task import OBSERVATIONS, actions_of
+from sim_hil.gym.control_task import OBSERVATIONS, EpisodeLimits, actions_of
 from sim_hil.gym.environment import RotorEnv
 from sim_hil.gym.vector_environment import RotorVectorEnv
 from sim_hil.plant.duty import RAD_S_PER_RPM, Duty
@@ -318,3 +318,10 @@ def test_one_file_answers_like_the_module_inside_the_rigs_range(tmp_path, pressu
     assert (np.ptp(answers, axis=0) > 0.1 * np.ptp(reach, axis=0)).all()
     low, high = reach.astype(np.float32)
     assert ((answers >= low) & (answers <= high)).all()
+
+
+def test_the_environment_is_judged_by_the_limits_of_the_device() -> None:
+    """Film and vibration that count as violated in an episode are those that the device keeps."""
+    limits, judged = shipped_config("bench").limits, EpisodeLimits()
+    assert judged.min_film_m == pytest.approx(limits.min_film_um * 1e-6)
+    assert judged.swing_share == limits.clearance_share
