@@ -19,7 +19,16 @@ from typing import Final
 
 import msgspec
 
-from firmware_py.config import SHIPPED, Check, Config, DeviceConfig, Source, load, read_device
+from firmware_py.config import (
+    SHIPPED,
+    Check,
+    Config,
+    ConfigError,
+    DeviceConfig,
+    Source,
+    load,
+    read_device,
+)
 from firmware_py.machine import folder
 from firmware_py.machine.values import NAME_PATTERN, WORDS
 from firmware_py.wire.listener import INSTANCE_MODE
@@ -112,7 +121,15 @@ def verified(path: Path) -> tuple[Config, Source]:
     ConfigError
         With every fault of the file, its values and the guard's laws.
     """
-    return load(path, laws())
+    config, source = load(path, laws())
+    if config.machine.foreign is None and not config.machine.map:
+        return config, source
+    from firmware_py.config import foreign  # reads a DBC, which few rigs have
+
+    wrong = [source.fault(*found) for found in foreign.faults(config, path)]
+    if wrong:
+        raise ConfigError(wrong)
+    return config, source
 
 
 def laws() -> list[Check]:

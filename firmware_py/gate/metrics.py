@@ -16,16 +16,19 @@ from firmware_py.gate.view import DeviceState
 
 _GUARD: Final = (
     ("speed_rad_s", "Shaft speed"),
-    ("clearance_actual_um", "Radial clearance that the node reports"),
-    ("target_clearance_um", "Radial clearance that the guard asks for"),
-    ("clearance_low_um", "Lower end of the admissible radial clearances"),
-    ("clearance_high_um", "Upper end of the admissible radial clearances"),
-    ("target_pressure_bar", "Supply pressure that the guard asks for"),
     ("mode", "0 monitor, 1 manual, 2 auto"),
     ("arm_state", "0 boot, 1 check, 2 disarmed, 3 armed, 4 recovery, 5 tripped"),
     ("authority", "1 while the model may act"),
     ("trip_request", "1 while the drive is asked to coast down"),
 )
+_ENVELOPE: Final = (
+    ("clearance_actual_um", "Radial clearance that the node reports"),
+    ("target_clearance_um", "Radial clearance that the guard asks for"),
+    ("clearance_low_um", "Lower end of the admissible radial clearances"),
+    ("clearance_high_um", "Upper end of the admissible radial clearances"),
+    ("target_pressure_bar", "Supply pressure that the guard asks for"),
+)
+"""Of a machine that is not monitor only."""
 
 
 def render(
@@ -60,12 +63,16 @@ def _gauges(state: DeviceState) -> list[Metric]:
         alarm.add_metric([active.name], active.severity)
     metrics: list[Metric] = [up, alarm]
     if state.guard:
-        metrics += [_gauge(name, text, float(getattr(state.guard, name))) for name, text in _GUARD]
+        told = _GUARD if state.guard.monitor_only else _GUARD + _ENVELOPE
+        metrics += [_gauge(name, text, float(getattr(state.guard, name))) for name, text in told]
         spread = GaugeMetricFamily("orbitd_peak_to_peak_um", "Shaft vibration", labels=["probe"])
         for probe, value in zip("xy", state.guard.peak_to_peak_um, strict=True):
             spread.add_metric([probe], value)
+        for bearing, values in state.guard.other_peak_to_peak_um.items():
+            for probe, value in zip("xy", values, strict=True):
+                spread.add_metric([f"{bearing}_{probe}"], value)
         metrics.append(spread)
-    if state.reading:
+    if state.reading and not (state.guard and state.guard.monitor_only):
         metrics.append(
             _gauge("shaft_power_W", "Measured shaft power", state.reading.status.shaft_power_W)
         )

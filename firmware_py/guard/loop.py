@@ -41,7 +41,7 @@ from firmware_py.routing import (
 )
 from firmware_py.wire import disarm_room
 from firmware_py.wire.disarm_room import DisarmRoom
-from firmware_py.wire.link import Link, codec_for, open_link
+from firmware_py.wire.link import Link, codec_for, open_device_link
 from firmware_py.wire.rooms import RoomServer
 
 WATCHDOG_CYCLES: Final = 200
@@ -189,8 +189,15 @@ def run(guard: Guard, clock: Clock, notifier: Notifier, running: Callable[[], bo
     notifier.stopping()
 
 
-def build(config: Config, runtime: Path, state: Path, peers: Mapping[str, int | None]) -> Guard:
-    """The guard of ``config`` on its real link and sockets; ``peers`` tells who may call."""
+def build(
+    config: Config,
+    runtime: Path,
+    state: Path,
+    peers: Mapping[str, int | None],
+    rig: Path = Path(),
+) -> Guard:
+    """The guard of ``config`` on its real link and sockets; ``peers`` tells who may call, ``rig``
+    is the rig folder."""
     server = RoomServer(
         runtime / "guard.sock", peers, ROOM_LIMITS
     )  # first: from here on this one is the guard
@@ -201,7 +208,7 @@ def build(config: Config, runtime: Path, state: Path, peers: Mapping[str, int | 
     core = GuardCore(
         config, codec_for(config), session, memory.latched, memory.start, memory.timers
     )
-    return Guard(core, open_link(config, "device"), server, disarm, memory)
+    return Guard(core, open_device_link(config, rig), server, disarm, memory)
 
 
 def main(argv: list[str]) -> int:
@@ -217,7 +224,7 @@ def main(argv: list[str]) -> int:
     ):  # before the start is noted: who is told to stop has not crashed
         signal.signal(number, lambda received, _frame: stop.append(received))
     state = Path(os.environ.get("STATE_DIRECTORY", started.runtime))
-    guard = build(started.config, started.runtime, state, started.peers)
+    guard = build(started.config, started.runtime, state, started.peers, started.source.path)
     real_time()
     run(guard, MonotonicClock(), from_environment(), lambda: not stop)
     guard.close()

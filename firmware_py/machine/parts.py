@@ -190,6 +190,10 @@ REASONS: Final = (
             (ROTOR, "no [rotor]: the onset of whirl cannot be computed"),
         )
     ),
+    Reason(
+        lambda m: m.foreign is not None,
+        "[foreign]: on a bus that knows nothing of orbitd the device only listens",
+    ),
 )
 """Every reason for which a machine is monitor only."""
 

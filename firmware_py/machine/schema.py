@@ -12,7 +12,13 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta
 
-from firmware_py.machine.sensors import FastChannel, SlowChannel, SlowReadings
+from firmware_py.machine.sensors import (
+    FastChannel,
+    ForeignBus,
+    MappedSignal,
+    SlowChannel,
+    SlowReadings,
+)
 from firmware_py.machine.values import (
     AngleDeg,
     BearingMassKg,
@@ -335,6 +341,8 @@ class Machine(Section, frozen=True):
     readings: SlowReadings = SlowReadings()
     contact: ContactCircuit | None = None
     other_bearing: list[OtherBearing] = msgspec.field(default_factory=list)
+    foreign: ForeignBus | None = None
+    map: list[MappedSignal] = msgspec.field(default_factory=list)
     absent: tuple[Word, ...] = ()
     """Parts that the rig folder leaves out, whose figures are stand-ins
     (:mod:`firmware_py.machine.parts`); found, never written."""

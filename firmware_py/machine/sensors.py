@@ -5,19 +5,21 @@ The text at each key is also the remark that ``orbitd rig new`` writes above it.
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from msgspec import Meta
 
 from firmware_py.machine.values import (
     AngleDeg,
     AnySI,
+    DbcFile,
     Label,
     MachineTable,
     OptionalWord,
     PressureBar,
     ReadingValue,
     Share,
+    SignalName,
     Word,
 )
 
@@ -137,3 +139,31 @@ class SlowReadings(MachineTable, frozen=True):
     clearance_scatter_um: Annotated[float, Meta(ge=0.05, le=100.0)] = 3.0
     """Two readings of a clearance at rest may differ by so much: noise, backlash, an end stop that
     gives. From: readings at rest."""
+
+
+class ForeignBus(MachineTable, frozen=True):
+    """A bus that knows nothing of orbitd: its signals are mapped, nothing is ever sent there."""
+
+    dbc: DbcFile
+    """Name of the DBC in the rig folder. From: the maker of whoever sends."""
+
+
+class MappedSignal(MachineTable, frozen=True):
+    """A signal of a foreign bus, and which channel or reading it is."""
+
+    signal: SignalName
+    """Message and signal of the DBC. From: the DBC."""
+    to: Word
+    """Name of the channel or reading; or `mark` (not 0 while the mark passes), `turns` (count of
+    marks), `mark_age` (time since the newest mark), `counter` (of its message, +1 each). From: what
+    the signal is."""
+    instant: Annotated[int, Meta(ge=0, le=23)] = 0
+    """Of a message that carries several samples of a channel, which of them, 0 the oldest. From:
+    the DBC."""
+    polarity: Literal[-1, 1] = 1
+    """-1 where the sensor's sign is the other. From: a push at the sensor."""
+    every_ms: Annotated[int, Meta(ge=1, le=5000)] = 100
+    """Time between two values of a slow reading; what is not older counts as new. From: the DBC, or
+    a listener on the bus."""
+    unit: Label = ""
+    """Unit of the signal; empty: that of the DBC. From: the DBC's comment."""

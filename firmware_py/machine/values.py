@@ -16,14 +16,20 @@ NAME_PATTERN: Final = r"^[a-z0-9][a-z0-9_-]{0,31}\Z"
 _WORD: Final = r"^[A-Za-z0-9_/]{1,32}\Z"
 _OPTIONAL_WORD: Final = r"^[a-z0-9_]{0,32}\Z"
 _LABEL: Final = r"^[\x20-\x21\x23-\x5b\x5d-\x7e]{0,80}\Z"
+_FILE: Final = r"^([A-Za-z0-9_][A-Za-z0-9_.-]{0,59}\.dbc)?\Z"
+_SIGNAL: Final = r"^[A-Za-z_][A-Za-z0-9_]{0,127}\.[A-Za-z_][A-Za-z0-9_]{0,127}\Z"
 WORDS: Final = {
     NAME_PATTERN: "a name of 1 to 32 small letters, digits, - and _, the first no sign",
     _WORD: "one word",
     _OPTIONAL_WORD: "one word of small letters, or empty",
     _LABEL: "at most 80 printable ASCII characters without quote and backslash",
+    _FILE: "the name of a DBC file beside this one, e.g. plant.dbc",
+    _SIGNAL: "MESSAGE.SIGNAL of the DBC",
 }
 """Each pattern for people."""
 
+DbcFile = Annotated[str, Meta(pattern=_FILE)]
+SignalName = Annotated[str, Meta(pattern=_SIGNAL)]
 Name = Annotated[str, Meta(pattern=NAME_PATTERN)]
 Word = Annotated[str, Meta(pattern=_WORD)]
 OptionalWord = Annotated[str, Meta(pattern=_OPTIONAL_WORD)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Literal, Protocol
 
 from firmware_py.config import Config
@@ -30,7 +31,9 @@ class Link(Protocol):
     """A bus or port that may come and go; nothing of that raises out of :meth:`receive` or
     :meth:`send`."""
 
-    counters: dict[str, int]
+    @property
+    def counters(self) -> dict[str, int]:
+        """What came in, went out, and was lost or refused, by name."""
 
     @property
     def up(self) -> bool:
@@ -60,6 +63,17 @@ def codec_for(config: Config) -> Codec:
 
         return MavCodec(WireLayout.of(config))
     return CanCodec(WireLayout.of(config))
+
+
+def open_device_link(config: Config, folder: Path) -> Link:
+    """The device's link; ``folder`` holds the DBC of a foreign bus."""
+    link = open_link(config, "device")
+    if config.machine.foreign is None:
+        return link
+    from firmware_py.config.foreign import mapped  # only who listens to a foreign bus pays for it
+    from firmware_py.wire.foreign_link import ForeignLink, ForeignTranslator
+
+    return ForeignLink(link, ForeignTranslator(config, mapped(config, folder)))
 
 
 def open_link(config: Config, role: Literal["device", "rig"]) -> Link:

@@ -78,7 +78,7 @@ def test_two_probes_and_a_mark_at_2_kHz_are_enough(least: Path) -> None:
     loaded, _ = config.load(least)
     machine = loaded.machine
     assert set(machine.absent) == {part.name for part in parts.PARTS} | {parts.READINGS}
-    assert len(parts.monitor_only(machine)) == len(parts.REASONS)
+    assert len(parts.monitor_only(machine)) == len(TABLES)
     assert not parts.has_film_law(machine)
     assert loaded.limits.clearance_share == 1.0
     assert config.decode(msgspec.json.encode(loaded), Path("x.mcap")) == loaded

@@ -8,8 +8,10 @@ import pytest
 
 from firmware_py import config
 from firmware_py.config import Config
+from firmware_py.gate.metrics import render
+from firmware_py.gate.view import DeviceState
 from firmware_py.guard import report
-from firmware_py.records import ArmState, Command, CommandReply, DeviceHeartbeat, Mode
+from firmware_py.records import ArmState, Command, CommandReply, DeviceHeartbeat, GuardState, Mode
 from tests.machine.test_parts import least as least  # the folder of the least machine
 from tests.monitor.generator import Run
 
@@ -139,6 +141,22 @@ def test_too_fast_trips_and_a_lost_mark_is_told() -> None:
         run.seconds(0.02)
     run.seconds(1.0)
     assert "speed_high" in run.guard.tripped
+
+
+def test_metrics_tell_every_bearing_and_no_envelope(quiet: Run) -> None:
+    guard = report.guard_state(quiet.guard.stages, quiet.now_ns)
+    told = render(gate_state(guard), None).decode()
+    assert 'orbitd_peak_to_peak_um{probe="nde_x"}' in told
+    assert "orbitd_trip_request 0.0" in told
+    assert "clearance" not in told
+
+
+def gate_state(guard: GuardState) -> DeviceState:
+    return DeviceState(
+        site="lab", rig="kit", instance="default", version="0", now_ns=0, unix_ns=0, rooms={},
+        guard=guard, reading=None, diagnosis=None, forecast=None, advice=None, brain=None,
+        commission=None, normal="", alarms=[], recording="", counters={},
+    )  # fmt: skip
 
 
 def least_config(folder: Path) -> Config:

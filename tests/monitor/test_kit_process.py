@@ -1,0 +1,112 @@
+"""`orbitd run` with real processes, beside a generator of frames on the project's own bus."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TypeVar
+
+import pytest
+
+from firmware_py import config
+from firmware_py.gate import keys
+from firmware_py.gate.client import Client
+from firmware_py.gate.session import SessionError
+from firmware_py.gate.view import DeviceState
+from firmware_py.wire.can_link import CanLink, bus_opener
+from tests.monitor.generator import MeasuringNode
+
+ROOT = Path(__file__).resolve().parents[2]
+PATIENCE_S = 90.0
+T = TypeVar("T")
+
+
+class Playing(threading.Thread):
+    """Sends what the node has made, in real time."""
+
+    def __init__(self, node: MeasuringNode, channel: str) -> None:
+        super().__init__(daemon=True)
+        self.node, self.stopped = node, threading.Event()
+        self._link = CanLink(bus_opener("orbitd_hub", channel))
+
+    def run(self) -> None:
+        begun_ns = time.monotonic_ns()
+        while not self.stopped.wait(0.001):
+            now_ns = time.monotonic_ns()
+            for frame in self.node.frames(now_ns - begun_ns):
+                self._link.send(frame)
+            self._link.receive(now_ns)
+        self._link.close()
+
+
+@pytest.fixture
+def running(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Playing, Client]]:
+    monkeypatch.setenv("ORBITD_BUS_DIR", str(tmp_path / "bus"))
+    rig = Path(shutil.copytree(config.SHIPPED / "kit", tmp_path / "kit"))
+    device = rig / "device.toml"
+    device.write_text(device.read_text().replace("rate_hz = 5000", "rate_hz = 2000"))
+    loaded, _ = config.load(rig)
+    playing = Playing(MeasuringNode(loaded), loaded.bus.channel)
+    playing.start()
+    folder = tmp_path / "run"
+    with (tmp_path / "log").open("wb") as log:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "firmware_py", "run", "--rig", str(rig),
+             "--runtime-dir", str(folder)],
+            cwd=ROOT, stdout=log, stderr=log, env={**os.environ, "XDG_STATE_HOME": str(tmp_path)},
+        )  # fmt: skip
+    try:
+        client = until(lambda: Client(folder, keys.prefix("lab", "kit")))
+        yield playing, client
+    finally:
+        process.send_signal(signal.SIGINT)
+        process.wait(20)
+        playing.stopped.set()
+        playing.join()
+
+
+def until(ask: Callable[[], T | None]) -> T:
+    """What ``ask`` gives, once it gives anything."""
+    end_s = time.monotonic() + PATIENCE_S
+    while time.monotonic() < end_s:
+        try:
+            found = ask()
+        except (SessionError, OSError):
+            found = None
+        if found:
+            return found
+        time.sleep(0.2)
+    raise AssertionError("nothing within the patience of this test")
+
+
+def state(client: Client, holds: Callable[[DeviceState], object]) -> DeviceState:
+    return until(lambda: found if holds(found := client.status()) else None)
+
+
+@pytest.mark.slow
+def test_the_kit_runs_and_a_fault_at_its_second_bearing_trips(
+    running: tuple[Playing, Client],
+) -> None:
+    playing, client = running
+    good = state(client, lambda s: s.guard and s.guard.run_permit and s.diagnosis)
+    assert good.guard is not None
+    assert good.guard.monitor_only.startswith("no [actuator]")
+    assert good.guard.other_peak_to_peak_um["nde"][0] == pytest.approx(18.0, abs=4.0)
+    reply = client.ask("arm")
+    assert not reply.accepted
+    assert reply.reasons[0].startswith("monitor only: no [actuator]")
+    seen = state(client, lambda s: s.diagnosis and s.diagnosis.verdict == "uncommissioned")
+    assert seen.diagnosis is not None
+    assert seen.diagnosis.evidence["nde_1x_um"] == pytest.approx(8.0, rel=0.1)
+    playing.node.orbits["nde"].forward_um = 70.0
+    tripped = state(client, lambda s: s.guard and s.guard.trip_request)
+    assert tripped.guard is not None
+    assert {"nde_x_danger", "nde_y_danger"} & {alarm.name for alarm in tripped.alarms}
+    assert not any(alarm.name.startswith("disp_") for alarm in tripped.alarms)
