@@ -22,8 +22,17 @@ from firmware_py.config.simulation import load_simulation
 from firmware_py.config.source import shown
 from firmware_py.guard.plausibility.readings import power_max_W
 from firmware_py.machine import supply
+from firmware_py.machine.domain import fastest_film
 from firmware_py.machine.folder import METAVAR, find
-from firmware_py.machine.parts import FEED, ROTOR, absences, has, monitor_only, stand_in_keys
+from firmware_py.machine.parts import (
+    FEED,
+    ROTOR,
+    absences,
+    has,
+    has_film_law,
+    monitor_only,
+    stand_in_keys,
+)
 from firmware_py.machine.probes import probe_errors
 from firmware_py.machine.values import MachineTable
 
@@ -105,13 +114,26 @@ def _check(path: Path, as_json: bool) -> int:
             print(f"  REFUSED {kind}: {reason}")
         if path.is_file():
             print("  first schema: `orbitd migrate OLD.toml FOLDER` makes a rig folder of it")
-        print(f"  {sampling.described(config)}")
+        for line in [*_film(config), sampling.described(config)]:
+            print(f"  {line}")
         for line in [*derived(config), *provenance(config)]:
             print(f"  {line}")
         for line in _defaults(config, source):
             print(f"  default {line}")
     shipped_for_others = why and not config.models.directory
     return 1 if refused and not shipped_for_others else 0
+
+
+def _film(config: Config) -> list[str]:
+    """Where the film leaves its equation, though the guard's laws stand: a caution, no fault."""
+    machine = config.machine
+    if not has_film_law(machine):
+        return []
+    clearance_um, rpm = machine.actuator.safe_radial_clearance_um, machine.operating.speed_max_rpm
+    return [
+        f"film in {clearance_um:g} um at {rpm:g} rpm: {warning}; its figures are estimates"
+        for warning in fastest_film(machine, clearance_um).warnings
+    ]
 
 
 def _rights(config: Config, admissible_um: tuple[float, float] | None) -> list[str]:

@@ -19,7 +19,7 @@ from firmware_py.machine import Machine
 from firmware_py.machine.domain import INERTIA_LIMIT, TAYLOR_LIMIT, film_domain
 from firmware_py.machine.film import static_film
 from firmware_py.machine.lubricant import viscosity_Pa_s
-from firmware_py.machine.parts import LOAD, ROTOR, has, has_film_law, monitor_only
+from firmware_py.machine.parts import ACTUATOR, LOAD, ROTOR, has, has_film_law, monitor_only
 from firmware_py.machine.static import (
     Resting,
     greatest_load_N,
@@ -133,10 +133,11 @@ def film(config: Config) -> Figures:
         rows.append([state.name, *found, most_N])
     return Figures(
         "film", "Film at rest at the corners",
-        f"in the retreat value {machine.actuator.safe_radial_clearance_um:g} um, oil at "
+        f"in {'the retreat value' if has(machine, ACTUATOR) else 'its clearance,'} "
+        f"{machine.actuator.safe_radial_clearance_um:g} um, oil at "
         f"{machine.lubricant.inlet_max_C:g} degC; it must stay above limits.min_film_um = "
         f"{config.limits.min_film_um:g} um",
-        ("corner", "film um", "eccentricity", "attitude deg", "power W", "carries down to it N"),
+        ("corner", "film um", "eccentricity", "attitude deg", "power W", "carries at that limit N"),
         rows,
     )  # fmt: skip
 
@@ -201,30 +202,52 @@ def rotor(config: Config) -> Figures:
 
 
 def onset(config: Config) -> Figures:
-    """Speed at which whirl begins over clearance, and the clearance that just whirls over speed."""
-    machine = config.machine
-    b, o = machine.bearing, machine.operating
-    low, high = b.radial_clearance_min_um, b.radial_clearance_max_um
-    rows: list[list[Cell]] = []
-    for i in range(CLEARANCES):
-        share = i / (CLEARANCES - 1)
-        clearance_um, rpm = low + share * (high - low), o.speed_min_rpm
-        rpm += share * (o.speed_max_rpm - o.speed_min_rpm)
-        onsets = (onset_rpm(machine, clearance_um * 1e-6, n) for n in (o.load_min_N, o.load_max_N))
-        widest = (
-            _within(stable_clearance_m(machine, rpm / RPM, n) * 1e6, high)
-            for n in (o.load_min_N, o.load_max_N)
-        )
-        rows.append([clearance_um, *onsets, rpm, *widest])
+    """Speed at which whirl begins, over clearance."""
+    b, o = config.machine.bearing, config.machine.operating
+    rows: list[list[Cell]] = [
+        [um, *(onset_rpm(config.machine, um * 1e-6, n) for n in (o.load_min_N, o.load_max_N))]
+        for um in _spread(b.radial_clearance_min_um, b.radial_clearance_max_um)
+    ]
     return Figures(
-        "whirl", "Onset of whirl",
-        f"of the balanced rigid rotor, {machine.rotor.mass_at_bearing_kg:.3g} kg at the bearing, "
-        f"in the worse of coldest and hottest oil; -: not below {ONSET_MOST:g} times the greatest "
-        f"speed, not in this bearing",
-        ("clearance um", f"whirls from rpm at {o.load_min_N:g} N", f"at {o.load_max_N:g} N",
-         "speed rpm", f"stable up to um at {o.load_min_N:g} N", f"um at {o.load_max_N:g} N"),
+        "whirl",
+        "Onset of whirl over clearance",
+        f"of the balanced rigid rotor, {config.machine.rotor.mass_at_bearing_kg:.3g} kg at the "
+        f"bearing, in the worse of coldest and hottest oil; -: not below {ONSET_MOST:g} times the "
+        f"greatest speed",
+        ("clearance um", f"rpm at {o.load_min_N:g} N", f"rpm at {o.load_max_N:g} N"),
         rows,
-    )  # fmt: skip
+    )
+
+
+def stable(config: Config) -> Figures:
+    """Clearance that just whirls, over speed."""
+    b, o = config.machine.bearing, config.machine.operating
+    rows: list[list[Cell]] = [
+        [
+            rpm,
+            *(
+                _within(
+                    stable_clearance_m(config.machine, rpm / RPM, n) * 1e6,
+                    b.radial_clearance_max_um,
+                )
+                for n in (o.load_min_N, o.load_max_N)
+            ),
+        ]
+        for rpm in _spread(o.speed_min_rpm, o.speed_max_rpm)
+    ]
+    return Figures(
+        "stable",
+        "Widest stable clearance over speed",
+        "of the same rotor; -: all that the bearing has",
+        ("speed rpm", f"um at {o.load_min_N:g} N", f"um at {o.load_max_N:g} N"),
+        rows,
+    )
+
+
+def _spread(low: float, high: float) -> list[float]:
+    """Evenly from ``low`` to ``high``; one value where they are the same."""
+    steps = CLEARANCES - 1
+    return [low + i / steps * (high - low) for i in range(CLEARANCES)] if high > low else [low]
 
 
 def onset_rpm(machine: Machine, clearance_m: float, load_N: float) -> float | None:
@@ -273,12 +296,12 @@ def budget(config: Config, found: Sequence[Cost]) -> Figures:
         columns += [f"um at {corner.speed_rad_s * RPM:.0f} rpm, {corner.load_N:g} N", "W"]
     rows: list[list[Cell]] = []
     for cost in found[1:]:
-        row: list[Cell] = [cost.name, round((cost.range_m - known.range_m) * 1e6, 1)]
+        row: list[Cell] = [cost.name, round((cost.range_m - known.range_m) * 1e6, 1) + 0.0]
         for before, after in zip(known.corners, cost.corners, strict=True):
             if before and after:
                 row += [
-                    round((after.high_m - before.high_m) * 1e6, 1),
-                    round(before.power_W - after.power_W, 1),
+                    round((after.high_m - before.high_m) * 1e6, 1) + 0.0,
+                    round(before.power_W - after.power_W, 1) + 0.0,
                 ]
             else:
                 row += [None, None]
@@ -287,7 +310,8 @@ def budget(config: Config, found: Sequence[Cost]) -> Figures:
         "budget",
         "Field error budget",
         "what is gained where that uncertainty is gone: um of admissible radial clearance, and W "
-        "of shaft power in the widest; spend on the largest, then on the next",
+        "of shaft power in the widest; 0 where the bearing's own range bounds it. Spend on the "
+        "largest, then on the next",
         ("uncertainty", *columns),
         rows,
     )
@@ -321,6 +345,7 @@ def tables(config: Config) -> Iterator[Figures | str]:
     yield film(config)
     if has(machine, ROTOR):
         yield onset(config)
+        yield stable(config)
         linear, lacking = _linear(config)
         yield stiffness(config, linear)
         if linear:

@@ -15,10 +15,13 @@ import msgspec
 from firmware_py import launch
 from firmware_py.config import Config
 from firmware_py.config.commented import commented
+from firmware_py.config.limits import with_limits
 from firmware_py.config.simulation import load_simulation
 from firmware_py.config.source import shown
 from firmware_py.config.written import FolderError, write_rig
 from firmware_py.machine.folder import METAVAR, SIMULATION, find, shipped_names
+from firmware_py.machine.parts import ACTUATOR, FEED, OTHERS, READINGS
+from firmware_py.machine.probes import PROBES
 from firmware_py.machine.values import NAME_PATTERN, WORDS, MachineTable
 
 UNCERTAIN = "_error_"
@@ -36,6 +39,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="shipped rig or rig folder whose figures it begins with (default: bench)",
     )
     parser.add_argument(
+        "--monitor",
+        action="store_true",
+        help="a machine that is watched only: two probes and a mark; the rest behind a #",
+    )
+    parser.add_argument(
         "--name", metavar="NAME", help="of machine and rig (default: that of the folder)"
     )
 
@@ -43,7 +51,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Write the folder, and say what comes next."""
     folder, source = options.folder, options.source
-    texts = texts_for(source, name_of(options.name or folder.absolute().name))
+    name = name_of(options.name or folder.absolute().name)
+    texts = texts_for(source, name, monitor=options.monitor)
     write_rig(texts, folder)
     where = shown(str(folder))
     print(f"{where}: {', '.join(texts)}, with the figures of {shown(source)}; edit them, then")
@@ -65,8 +74,9 @@ def name_of(name: str) -> str:
     return name
 
 
-def texts_for(source: str, name: str) -> dict[str, str]:
-    """The files of a rig ``name`` with the figures of the rig ``source``.
+def texts_for(source: str, name: str, *, monitor: bool = False) -> dict[str, str]:
+    """The files of a rig ``name`` with the figures of the rig ``source``; ``monitor``: of a machine
+    that has two probes and a mark, and no actuator.
 
     Raises
     ------
@@ -79,6 +89,8 @@ def texts_for(source: str, name: str) -> dict[str, str]:
     simulation = load_simulation(path) if simulated else None
     if source in shipped_names():
         config = as_known(config)
+    if monitor:
+        config, simulation = watched(config), None
     config = config.replaced(
         machine=msgspec.structs.replace(config.machine, name=name),
         device=msgspec.structs.replace(
@@ -86,6 +98,28 @@ def texts_for(source: str, name: str) -> dict[str, str]:
         ),
     )
     return commented(config, simulation, source)
+
+
+def watched(config: Config) -> Config:
+    """``config`` of a machine with two probes and a mark at one bearing, whose clearance is
+    fixed."""
+    machine, limits = config.machine, config.limits
+    fixed_um = machine.bearing.radial_clearance_nominal_um
+    absent = (set(machine.absent) | {ACTUATOR, FEED, READINGS}) - {OTHERS}
+    config = config.replaced(
+        bearing=msgspec.structs.replace(
+            machine.bearing, radial_clearance_min_um=fixed_um, radial_clearance_max_um=fixed_um
+        ),
+        channel=machine.channel[:PROBES],
+        other_bearing=[],
+        contact=None,
+        reading=[],
+        absent=tuple(sorted(name for name in absent if "/" not in name)),
+        limits_at=[],
+        bus=msgspec.structs.replace(config.bus, schema=2),
+    )
+    off = with_limits({"limits": {}, "machine": msgspec.to_builtins(config.machine)})["limits"]
+    return config.replaced(limits=msgspec.structs.replace(limits, **off))
 
 
 def as_known(config: Config) -> Config:

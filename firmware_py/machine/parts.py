@@ -299,8 +299,12 @@ def stand_in_keys(machine: object) -> frozenset[str]:
 
 
 def stand_ins(machine: Machine) -> frozenset[str]:
-    """Tables and keys of ``machine.toml`` whose values in ``machine`` are stand-ins."""
+    """Tables and keys of ``machine.toml`` whose values in ``machine`` are stand-ins, and ends of a
+    fixed clearance, for which the nominal one is enough."""
     whole = stand_in_keys({"absent": machine.absent})
+    if ACTUATOR in machine.absent:
+        ends = next(part.stand_in.keys() for part in PARTS if part.name == CLEARANCE) - {NOMINAL}
+        whole |= {f"machine.bearing.{key}" for key in ends}
     return frozenset(key.removeprefix("machine.") for key in whole) | {
         f"{OTHERS}[{i}].{key}"
         for i, other in enumerate(machine.other_bearing)

@@ -23,6 +23,7 @@ WITHOUT_SIM = {
     "film",
     "coefficients",
     "whirl",
+    "stable",
     "admissible",
     "budget",
 }
