@@ -14,6 +14,7 @@ from pathlib import Path
 from firmware_py import launch
 from firmware_py.commands.migrate import migrated
 from firmware_py.config import Bus
+from firmware_py.config.foreign import read_dbc
 from firmware_py.config.written import write_rig
 from firmware_py.errors import OrbitdError
 from firmware_py.machine.folder import SHIPPED, add_option
@@ -141,7 +142,8 @@ def _texts(wanted: Path) -> dict[str, str]:
     """The files of the rig to install; one of the first schema becomes a folder."""
     if not wanted.is_dir():
         return migrated(wanted)
-    return {path.name: path.read_text(encoding="utf-8") for path in sorted(wanted.glob("*.toml"))}
+    tables = {p.name: p.read_text(encoding="utf-8") for p in sorted(wanted.glob("*.toml"))}
+    return tables | {path.name: read_dbc(path) for path in sorted(wanted.glob("*.dbc"))}
 
 
 def _check_python(python: Path) -> None:

@@ -93,6 +93,9 @@ def faults(config: Config, folder: Path) -> Iterator[Found]:
     if config.bus.schema != 2:
         cause = "a foreign bus is mapped onto the rig's own channels; set bus.schema = 2"
         yield "bus.schema", config.bus.schema, cause
+    if config.bus.link != "can":
+        cause = 'a foreign bus is a CAN bus with a DBC; set bus.link = "can"'
+        yield "bus.link", config.bus.link, cause
     yield from _targets(config)
     database = _database(folder / machine.foreign.dbc)
     if isinstance(database, str):
@@ -130,10 +133,25 @@ def mapped(config: Config, folder: Path) -> ForeignMap:
     return ForeignMap(found)
 
 
+def read_dbc(path: Path) -> str:
+    """The text of a DBC: UTF-8, else that of Windows, in which most are written.
+
+    Raises
+    ------
+    OSError
+        It cannot be read.
+    """
+    data = path.read_bytes()
+    try:
+        return data.decode("utf-8")
+    except UnicodeDecodeError:
+        return data.decode("cp1252", errors="replace")
+
+
 def _database(path: Path) -> Any:
     """The DBC at ``path``, or why it cannot be read."""
     try:
-        return cantools.database.load_file(str(path), database_format="dbc", strict=False)
+        return cantools.database.load_string(read_dbc(path), "dbc", strict=False)
     except OSError as error:
         return f"{error.strerror} in the rig folder; copy the DBC into it"
     except (ValueError, cantools.database.Error) as error:

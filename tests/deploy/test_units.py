@@ -152,6 +152,7 @@ def test_the_named_rig_is_installed(tmp_path: Path) -> None:
     mine = tmp_path / "mine"
     shutil.copytree(config.SHIPPED / "seed", mine)
     (mine / "machine.toml").write_text((mine / "machine.toml").read_text() + "# mine\n")
+    (mine / "plant.dbc").write_text('VERSION ""\n')  # of a foreign bus: it travels as well
     installed(tmp_path / "root", "--rig", str(mine))
     assert files(tmp_path / "root" / RIG) == files(mine)
     assert all(f"--rig /{RIG} " in unit.read_text() for unit in services(tmp_path / "root"))

@@ -164,6 +164,8 @@ def test_frames_of_others_and_broken_ones_are_counted(plant: Path) -> None:
     ("machine.toml", 'dbc = "plant.dbc"', 'dbc = "other.dbc"', "copy the DBC into it"),
     ("plant.dbc", "BU_: LOGGER", "BU_ LOGGER {", "no DBC ("),
     ("device.toml", "schema = 2", "schema = 1", "must be exactly disp_x, disp_y"),
+    ("device.toml", "schema = 2", 'schema = 2\nlink = "serial"\nserial_port = "/dev/x"',
+     'a foreign bus is a CAN bus with a DBC; set bus.link = "can"'),
 ])  # fmt: skip
 def test_what_does_not_fit_is_named(plant: Path, file: str, old: str, new: str, words: str) -> None:
     path = plant / file
@@ -181,6 +183,14 @@ def test_all_that_does_not_fit_is_named_at_once(plant: Path) -> None:
     with pytest.raises(ConfigError) as refusal:
         launch.verified(plant)
     assert len(refusal.value.faults) == 2
+
+
+def test_a_dbc_in_the_text_of_windows_is_read(plant: Path) -> None:
+    text = DBC.replace('"degC"', '"°C"').replace('"um"', '"µm"')
+    (plant / "plant.dbc").write_bytes(text.encode("cp1252"))
+    launch.verified(plant)
+    (plant / "plant.dbc").write_text(text, encoding="utf-8")
+    launch.verified(plant)
 
 
 def test_check_says_that_the_device_only_listens(

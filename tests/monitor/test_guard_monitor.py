@@ -181,3 +181,34 @@ def test_a_snapshot_goes_on_where_it_was() -> None:
     other = Run(KIT)
     other.guard.restore(snapshot)
     assert other.guard.tripped == run.guard.tripped
+
+
+def with_oil(least: Path) -> Config:
+    """The least machine with a thermometer in the outlet, and limits for it and no more."""
+    machine, device = least / "machine.toml", least / "device.toml"
+    machine.write_text(machine.read_text() + '\n[[reading]]\nname = "oil_outlet"\n')
+    limits = "[limits]\noil_outlet_high_alert_C = 60.0\noil_outlet_high_danger_C = 70.0\n"
+    device.write_text(device.read_text().replace("[limits]\n", limits))
+    return config.load(least)[0]
+
+
+def test_a_reading_with_limits_is_protected_without_a_lubricant(least: Path) -> None:
+    run = Run(with_oil(least))
+    run.node.readings["oil_outlet"] = 50.0
+    run.seconds(2.0)
+    assert run.alarms() == set()
+    while run.node.readings["oil_outlet"] < 75.0:
+        run.node.readings["oil_outlet"] += 0.5
+        run.seconds(0.1)
+    run.seconds(2.0)
+    assert run.guard.tripped == ["oil_outlet_high_danger"]
+
+
+def test_a_reading_that_is_lost_is_told_and_trips_nothing(least: Path) -> None:
+    run = Run(with_oil(least))
+    run.node.readings["oil_outlet"] = 50.0
+    run.seconds(1.0)
+    run.node.readings["oil_outlet"] = 300.0
+    run.seconds(3.0)
+    assert run.alarms() == {"oil_outlet_not_ok"}
+    assert run.guard.tripped == []
