@@ -39,6 +39,7 @@ from firmware_py.records import (
     Record,
     RigReading,
     RoomRecord,
+    ShadowDiagnosis,
     Snapshot,
     WindowRecord,
 )
@@ -86,6 +87,7 @@ _RECORDS: Final[tuple[type[Record], ...]] = (
     WallClock,
     BrainStep,
     BrainSnapshot,
+    ShadowDiagnosis,
 )
 _ROWS: Final = {row.record: row for row in signals.STREAMS}
 

@@ -32,6 +32,7 @@ from firmware_py.records import (
     Record,
     RigReading,
     RoomRecord,
+    ShadowDiagnosis,
     Snapshot,
     WindowRecord,
 )
@@ -76,6 +77,7 @@ ROUTES: Final = (
     Route(Normal, _BRAIN, (_GATE,)),
     Route(Diagnosis, _BRAIN, (_GATE,)),
     Route(WindowRecord, _BRAIN, (_GATE,)),
+    Route(ShadowDiagnosis, _BRAIN, (_GATE,)),
     Route(Forecast, _BRAIN, (_GATE,)),
     Route(Advice, _BRAIN, (_GUARD, _GATE)),
     Route(BrainState, _BRAIN, (_GATE,)),

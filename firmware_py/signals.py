@@ -170,6 +170,7 @@ STREAMS: Final = (
     Stream("CommandRequest", "cmd/request", "json", False, "once"),
     Stream("CommandReply", "cmd/reply", "json", False, "once"),
     Stream("Diagnosis", "ha/diagnosis", "json", True, "each decision"),
+    Stream("ShadowDiagnosis", "ha/shadow", "json", True, "each window"),
     Stream("WindowRecord", "ha/window", "json", False, "each decision"),
     Stream("Forecast", "pa/forecast", "json", True, "each forecast"),
     Stream("Advice", "ag/advice", "json", True, "10 Hz"),

@@ -4,6 +4,7 @@ record the same way, in the same order."""
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import msgspec
@@ -60,10 +61,11 @@ from firmware_py.wire.rooms import RoomClient, RoomServer
 from sim_hil.closed_loop import ClosedLoop
 from sim_hil.hil.rig import Rig, node_limits
 from sim_hil.rigs import load_rig
-from tests.brain.machine import models
+from tests.brain.machine import model, models
+from tests.brain.onnx_models import own
 
 BENCH = config.load(config.SHIPPED / "bench")[0]
-MODELS = models(fleet=True)
+MODELS = replace(models(fleet=True), shadow=model(own()))
 SESSION = 0xC0FFEE
 START_NS = 5_000_000_000
 RAMP = PlannedRamp(1.0, 2.0, 5000.0, 90.0)

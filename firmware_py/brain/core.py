@@ -17,6 +17,7 @@ from firmware_py.brain.journal import RecentBlocks, Snapshots, split, taken
 from firmware_py.brain.observation import Observer, ObserverState
 from firmware_py.brain.policy import Policy, PolicyState, Proposal
 from firmware_py.brain.prediction import HORIZON_S, slow_roll_forward
+from firmware_py.brain.shadow import Shadow, ShadowState
 from firmware_py.brain.store import Models
 from firmware_py.brain.watch import OrbitWatch, WatchState
 from firmware_py.brain.watch_commissioning import WatchCommissioner, WatchCommissionState
@@ -70,6 +71,7 @@ class BrainTree(msgspec.Struct):
     policy: PolicyState
     watch: WatchState | None = None
     watch_commissioner: WatchCommissionState | None = None
+    shadow: ShadowState | None = None
 
 
 class BrainCore:
@@ -97,6 +99,7 @@ class BrainCore:
         self._commissioner = Commissioner(models.classifier, config, self._diagnoser, slow_roll_m)
         self._own = WatchCommissioner(self._watch, config) if self._watch else None
         self._policy = Policy(models, config)
+        self._shadow = Shadow(models.shadow, config) if models.shadow else None
         self._pressure_bar = config.machine.actuator.safe_pressure_bar
         self._cpu_features = cpu_features
         self._predictor_label = models.surrogate.label if models.surrogate else ""
@@ -111,6 +114,7 @@ class BrainCore:
             **self._windower.counters,
             **self._diagnoser.counters,
             **self._policy.counters,
+            **(self._shadow.counters if self._shadow else {}),
             "windows_dropped": self._state.windows_dropped,
         }
 
@@ -155,6 +159,8 @@ class BrainCore:
         if self._watch and self._own and state.watch and state.watch_commissioner:
             self._watch.restore(state.watch, self.recent)
             self._own.state = state.watch_commissioner
+        if self._shadow is not None and state.shadow is not None:
+            self._shadow.restore(state.shadow, self.recent)
 
     def record_from_here(self) -> None:
         """Let the next step begin with a snapshot: somebody has just begun to record."""
@@ -171,6 +177,7 @@ class BrainCore:
                 self._policy.state,
                 self._watch.save() if self._watch else None,
                 self._own.state if self._own else None,
+                self._shadow.state if self._shadow else None,
             )
         )
 
@@ -193,12 +200,21 @@ class BrainCore:
         state.windows_dropped += max(0, len(windows) - WINDOWS_PER_STEP)
         for window in windows[-WINDOWS_PER_STEP:]:
             out += self.diagnose(window)
+        out += self._in_shadow(records)
         due_ns = now_ns if state.next_advice_ns is None else state.next_advice_ns
         if now_ns >= due_ns:
             behind = now_ns >= due_ns + ADVICE_PERIOD_NS
             state.next_advice_ns = (now_ns if behind else due_ns) + ADVICE_PERIOD_NS
             out += self._advise(now_ns)
         return out
+
+    def _in_shadow(self, records: Sequence[RoomRecord]) -> list[RoomRecord]:
+        """What the model in shadow would say."""
+        if self._shadow is None:
+            return []
+        active = self._state.diagnosis.verdict if self._state.diagnosis else "none"
+        blocks = [record for record in records if isinstance(record, Block)]
+        return [said for block in blocks for said in self._shadow.step(block, active)]
 
     def _take(self, record: RoomRecord) -> list[Window]:
         """Sort one record to whoever needs it; the windows that it completes."""

@@ -82,7 +82,7 @@ def run(
 def prewarm(models: Models) -> None:
     """Let every session allocate before the first real question; its answer to zeros is of no
     interest."""
-    for model in (models.classifier, models.actor, models.surrogate):
+    for model in (models.classifier, models.actor, models.surrogate, models.shadow):
         if model is not None:
             with suppress(ModelAnswerError):
                 model.session.run(np.zeros((1, model.session.columns)))

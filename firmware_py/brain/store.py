@@ -31,6 +31,7 @@ from firmware_py.acquire.windows import WINDOW_LAYOUT
 from firmware_py.brain.errors import ModelError, ModelMissingError, ModelTrustError, ModelUnfitError
 from firmware_py.brain.intervals import FactorsCard, IntervalFactors
 from firmware_py.brain.made_for import Figures, machines_of, misfit, outside_domain
+from firmware_py.brain.own_card import KIND, OUTPUTS, misfits
 from firmware_py.brain.session import Session
 from firmware_py.config import Config
 from firmware_py.machine.parts import monitor_only
@@ -161,6 +162,8 @@ class Models:
     factors: IntervalFactors = field(default_factory=IntervalFactors)
     refusals: dict[str, str] = field(default_factory=dict)
     off: dict[str, str] = field(default_factory=dict)
+    shadow: Model | None = None
+    """Says what it would say beside the active classifier."""
 
 
 ADVISING: Final = ("actor", "surrogate")
@@ -178,13 +181,24 @@ def load_models(config: Config) -> Models:
             found[kind] = load_model(kind, config)
         except ModelError as error:
             refusals[kind] = str(error)
+    if config.models.shadow:
+        try:
+            found["shadow"] = load_shadow(config)
+        except ModelError as error:
+            refusals["shadow"] = str(error)
     factors = IntervalFactors()
     try:
         factors = factors if "surrogate" in off else load_factors(config)
     except ModelError as error:
         refusals["predictor"] = str(error)
     return Models(
-        found.get("classifier"), found.get("actor"), found.get("surrogate"), factors, refusals, off
+        found.get("classifier"),
+        found.get("actor"),
+        found.get("surrogate"),
+        factors,
+        refusals,
+        off,
+        found.get("shadow"),
     )
 
 
@@ -229,6 +243,27 @@ def load_model(kind: str, config: Config) -> Model:
     session = Session(path.name, data)
     card = read_card(path.name, session.metadata)
     _check_fit(kind, path.name, card, session, config)
+    return Model(card, session, hashlib.sha256(data).hexdigest())
+
+
+def load_shadow(config: Config) -> Model:
+    """Read, vouch for, and fit the classifier of one's own recordings that shall run in shadow.
+
+    Raises
+    ------
+    ModelMissingError, ModelTrustError, ModelUnfitError
+        See their docstrings.
+    """
+    path = Path(config.models.shadow)
+    data = _read(path)
+    _check_signature(path, data, config.models.public_keys)
+    session = Session(path.name, data)
+    card = read_card(path.name, session.metadata)
+    wrong = misfits(card.settings, card.channels, card.units, session.columns, config)
+    if card.kind != KIND or not set(OUTPUTS) <= set(session.outputs):
+        wrong = [f"kind {card.kind!r} that gives {session.outputs}, expected {KIND!r}, {OUTPUTS}"]
+    if wrong:
+        raise ModelUnfitError(f"{path.name}: {'; '.join(wrong)}")
     return Model(card, session, hashlib.sha256(data).hexdigest())
 
 

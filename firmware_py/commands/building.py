@@ -74,6 +74,8 @@ def _around(config: Config, runtime: Path, environment: Mapping[str, str]) -> It
             config.models.directory,
             "no such folder; make it or correct the name",
         )
+    if config.models.shadow and not Path(config.models.shadow).is_file():
+        yield "models.shadow", config.models.shadow, "no such file; correct the name"
     if (
         config.metrics.port
         and not running

@@ -34,6 +34,11 @@ def _lines(state: DeviceState) -> list[str]:
     lines = [f"{state.site}/{state.rig} ({state.instance}), orbitd {state.version}: {rooms}"]
     if state.guard:
         lines += _guard_lines(state.guard)
+    if state.shadow:
+        lines.append(
+            f"shadow      would say {state.shadow.verdict} "
+            f"({100 * state.shadow.probability:.0f} %), {state.shadow.model}"
+        )
     if state.diagnosis:
         doubt = ", in doubt" if state.diagnosis.doubt else ""
         sure = f" ({100 * state.diagnosis.probability:.0f} %{doubt})"

@@ -150,13 +150,13 @@ def _certificates(config: Config) -> Iterator[Found]:
 
 def _keys(config: Config) -> Iterator[Found]:
     models = config.models
-    if models.directory and not models.public_keys:
+    if (models.directory or models.shadow) and not models.public_keys:
         yield (
             "models.public_keys",
             "[]",
             (
-                "models of models.directory must be signed by one of these; add the key, `openssl "
-                "pkey -pubout`"
+                "models of models.directory and models.shadow must be signed by one of these; add "
+                "the key, `openssl pkey -pubout`"
             ),
         )
     for i, text in enumerate(models.public_keys):

@@ -175,6 +175,9 @@ class ModelsConfig(Section, frozen=True):
 
     directory: FilePath = ""
     """Folder of the ONNX files; empty: the ones shipped with the package."""
+    shadow: FilePath = ""
+    """File of a classifier of one's own recordings that says beside the active one what it would
+    say; nothing follows from it."""
     public_keys: Annotated[list[PublicKey], Meta(max_length=32)] = msgspec.field(
         default_factory=list
     )

@@ -139,6 +139,7 @@ class Gate:
             guard=view.guard,
             reading=view.reading,
             diagnosis=view.diagnosis,
+            shadow=view.shadow,
             forecast=view.forecast,
             advice=view.advice,
             brain=view.brain,

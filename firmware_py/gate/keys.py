@@ -10,6 +10,7 @@ dm/features      ``SignalFeatures``             10 Hz                 applicatio
 sd/state         ``GuardState``                 10 Hz                 application/json
 sd/alarms        list of ``Alarm``, all active  1 Hz, and on query    application/json
 ha/diagnosis     ``Diagnosis``                  each decision         application/json
+ha/shadow        ``ShadowDiagnosis``            each window           application/json
 pa/forecast      ``Forecast``                   each forecast         application/json
 ag/advice        ``Advice``                     10 Hz                 application/json
 ha/state         ``BrainState``                 1 Hz                  application/json

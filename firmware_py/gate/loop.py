@@ -4,6 +4,7 @@ them."""
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
 import os
 import platform
@@ -178,9 +179,20 @@ def metadata(config: Config, models: Any) -> dict[str, str]:
 def read_models(config: Config) -> Any:
     """The manifest of the model folder, as it stands; empty when there is none."""
     folder = Path(config.models.directory) if config.models.directory else SHIPPED_MODELS
+    shadow = _sha256(Path(config.models.shadow)) if config.models.shadow else {}
     try:
-        return from_json(read_file(folder / "manifest.json"), dict[str, Any], FILE_LIMIT_BYTES)
+        return shadow | from_json(
+            read_file(folder / "manifest.json"), dict[str, Any], FILE_LIMIT_BYTES
+        )
     except (OSError, OutsideError):
+        return shadow
+
+
+def _sha256(shadow: Path) -> dict[str, Any]:
+    """Digest of the model in shadow; empty where it cannot be read."""
+    try:
+        return {"shadow": hashlib.sha256(shadow.read_bytes()).hexdigest()}
+    except OSError:
         return {}
 
 

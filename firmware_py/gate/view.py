@@ -28,6 +28,7 @@ from firmware_py.records import (
     RigReading,
     RoomRecord,
     Severity,
+    ShadowDiagnosis,
 )
 
 EVENTS_KEPT: Final = 1000
@@ -66,6 +67,7 @@ class DeviceState(msgspec.Struct, frozen=True, kw_only=True):
     alarms: list[Alarm]
     recording: str
     counters: dict[str, int]
+    shadow: ShadowDiagnosis | None = None
 
 
 class View:
@@ -81,6 +83,7 @@ class View:
         self.guard: GuardState | None = None
         self.reading: RigReading | None = None
         self.diagnosis: Diagnosis | None = None
+        self.shadow: ShadowDiagnosis | None = None
         self.forecast: Forecast | None = None
         self.advice: Advice | None = None
         self.brain: BrainState | None = None
@@ -112,6 +115,8 @@ class View:
                 self.reading = record
             case Diagnosis():
                 self.diagnosis = record
+            case ShadowDiagnosis():
+                self.shadow = record
             case Forecast():
                 self.forecast = record
             case Event():

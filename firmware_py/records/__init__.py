@@ -22,7 +22,7 @@ from firmware_py.records.acquired import (
     cause_of,
 )
 from firmware_py.records.base import CHANNELS, N_CHANNELS, Record
-from firmware_py.records.brain import Advice, BrainState, Diagnosis, Forecast
+from firmware_py.records.brain import Advice, BrainState, Diagnosis, Forecast, ShadowDiagnosis
 from firmware_py.records.command import (
     BRAIN_VERBS,
     VERBS,
@@ -123,6 +123,7 @@ __all__ = [
     "RoomRecord",
     "SampleFrame",
     "Severity",
+    "ShadowDiagnosis",
     "SlowValue",
     "Snapshot",
     "WindowRecord",
@@ -139,6 +140,7 @@ RoomRecord = (
     | Event
     | GuardState
     | Diagnosis
+    | ShadowDiagnosis
     | Forecast
     | Advice
     | BrainState

@@ -21,6 +21,25 @@ class Diagnosis(Record, frozen=True, tag=True):
     model: str
 
 
+class ShadowDiagnosis(Record, frozen=True, tag=True):
+    """What a model in shadow would have said; nothing follows from it.
+
+    ``score`` is the distance from all that it was taught, 1 at the limit; ``windows`` those
+    that the word rests on; ``active`` is the word of the active classifier at that time.
+    """
+
+    seq: int
+    t_acq_ns: int
+    quality: int
+    verdict: str
+    probability: float
+    classes: dict[str, float]
+    score: float
+    windows: int
+    active: str
+    model: str
+
+
 class Forecast(Record, frozen=True, tag=True):
     """What the predictor expects ``horizon_s`` ahead for the present and the advised clearance
     (PA).

@@ -25,12 +25,14 @@ from firmware_py.records import (
     Normal,
     Record,
     RigReading,
+    ShadowDiagnosis,
     WindowRecord,
 )
 
 OUTPUTS: Final[tuple[type[Record], ...]] = (
     Diagnosis,
     WindowRecord,
+    ShadowDiagnosis,
     Forecast,
     Advice,
     BrainState,

@@ -14,7 +14,7 @@ from torch import Tensor, nn
 
 from models import export
 from models.diagnosis.measured import Forest, Network
-from models.diagnosis.measured_score import Score
+from models.diagnosis.measured_score import TaughtDistance
 from models.film.reduced_network import TorchPerceptron
 
 Floats = NDArray[np.float64]
@@ -25,9 +25,9 @@ ML_OPSET: Final = 3
 
 
 class ScoreGraph(nn.Module):
-    """:class:`~models.diagnosis.measured_score.Score`, ``(m, F)`` -> ``(m, 1)``."""
+    """:class:`~models.diagnosis.measured_score.TaughtDistance`, ``(m, F)`` -> ``(m, 1)``."""
 
-    def __init__(self, score: Score) -> None:
+    def __init__(self, score: TaughtDistance) -> None:
         super().__init__()
         self.limit = score.limit
         self.whitening: Tensor
@@ -45,7 +45,7 @@ class ScoreGraph(nn.Module):
 class NetworkGraph(nn.Module):
     """A network and its score; without a network every row is of the one class."""
 
-    def __init__(self, network: Network | None, score: Score) -> None:
+    def __init__(self, network: Network | None, score: TaughtDistance) -> None:
         super().__init__()
         self.score = ScoreGraph(score)
         self.net = TorchPerceptron(network.net.layers(network.theta)) if network else None
@@ -64,7 +64,7 @@ class NetworkGraph(nn.Module):
         return torch.softmax(self.net(z), dim=1).float(), score
 
 
-def graph_of(predict: Network | Forest | None, score: Score, x: Floats) -> onnx.ModelProto:
+def graph_of(predict: Network | Forest | None, score: TaughtDistance, x: Floats) -> onnx.ModelProto:
     """The graph of a fitted model; ``x`` ``(m, F)`` are some rows of features."""
     example = torch.from_numpy(x[:2].astype(np.float32))
     if not isinstance(predict, Forest):
@@ -74,7 +74,7 @@ def graph_of(predict: Network | Forest | None, score: Score, x: Floats) -> onnx.
 
 
 def worst_difference(
-    model: onnx.ModelProto, predict: Network | Forest | None, score: Score, x: Floats
+    model: onnx.ModelProto, predict: Network | Forest | None, score: TaughtDistance, x: Floats
 ) -> float:
     """Largest difference of classes and score between graph and fitted model over ``x``, relative
     to ``1 + |y|``."""

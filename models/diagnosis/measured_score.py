@@ -21,7 +21,7 @@ QUANTILE: Final = 0.99
 
 
 @dataclass(frozen=True)
-class Score:
+class TaughtDistance:
     """``score = min_k |(x - centre_k) @ whitening| / limit``.
 
     ``centres`` ``(K, F)``, ``whitening`` ``(F, F)``.
@@ -32,7 +32,7 @@ class Score:
     limit: float = 1.0
 
     @classmethod
-    def fit(cls, x: Floats, label: Indices) -> Score:
+    def fit(cls, x: Floats, label: Indices) -> TaughtDistance:
         """Centres of the labels that occur, covariance about them; the limit is still to be set."""
         from sklearn.covariance import ledoit_wolf
 
@@ -52,24 +52,24 @@ class Score:
         return np.asarray(np.sqrt((away * away).mean(axis=2)).min(axis=1) / self.limit)
 
 
-def fit_score(x: Floats, label: Indices, group: Indices) -> Score:
+def fit_score(x: Floats, label: Indices, group: Indices) -> TaughtDistance:
     """A score whose limit :data:`QUANTILE` of the windows of left-out groups keep.
 
     Where no group can be left out (each class is in one group), the fit's own windows set it.
     """
     away = left_out_scores(x, label, group)
-    whole = Score.fit(x, label)
+    whole = TaughtDistance.fit(x, label)
     seen = away[np.isfinite(away)]
     return replace(whole, limit=float(np.quantile(seen if len(seen) else whole(x), QUANTILE)))
 
 
 def left_out_scores(x: Floats, label: Indices, group: Indices) -> Floats:
-    """Score without limit of every window by a fit that has not seen its group; NaN where no other
-    group holds its class."""
+    """Distance of every window, without limit, by a fit that has not seen its group; NaN where no
+    other group holds its class."""
     away = np.full(len(x), np.nan)
     for each in np.unique(group):
         train, test = group != each, group == each
         test &= np.isin(label, label[train])
         if train.any() and test.any():
-            away[test] = Score.fit(x[train], label[train])(x[test])
+            away[test] = TaughtDistance.fit(x[train], label[train])(x[test])
     return away

@@ -232,3 +232,43 @@ def card(kind: str, /, **changed: str) -> dict[str, str]:
     }
     properties = plain | {k: json.dumps(v) for k, v in lists.items()} | changed
     return {key: value for key, value in properties.items() if value}
+
+
+OWN_CHANNELS = ("disp_x", "acc_motor")
+OWN_SIZE = {"2 bands": 10, "orders": 26}
+
+
+def own(made: str = "2 bands", column: int = 4, at: float = 5e-6, **changed: object) -> bytes:
+    """A model that says ``loud`` where feature ``column`` is above ``at`` and nothing strange."""
+    size = OWN_SIZE[made]
+    pick = np.zeros((size, 2), np.float32)
+    pick[column] = (-1e8, 1e8)
+    shift = np.array([1e8 * at, -1e8 * at], np.float32)
+    nodes = [
+        helper.make_node("Gemm", ["features", "w", "b"], ["z"]),
+        helper.make_node("Softmax", ["z"], ["classes"], axis=1),
+        helper.make_node("Gemm", ["features", "zero", "half"], ["score"]),
+    ]
+    weights = {"w": pick, "b": shift, "zero": np.zeros((size, 1), np.float32),
+               "half": np.array([0.5], np.float32)}  # fmt: skip
+    graph = helper.make_graph(
+        nodes,
+        "own",
+        [helper.make_tensor_value_info("features", TensorProto.FLOAT, [None, size])],
+        [helper.make_tensor_value_info("classes", TensorProto.FLOAT, [None, 2]),
+         helper.make_tensor_value_info("score", TensorProto.FLOAT, [None, 1])],
+        [numpy_helper.from_array(value, name) for name, value in weights.items()],
+    )  # fmt: skip
+    settings = {"labels": ["quiet", "loud"], "view": made, "rate_hz": 5000.0, "window_s": 1.0}
+    card: dict[str, object] = {
+        "kind": "measured classifier", "version": "1", "status": "provisional",
+        "channels": list(OWN_CHANNELS), "units": ["m", "m/s2"], "rate_hz": [5000],
+        "inputs": [f"{made} {i}" for i in range(size)], "outputs": ["classes", "score"],
+        "domain": {}, "rigs": [], "physics_version": "2", "data_hash": "", "commit": "",
+        "settings": {k: changed.get(k, v) for k, v in settings.items()},
+    }  # fmt: skip
+    card = {k: v if k == "rate_hz" else changed.get(k, v) for k, v in card.items()}
+    proto = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=9)
+    texts = {k: v if isinstance(v, str) else json.dumps(v) for k, v in card.items()}
+    helper.set_model_props(proto, texts)
+    return proto.SerializeToString()

@@ -12,7 +12,7 @@ from models.diagnosis import measured, measured_graph
 from models.diagnosis.dataset import DatasetError
 from models.diagnosis.measured_features import windows_of
 from models.diagnosis.measured_judge import judge
-from models.diagnosis.measured_score import Score, fit_score
+from models.diagnosis.measured_score import TaughtDistance, fit_score
 
 from .test_measured import turning
 
@@ -157,7 +157,7 @@ def test_the_score_is_a_distance_in_scatters_of_the_classes():
     rng = np.random.default_rng(0)
     label = np.arange(4000) % 2
     x = rng.normal(size=(4000, 3)) * [1.0, 5.0, 0.1] + np.where(label, 100.0, 0.0)[:, None]
-    score = Score.fit(x, label)
+    score = TaughtDistance.fit(x, label)
     assert np.sqrt(np.mean(score(x) ** 2)) == pytest.approx(1.0, abs=0.05)
     far = score(np.array([[0.0, 50.0, 0.0], [100.0, 100.0, 101.0]]))
     assert far[0] == pytest.approx(10.0 / np.sqrt(3.0), rel=0.05)
