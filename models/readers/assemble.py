@@ -16,13 +16,18 @@ from models.readers.signal_file import Channel, Floats, SignalFile, SignalFileEr
 from models.readers.timing import rate_of_stamps, resampled, rounded_rate
 
 TIME_NAMES: Final = frozenset(
-    ("time", "t", "zeit", "timestamp", "timestamps", "time_s", "time_ms", "time_us", "datetime",
-     "date_time", "seconds", "x_value", "temps", "tiempo", "datum", "uhrzeit", "date")
-)  # fmt: skip
+    (
+        *("time", "t", "zeit", "timestamp", "timestamps", "time_s", "time_ms", "time_us", "sec"),
+        *("datetime", "date_time", "seconds", "second", "x_value", "temps", "tiempo"),
+        *("datum", "date", "uhrzeit", "zeitstempel"),
+    )
+)
 RATE_FACTS: Final = ("rate_hz", "fs", "sample_rate", "samplerate", "sampling_rate", "f_s", "sr")
 MARK_NAMES: Final = frozenset(("mark", "tacho", "tachometer", "keyphasor", "keyphase"))
 SPEED_NAMES: Final = frozenset(("rpm", "speed_rpm", "n_rpm", "drehzahl"))
 SPEED_FACTS: Final = ("rpm", "speed_rpm", "n_rpm", "speed", "drehzahl")
+EPOCHS: Final = (("ns", 1e17), ("us", 1e14), ("ms", 1e11))
+"""Stamps since 1970 above these are in that unit: in seconds they would lie in the year 5138."""
 RATE_LEAST_HZ: Final = 1.0
 """Below, a time column is most likely in another unit."""
 
@@ -80,6 +85,10 @@ def assemble(
     stamps, speed, mark = roles(file, plan)
     timed, notes = _timed(file, plan, rate_hz, stamps)
     rest = [i for i in range(len(timed)) if i not in (stamps, speed, mark)]
+    if not plan.channel:
+        counting = [i for i in rest if _counts(timed[i].values)]
+        rest = [i for i in rest if i not in counting]
+        notes += [f"{timed[i].name!r} only counts the rows, left out" for i in counting]
     if not rest:
         raise SignalFileError(f"{who}: no column of signals in it; name them in channels.toml")
     notes += [
@@ -157,11 +166,17 @@ def _time_channel(who: str, channels: Sequence[Channel], plan: FileMap) -> int |
     return None
 
 
+def _counts(values: Floats) -> bool:
+    """Whether a column grows by the same step from row to row: a number of the row, no signal."""
+    step = np.diff(values)
+    return bool(len(step) > 2 and step[0] != 0.0 and np.all(step == step[0]))
+
+
 def _rate_of(who: str, channel: Channel, plan: FileMap) -> float:
     text = plan.time.unit or channel.unit
     if not text:
         suffix = channel.name.casefold().rpartition("_")[2]
-        text = suffix if suffix in ("ms", "us") else "s"
+        text = suffix if suffix in ("ms", "us") else _unit_of_epoch(float(channel.values[0]))
     known = units.unit(text)
     if known is None or known.quantity != "time":
         raise SignalFileError(
@@ -176,6 +191,11 @@ def _rate_of(who: str, channel: Channel, plan: FileMap) -> float:
             f"{plan.source}, or rate_hz where the column only counts"
         )
     return rate
+
+
+def _unit_of_epoch(stamp: float) -> str:
+    """Unit of stamps without one: counted since 1970 they tell it by their size."""
+    return next((name for name, least in EPOCHS if stamp > least), "s")
 
 
 def _fact(facts: Mapping[str, float], names: Sequence[str]) -> float | None:

@@ -7,7 +7,7 @@ import csv
 import re
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
 from typing import Final
@@ -37,11 +37,16 @@ _RATE: Final = re.compile(
 
 @dataclass(frozen=True)
 class Dialect:
-    """How a line is cut and a number written; ``separator`` a space stands for any white space."""
+    """How a line is cut and a number written; ``separator`` a space stands for any white space.
+
+    ``columns`` is how many fields a row has, ``numeric`` which of them hold numbers or times.
+    """
 
     separator: str
     decimal: str
     quoted: bool
+    columns: int = 0
+    numeric: tuple[int, ...] = ()
 
     def cut(self, line: str) -> list[str]:
         """The fields of ``line``."""
@@ -53,30 +58,42 @@ class Dialect:
         return [field.strip() for field in line.split(self.separator)]
 
     def number(self, field: str) -> float | None:
-        """The number in ``field``, NaN where it is missing; None when it is none."""
+        """The number or time in ``field``, NaN where it is missing; None when it is neither."""
         if field.casefold() in MISSING:
             return np.nan
         try:
             plain = field.replace(",", ".") if self.decimal == "," else field
             return float(plain) if "_" not in plain else None
         except ValueError:
-            return None
+            return _stamp(field)
+
+    def is_row(self, fields: Sequence[str]) -> bool:
+        """Whether ``fields`` are a row of numbers."""
+        if len(fields) != self.columns:
+            return False
+        values = [self.number(fields[i]) for i in self.numeric]
+        return None not in values and any(v is not None and np.isfinite(v) for v in values)
 
 
 def read(path: Path, rules: FileRules) -> SignalFile:
-    """Columns of numbers, named by the last line before them that has as many fields."""
+    """Columns of numbers, named by the last line before them; columns of text are noted."""
     lines = _lines(path)
-    dialect, columns = _dialect(path, lines, rules)
-    first = _first_row(path, lines, dialect, columns)
-    _check_head(path, lines[:first], dialect, columns)
-    names, unit_of = _head([text for _, text in lines[:first]], dialect, columns)
+    dialect = _dialect(path, lines, rules)
+    first = _first_row(path, lines, dialect)
+    head = [dialect.cut(text) for _, text in lines[:first]]
+    notes = _check_head(path, lines[:first], dialect)
+    names, unit_of = _head(head, dialect.columns)
     table = _table(path, lines[first:], dialect, names)
     numbers = np.array([number for number, _ in lines[first:]], np.intp)
-    kept = [i for i in range(columns) if names[i] or np.isfinite(table[:, i]).any()]
+    kept = [i for i in dialect.numeric if names[i] or np.isfinite(table[:, i]).any()]
     channels = tuple(
         Channel(names[i] or f"column {i + 1}", table[:, i], unit_of[i], lines=numbers) for i in kept
     )
-    return SignalFile(path, channels, _facts([text for _, text in lines[:first]]))
+    left = [i for i in range(dialect.columns) if i not in dialect.numeric]
+    _check_text(path, lines[first:], dialect, names, left)
+    notes += [f"{names[i] or f'column {i + 1}'}: text, left out" for i in left]
+    facts = _facts([text for _, text in lines[:first]])
+    return SignalFile(path, channels, facts, notes=tuple(notes))
 
 
 def _lines(path: Path) -> list[tuple[int, str]]:
@@ -99,22 +116,19 @@ def _lines(path: Path) -> list[tuple[int, str]]:
     return found
 
 
-def _dialect(path: Path, lines: Sequence[tuple[int, str]], rules: FileRules) -> tuple[Dialect, int]:
-    """The dialect in which most lines are rows of as many numbers, and that number."""
-    sample = [
-        lines[i][1]
-        for i in np.unique(np.linspace(len(lines) // 10, len(lines) - 1, LOOKED_AT).astype(int))
-    ]
+def _dialect(path: Path, lines: Sequence[tuple[int, str]], rules: FileRules) -> Dialect:
+    """The dialect in which most lines are rows of as many fields, and most of those numbers."""
+    places = np.linspace(len(lines) // 10, len(lines) - 1, LOOKED_AT).astype(int)
+    sample = [lines[i][1] for i in np.unique(places)]
     quoted = any('"' in line for line in sample)
-    found: list[tuple[float, int, Dialect]] = []
+    found: list[tuple[float, float, Dialect]] = []
     for separator in (rules.separator,) if rules.separator else SEPARATORS:
         for decimal in (rules.decimal,) if rules.decimal else (".", ","):
             if separator == decimal and not quoted:
                 continue
-            dialect = Dialect(separator, decimal, quoted)
-            share, columns = _fit(dialect, sample)
-            if share > 0.5:
-                found.append((share, columns, dialect))
+            alike, dialect = _fitted(Dialect(separator, decimal, quoted), sample)
+            if alike > 0.5 and dialect.numeric:
+                found.append((alike, len(dialect.numeric) / dialect.columns, dialect))
     if not found:
         number, line = lines[len(lines) // 2]
         hint = "separators of thousands? write without them; else " if _GROUPED.search(line) else ""
@@ -122,76 +136,96 @@ def _dialect(path: Path, lines: Sequence[tuple[int, str]], rules: FileRules) -> 
             f"{path.name}: line {number}: no row of numbers: {line[:60]!r}; {hint}give separator "
             "and decimal under [file] in channels.toml, or save it as CSV"
         )
-    best = max(share for share, _, _ in found)
-    good = [(columns, dialect) for share, columns, dialect in found if share > best - 0.1]
-    columns, dialect = max(good, key=lambda each: each[0])
-    _check_comma(path, lines, columns, dialect, good)
-    return dialect, columns
+    best = max(alike for alike, _, _ in found)
+    found = [each for each in found if each[0] > best - 0.1]
+    purest = max(pure for _, pure, _ in found)
+    good = [dialect for _, pure, dialect in found if pure == purest]
+    dialect = max(good, key=lambda each: each.columns)
+    _check_comma(path, lines, dialect, good)
+    return dialect
 
 
-def _fit(dialect: Dialect, sample: Sequence[str]) -> tuple[float, int]:
-    """Share of the lines that are rows of numbers with the commonest count of fields."""
-    counts: Counter[int] = Counter()
-    for line in sample:
-        fields = dialect.cut(line)
-        values = [dialect.number(field) for field in fields]
-        whole = all(
-            v is not None or _stamp(f) is not None for v, f in zip(values, fields, strict=True)
-        )
-        if whole and any(v is not None and np.isfinite(v) for v in values):
-            counts[len(fields)] += 1
-    if not counts:
-        return 0.0, 0
-    columns, count = counts.most_common(1)[0]
-    return count / len(sample), columns
+def _fitted(dialect: Dialect, sample: Sequence[str]) -> tuple[float, Dialect]:
+    """Share of the lines with the commonest count of fields, and the dialect with that count and
+    the columns that are numbers in most of them."""
+    rows = [dialect.cut(line) for line in sample]
+    columns, count = Counter(map(len, rows)).most_common(1)[0]
+    rows = [row for row in rows if len(row) == columns]
+    numeric = []
+    for i in range(columns):
+        values = [dialect.number(row[i]) for row in rows]
+        if sum(v is not None for v in values) > 0.5 * len(rows):
+            numeric.append(i)
+    holds = any(
+        np.isfinite(v) for i in numeric for r in rows if (v := dialect.number(r[i])) is not None
+    )
+    return count / len(sample), replace(
+        dialect, columns=columns, numeric=tuple(numeric) if holds else ()
+    )
 
 
 def _check_comma(
-    path: Path,
-    lines: Sequence[tuple[int, str]],
-    columns: int,
-    dialect: Dialect,
-    good: Sequence[tuple[int, Dialect]],
+    path: Path, lines: Sequence[tuple[int, str]], dialect: Dialect, good: Sequence[Dialect]
 ) -> None:
     """Refuse ``1,5`` where nothing tells whether it is one number or two."""
-    other = [(n, d) for n, d in good if d.decimal == "," and n < columns]
+    other = [each for each in good if each.decimal == "," and each.columns < dialect.columns]
     if dialect.separator != "," or dialect.decimal != "." or not other:
         return
-    head = [text for _, text in lines[:HEAD_MOST] if _fit(dialect, [text])[0] == 0.0]
-    if head and len(dialect.cut(head[-1])) == columns:
+    head = [f for _, text in lines[:HEAD_MOST] if not dialect.is_row(f := dialect.cut(text))]
+    if head and len(head[-1]) == dialect.columns:
         return
     raise SignalFileError(
-        f"{path.name}: line {lines[-1][0]}: {lines[-1][1][:40]!r} may be {columns} numbers or "
-        f'{other[0][0]} with decimal commas; say decimal = "," or separator = "," under [file] in '
-        "channels.toml"
+        f"{path.name}: line {lines[-1][0]}: {lines[-1][1][:40]!r} may be {dialect.columns} numbers "
+        f'or {other[0].columns} with decimal commas; say decimal = "," or separator = "," under '
+        "[file] in channels.toml"
     )
 
 
-def _first_row(path: Path, lines: Sequence[tuple[int, str]], dialect: Dialect, columns: int) -> int:
+def _first_row(path: Path, lines: Sequence[tuple[int, str]], dialect: Dialect) -> int:
     for i, (_, text) in enumerate(lines[: HEAD_MOST + 1]):
-        fields = dialect.cut(text)
-        if len(fields) == columns and _fit(dialect, [text])[0] == 1.0:
+        if dialect.is_row(dialect.cut(text)):
             return i
     raise SignalFileError(
-        f"{path.name}: no row of {columns} numbers in the first {HEAD_MOST} lines; cut its head"
+        f"{path.name}: no row of {dialect.columns} numbers in the first {HEAD_MOST} lines; cut its "
+        "head"
     )
 
 
-def _check_head(
-    path: Path, head: Sequence[tuple[int, str]], dialect: Dialect, columns: int
-) -> None:
-    """Refuse a line of names just before the numbers that names more or fewer columns."""
+def _check_head(path: Path, head: Sequence[tuple[int, str]], dialect: Dialect) -> list[str]:
+    """Refuse a line just before the numbers that names fewer columns; names beyond the last column
+    are noted."""
     fields = dialect.cut(head[-1][1]) if head else []
-    if dialect.separator != " " and len(fields) > 1 and len(fields) != columns:
+    if dialect.separator == " " or len(fields) < 2:
+        return []
+    if len(fields) < dialect.columns:
         raise SignalFileError(
             f"{path.name}: line {head[-1][0]}: names {len(fields)} columns, the rows below have "
-            f"{columns}; name each, or delete the line"
+            f"{dialect.columns}; name each, or delete the line"
         )
+    return [f"{name}: named, but has no column" for name in fields[dialect.columns :] if name]
 
 
-def _head(head: Sequence[str], dialect: Dialect, columns: int) -> tuple[list[str], list[str]]:
+def _check_text(
+    path: Path,
+    lines: Sequence[tuple[int, str]],
+    dialect: Dialect,
+    names: Sequence[str],
+    left: Sequence[int],
+) -> None:
+    """Refuse a column that is text only because of its separators of thousands."""
+    number, text = lines[0]
+    fields = dialect.cut(text)
+    for i in left:
+        if _GROUPED.search(fields[i]) and not re.search(r"[A-Za-z:]", fields[i]):
+            raise SignalFileError(
+                f"{path.name}: line {number}, {names[i] or f'column {i + 1}'}: {fields[i]!r} is no "
+                "number; a separator of thousands? write the number without it"
+            )
+
+
+def _head(head: Sequence[list[str]], columns: int) -> tuple[list[str], list[str]]:
     """Names and units of the columns; empty where the file gives none."""
-    rows = [fields for text in head if len(fields := dialect.cut(text)) == columns]
+    rows = [fields[:columns] for fields in head if len(fields) >= columns]
     unit_of = [""] * columns
     if len(rows) > 1 and all(not f or _bare(f) in ("-", "") or units.unit(f) for f in rows[-1]):
         unit_of = ["" if _bare(f) == "-" else _bare(f) for f in rows.pop()]
@@ -228,9 +262,10 @@ def _facts(head: Sequence[str]) -> dict[str, float]:
 def _table(
     path: Path, lines: Sequence[tuple[int, str]], dialect: Dialect, names: Sequence[str]
 ) -> Floats:
-    """All rows, shape (n, columns); what is missing is NaN, what is no number is refused."""
+    """All rows, shape (n, columns); what is missing, and text, is NaN, what should be a number and
+    is none is refused."""
     texts = [text for _, text in lines]
-    if not dialect.quoted:
+    if not dialect.quoted and len(dialect.numeric) == dialect.columns:
         plain = [t.replace(",", ".") for t in texts] if dialect.decimal == "," else texts
         separator = None if dialect.separator == " " else dialect.separator
         try:
@@ -249,22 +284,20 @@ def _row(path: Path, number: int, text: str, dialect: Dialect, names: Sequence[s
             f"{path.name}: line {number}: {len(fields)} fields, the others have {len(names)}: "
             f"{text[:60]!r}; complete the line or delete it"
         )
-    values = []
-    for i, field in enumerate(fields):
-        value = dialect.number(field)
-        if value is None:
-            value = _stamp(field)
+    values = [np.nan] * len(fields)
+    for i in dialect.numeric:
+        value = dialect.number(fields[i])
         if value is None:
             hint = (
                 "a separator of thousands? write the number without it"
-                if _GROUPED.search(field)
+                if _GROUPED.search(fields[i])
                 else "correct it, or delete the line"
             )
             raise SignalFileError(
-                f"{path.name}: line {number}, {names[i] or f'column {i + 1}'}: {field[:30]!r} is "
-                f"no number; {hint}"
+                f"{path.name}: line {number}, {names[i] or f'column {i + 1}'}: {fields[i][:30]!r} "
+                f"is no number; {hint}"
             )
-        values.append(value)
+        values[i] = value
     return values
 
 

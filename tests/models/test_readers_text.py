@@ -53,6 +53,19 @@ DIALECTS = {
         "Logger 4711\nOperator: B.\nSampling rate: 1,0 kHz\n\nTime;Ch 1;Ch 2\ns;m/s²;µm\n"
         + "\n".join(lines(";", ","))
     ),
+    "remarks and a column that has no name": "t;x;y;remark;Comment\n" + "\n".join(
+        f"{line};{'start' if k == 0 else 'ok'}" for k, line in enumerate(lines(";", ","))
+    ),
+    "numbered rows, a date and a time": "Nr;Datum;Uhrzeit;X;Y\n" + "\n".join(
+        f"{k};01.02.2024;12:00:{line}" for k, line in
+        enumerate(lines(";", ",", [f"{0.001 * k:06.3f}" for k in range(N)]))
+    ),
+    "an oscilloscope": "Model,DS1\nsecond,x,y\n" + "\n".join(
+        lines(",", ".", [f"{t:e}" for t in TIME])
+    ),
+    "milliseconds since 1970": "timestamp,x,y\n" + "\n".join(
+        lines(",", ".", [str(1700000000000 + k) for k in range(N)])
+    ),
     "a date and time": "Datum;x;y\n" + "\n".join(
         lines(";", ".", [f"2024-05-01 23:59:59.{k:03d}" for k in range(N)])
     ),
@@ -125,7 +138,7 @@ def changed(at, text):
         ("\n".join(f"{k},{k % 7}" for k in range(N)), r"may be 2 numbers or 1 with decimal commas"),
         (
             "t;x\n" + "\n".join(f"{k};1.234,{k % 10}" for k in range(N)),
-            r"'99;1.234,9'; separators of thousands\? write",
+            r"line 2, x: '1.234,0' is no number; a separator of th",
         ),
         ("t;x\n" + "\n".join(f"{k};1.5" for k in range(N)), r"a.csv: x: never moves: the sensor"),
         ("t [s];x\n" + "\n".join(lines(";")), r"line 1: names 2 columns, the rows below have 3"),
