@@ -8,7 +8,7 @@ a gap-free run, so the windows do not depend on how the samples were chopped int
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -51,7 +51,12 @@ REMEMBERED_US: Final = 2_500_000
 WIRE_SCALES: Final = tuple(channel.wire_scale for channel in SCHEMA_1.channels)
 """SI value of one count of each channel in ``orbitd.dbc`` (m, m, m/s2 x 3, Pa, bar, V)."""
 
+BLOCK: Final = 30
+"""Samples in which a recording's channels are judged, as many as a block of schema 1 holds."""
+
 Floats = NDArray[np.float64]
+ChannelJudge = Callable[[NDArray[np.int16], float], int]
+"""Counts of the next samples (n, channels) and shaft speed (rad/s, 0: unknown) to bits of OK."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -473,6 +478,7 @@ def iter_windows(
     *,
     readings: Floats | None = None,
     channels: ChannelMap | None = None,
+    judge: ChannelJudge | None = None,
 ) -> Iterator[Window]:
     """Windows of one gap-free recording, cut by the device's own :class:`Windower`.
 
@@ -490,6 +496,8 @@ def iter_windows(
         Shape (m, 4): unwrapped tick (us), radial clearance (m), shaft power (W), oil outlet (degC).
     channels
         Conversion to SI; default: ``orbitd.dbc``.
+    judge
+        Asked block by block which channels are OK; default: all are, as long as they are plausible.
 
     Yields
     ------
@@ -499,7 +507,7 @@ def iter_windows(
     windower = Windower(channels or ChannelMap.wire(), rate_hz)
     table = np.empty((0, 4)) if readings is None else readings
     period_us = round(1e6 / rate_hz)
-    step = round(HOP_SECONDS * rate_hz)
+    step = BLOCK if judge else round(HOP_SECONDS * rate_hz)
     for start in range(0, len(samples), step):
         counts = samples[start : start + step]
         first_us = tick_us + start * period_us
@@ -507,4 +515,11 @@ def iter_windows(
         for row in table[(table[:, 0] >= first_us) & (table[:, 0] < last_us)]:
             windower._note(Reported(int(row[0]), *row[1:].tolist()))
         marks = mark_ticks_us[(mark_ticks_us >= first_us) & (mark_ticks_us < last_us)]
-        yield from windower._take(_Chunk(counts, first_us, period_us, marks))
+        ok = judge(counts, _speed_rad_s(mark_ticks_us, last_us)) if judge else 0xFF
+        yield from windower._take(_Chunk(counts, first_us, period_us, marks, channel_ok=ok))
+
+
+def _speed_rad_s(marks_us: NDArray[np.int64], now_us: int) -> float:
+    """Speed by the last turn before ``now_us``; 0: not known yet."""
+    seen = int(np.searchsorted(marks_us, now_us))
+    return 2e6 * math.pi / float(marks_us[seen - 1] - marks_us[seen - 2]) if seen > 1 else 0.0

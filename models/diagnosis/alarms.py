@@ -65,10 +65,11 @@ class FoundRows:
 def find(
     answers: Answers, data: Dataset, step: int | None = 1, windows: int = WINDOWS
 ) -> FoundRows:
-    """A decision every ``step`` windows (None: without overlap); whirl is asked of the last window
-    alone.
+    """A decision every ``step`` windows (None: without overlap); whirl and bad channels are asked
+    of the last window alone.
 
-    Of a fleet's machine: none is commissioned.
+    A window with a bad channel has no vote: fewer than ten are left, which is doubt.  The machine
+    is one of the fleet: none is commissioned.
     """
     rows, at = (
         pooled(data, windows, step),
@@ -76,13 +77,15 @@ def find(
     )
     heads, novelty = answers(rows.features)
     every = np.full(len(rows), True)
+    spoilt = np.r_[0, np.cumsum(data.bad)]
+    good = at[:, 1] - at[:, 0] - (spoilt[at[:, 1]] - spoilt[at[:, 0]])
     found = Found(
         verdict.log_odds(heads),
         novelty,
         np.full(len(rows), np.nan),
         verdict.is_whirl(*half_order_of(data.features[at[:, 1] - 1])),
-        at[:, 1] - at[:, 0],
-        bad=~every,
+        good,
+        bad=data.bad[at[:, 1] - 1],
         turning=every,
         answered=every,
     )
@@ -200,7 +203,9 @@ def onsets(answers: Answers, data: Dataset) -> list[FoundRows]:
         before = np.flatnonzero((data.group == data.group[rows[0]]) & (data.kind == 0))[-WINDOWS:]
         both = join([data.subset(before), data.subset(rows)])
         labels = {
-            f.name: np.full(len(both), getattr(data, f.name)[rows[0]]) for f in fields(Dataset)[1:]
+            f.name: np.full(len(both), getattr(data, f.name)[rows[0]])
+            for f in fields(Dataset)[1:]
+            if f.name != "bad"
         }
         found = find(answers, replace(both, **labels))
         all_found.append(found.subset(np.arange(len(found.rows)) > 0))

@@ -40,7 +40,7 @@ class Dataset:
     ``features`` ``(n, F)``, or raw samples in their place; ``kind`` the class of each window;
     ``severity`` what is left of the preload in percent, or the balance grade; ``group`` the build,
     ``recording`` the recording that it comes from; ``loop`` and ``duty`` who moved the clearance
-    and what speed and load did.
+    and what speed and load did; ``bad`` where a channel was not OK.
     """
 
     features: NDArray[np.floating]
@@ -50,6 +50,7 @@ class Dataset:
     recording: NDArray[np.intp]
     loop: NDArray[np.intp]
     duty: NDArray[np.intp]
+    bad: NDArray[np.bool_]
 
     def __len__(self) -> int:
         return len(self.features)

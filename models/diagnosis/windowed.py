@@ -16,16 +16,19 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from firmware_py.acquire import channel_ok as ok_code
 from firmware_py.acquire import features as feature_code
 from firmware_py.acquire import film_check as film_code
 from firmware_py.acquire import orders as order_code
 from firmware_py.acquire import ringing as ringing_code
 from firmware_py.acquire import windows as window_code
+from firmware_py.acquire.channel_ok import ChannelOk
 from firmware_py.acquire.features import FEATURE_NAMES, at_one_rate, features
 from firmware_py.acquire.orders import BINS, ROTATING, by_angle
 from firmware_py.acquire.windows import TURNS, Window, iter_windows
 from firmware_py.brain.verdict import WINDOWS
-from firmware_py.config import read_machine
+from firmware_py.config import SHIPPED, Config, read_machine
+from firmware_py.config import load as load_config
 from firmware_py.machine import Machine
 from firmware_py.machine import contact as contact_code
 from firmware_py.records import Quality
@@ -36,6 +39,8 @@ from models.runs import progress_bar
 from models.workers import map_in_order
 from sim_hil.whole_file import whole_file
 
+ALL_OK: Final = 0xFF
+"""Bits of all channels of the standard instrumentation."""
 RAW_POINTS: Final = 800
 """Length of the paper's windows; at 5 kHz 0.16 s."""
 
@@ -96,10 +101,19 @@ def _machine(rig: str) -> Machine:
     return read_machine(rig)
 
 
-def usable_windows(raw: Raw) -> list[Window]:
-    """Windows of a recording with whole turns, as the device cuts them."""
+@cache
+def _config(rig: str, rate_hz: int) -> Config:
+    """The device's configuration of a recorded rig, at the rate of the recording."""
+    config, _ = load_config(SHIPPED / rig)
+    return config.replaced(sampling=msgspec.structs.replace(config.sampling, rate_hz=rate_hz))
+
+
+def usable_windows(raw: Raw, rig: str) -> list[Window]:
+    """Windows of a recording with whole turns, as the device cuts them and judges their
+    channels."""
+    judge = ChannelOk.of(_config(rig, raw.rate_hz)).step
     windows = iter_windows(
-        raw.counts, raw.start_us, raw.marks_us, raw.rate_hz, readings=raw.readings
+        raw.counts, raw.start_us, raw.marks_us, raw.rate_hz, readings=raw.readings, judge=judge
     )
     return [window for window in windows if not window.quality & Quality.NO_MARK]
 
@@ -118,7 +132,7 @@ def _analysed(
 def _views_of_build(look: WindowSampling, rig: str, file: Path) -> Views:
     build = int(file.stem.partition("-")[2])
     views = joined_views(
-        [_views(raw, _machine(rig), build, 100 * build + i) for i, raw in enumerate(load(file))]
+        [_views(raw, rig, build, 100 * build + i) for i, raw in enumerate(load(file))]
     )
     orders = pooled(views.orders, look.windows) if look.windows > 1 else views.orders
     raw_rows = slice(None) if build < look.raw_builds else slice(0)
@@ -130,8 +144,9 @@ def joined_views(parts: list[Views]) -> Views:
     return Views(*(join([getattr(part, f.name) for part in parts]) for f in fields(Views)))
 
 
-def _views(raw: Raw, machine: Machine, build: int, number: int) -> Views:
-    windows = usable_windows(raw)
+def _views(raw: Raw, rig: str, build: int, number: int) -> Views:
+    windows, machine = usable_windows(raw, rig), _machine(rig)
+    bad = np.array([w.channel_ok != ALL_OK for w in windows], bool)
     rows = np.array([features(w, machine) for w in windows], np.float32).reshape(
         -1, len(FEATURE_NAMES)
     )
@@ -139,7 +154,8 @@ def _views(raw: Raw, machine: Machine, build: int, number: int) -> Views:
     waves = np.array([waveform(w) for w in windows[-1:]], np.float32).reshape(
         -1, len(ROTATING) * TURNS * BINS
     )
-    return Views(*(_labelled(x, raw, build, number) for x in (rows, points, waves)))
+    views = ((rows, bad), (points, bad[-1:]), (waves, bad[-1:]))
+    return Views(*(_labelled(x, of_row, raw, build, number) for x, of_row in views))
 
 
 def waveform(window: Window) -> NDArray[np.float64]:
@@ -150,15 +166,26 @@ def waveform(window: Window) -> NDArray[np.float64]:
     return np.pad(angle, ((0, 0), (TURNS * BINS - angle.shape[1], 0))).ravel()
 
 
-def _labelled(rows: NDArray[np.float32], raw: Raw, build: int, number: int) -> Dataset:
+def _labelled(
+    rows: NDArray[np.float32], bad: NDArray[np.bool_], raw: Raw, build: int, number: int
+) -> Dataset:
     labels = (raw.kind, raw.severity, build, number, raw.loop, raw.duty)
-    return Dataset(rows, *(np.full(len(rows), label) for label in labels))
+    bad = bad if len(bad) == len(rows) else np.full(len(rows), False)
+    return Dataset(*[rows, *(np.full(len(rows), label) for label in labels), bad])
 
 
 def _code_hash(rig: str) -> str:
     """Changes with the code that cuts and analyses windows, and with the machine."""
     digest = hashlib.sha256(msgspec.json.encode(_machine(rig)))
-    for module in (window_code, order_code, ringing_code, contact_code, film_code, feature_code):
+    for module in (
+        ok_code,
+        window_code,
+        order_code,
+        ringing_code,
+        contact_code,
+        film_code,
+        feature_code,
+    ):
         digest.update(inspect.getsource(module).encode())
     return digest.hexdigest()[:12]
 

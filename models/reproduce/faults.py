@@ -4,7 +4,7 @@ networks."""
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -169,21 +169,15 @@ def _order_features(recording: SimulatedRecording, machine: Machine) -> list[Flo
 def _dataset(rows: Sequence[tuple[Floats, int, int]]) -> Dataset:
     x, kind, number = (np.array(column) for column in zip(*rows, strict=True))
     zeros = np.zeros(len(x), np.intp)
-    return Dataset(x, kind, zeros.astype(np.float64), number, kind * 1000 + number, zeros, zeros)
+    return Dataset(
+        x, kind, zeros.astype(np.float64), number, kind * 1000 + number, zeros, zeros, zeros > 0
+    )
 
 
 def _shuffled(data: Dataset, rng: np.random.Generator) -> Dataset:
     """The same windows dealt at random over the runs: the split that flatters."""
     order = rng.permutation(len(data))
-    return Dataset(
-        data.features,
-        data.kind,
-        data.severity,
-        data.group[order],
-        data.recording,
-        data.loop,
-        data.duty,
-    )
+    return replace(data, group=data.group[order])
 
 
 def _scores(data: Dataset, iterations: int, rng: np.random.Generator) -> dict[str, float]:
@@ -226,9 +220,7 @@ def _split(data: Dataset) -> tuple[Dataset, Dataset, Dataset]:
 def _merged(data: Dataset) -> Dataset:
     """Normal and abnormal, weighted as they come."""
     kind = (data.kind > 0).astype(np.intp)
-    return Dataset(
-        data.features, kind, data.severity, data.group, data.recording, data.loop, data.duty
-    )
+    return replace(data, kind=kind)
 
 
 def _voted(probability: Floats, data: Dataset) -> tuple[Floats, NDArray[np.intp]]:

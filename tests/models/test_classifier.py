@@ -30,6 +30,7 @@ def rows(n, seed=0, kind=0, **columns):
         "recording": np.zeros(n, int),
         "loop": np.zeros(n, int),
         "duty": np.zeros(n, int),
+        "bad": np.zeros(n, bool),
     }
     return Dataset(rng.normal(size=(n, len(FEATURE_NAMES))), **(found | columns))
 
@@ -121,7 +122,7 @@ def test_features_do_not_depend_on_the_rate():
             0,
             0,
         )
-        found.append(features(usable_windows(raw)[-1], BENCH))
+        found.append(features(usable_windows(raw, "bench")[-1], BENCH))
     change = dict(zip(FEATURE_NAMES, np.abs(found[1] - found[0]), strict=True))
     for name in (
         "log_speed_rad_s",
@@ -334,6 +335,15 @@ def test_false_alarms_need_a_named_fault_and_persistence_to_be_confirmed():
     assert counted()["called_unknown"] == 1.0
 
 
+def test_a_bad_channel_is_no_fault_and_its_windows_have_no_vote():
+    faulty = rows(25, kind=4)
+    faulty.features[:] = -1.0
+    faulty.features[:, 0] = 1.0
+    faulty.bad[12] = True
+    words = [WORDS[word] for word in find(verdicts(6.0), faulty).words(LIMITS)]
+    assert words == ["unbalance"] * 3 + ["sensor_fault"] + ["doubt"] * 9 + ["unbalance"] * 3
+
+
 def test_a_month_is_counted_in_operating_points_with_the_exact_binomial_limit():
     quiet = rows(
         25 * 40, recording=np.repeat(np.arange(40), 25), group=np.repeat(np.arange(40), 25)
@@ -409,13 +419,14 @@ def test_the_judged_words_are_the_device_s(case):
     from models.diagnosis.judge import limits_of, of_file
 
     raw = record_build(RecordingPlan("bench", 3, 5000, 4.0, lambda rng: [case]), 0)[0]
-    windows = [replace(w, end_ns=w.end_tick_us * 1000) for w in usable_windows(raw)]
+    windows = [replace(w, end_ns=w.end_tick_us * 1000) for w in usable_windows(raw, "bench")]
     path = ARTIFACTS / "classifier.onnx"
     session = Session(path.name, path.read_bytes())
     diagnoser = Diagnoser(Model(read_card(path.name, session.metadata), session, "0" * 64), BENCH)
     device = [diagnoser.step(window)[0].verdict for window in windows][9:]
     data = rows(len(windows))
-    data = replace(data, features=np.array([features(w, BENCH) for w in windows]))
+    bad = np.array([w.channel_ok != 0xFF for w in windows])
+    data = replace(data, features=np.array([features(w, BENCH) for w in windows]), bad=bad)
     words = find(of_file(path), data).words(limits_of(path))
     assert [WORDS[word] for word in words] == device
 

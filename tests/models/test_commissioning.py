@@ -47,6 +47,7 @@ def rows(monkeypatch):
         100 * group + np.tile(np.arange(n), builds),
         np.zeros(builds * n, int),
         np.zeros(builds * n, int),
+        np.zeros(builds * n, bool),
     )
     windows = found.subset(np.repeat(np.arange(len(found)), WINDOWS))
     monkeypatch.setattr(commissioning, "views_of", lambda *_: SimpleNamespace(orders=windows))

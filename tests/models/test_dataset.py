@@ -28,6 +28,7 @@ def dataset(kinds=(0, 0, 1, 1, 4, 4), windows=3):
         of_window,
         np.zeros(n, int),
         np.zeros(n, int),
+        np.zeros(n, bool),
     )
 
 

@@ -91,7 +91,7 @@ def test_worst_group_is_the_regime_with_the_lowest_score():
 
 def test_slight_faults_weigh_less_in_training():
     severity = np.array([100.0, 50.0, 25.0, 16.0])
-    data = Dataset(np.zeros((4, 1)), np.array([0, 1, 1, 4]), severity, *np.zeros((4, 4), int))
+    data = Dataset(np.zeros((4, 1)), np.array([0, 1, 1, 4]), severity, *np.zeros((5, 4), int))
     assert list(data.weight) == [1.0, SLIGHT_WEIGHT, 1.0, 1.0]
     logits = np.array([[1.0, -1.0, 0.5, 2.0]] * 4)
     whole = scores.nll(logits, data.heads, data.weight[:, None])
