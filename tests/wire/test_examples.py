@@ -146,6 +146,7 @@ def test_the_table_of_messages_is_that_of_the_codec() -> None:
         assert page == known
 
 
+@pytest.mark.timing
 def test_rig_and_device_play_with_the_dbc_of_a_rig_of_nine_channels(tmp_path: Path) -> None:
     path = tmp_path / "nine.dbc"
     path.write_text(dbc.text(WireLayout.of(rig(9, 6))))
