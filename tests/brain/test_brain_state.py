@@ -100,7 +100,7 @@ def flown() -> list[Step]:
     return steps
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(st.integers(0, 10_000))
 def test_a_brain_restored_at_any_step_goes_on_bit_for_bit(number: int) -> None:
     steps = flown()

@@ -133,8 +133,7 @@ def test_an_old_log_played_back_onto_the_bus_is_told(every: int) -> None:
     assert "two_senders" in [a.name for a in found.alarms]
     assert not found.authority
     assert found.speed_rad_s == pytest.approx(6000 * 0.104719755, rel=1e-3)
-    b.run(9.0)
-    assert state(b).authority
+    b.until(lambda: b.authority, 9.0)
 
 
 def test_a_second_node_with_its_own_counters_is_told() -> None:
