@@ -19,7 +19,7 @@ help:            ## this list
 demo: $(VENV)/.sim   ## the whole device against the rotor rig in software; options: make demo DEMO="--seconds 60 --seed 7"
 	@$(BIN)/orbitd demo $(DEMO)
 
-test: $(VENV)/.dev   ## the default tests (about 12 minutes)
+test: $(VENV)/.dev   ## the default tests (about 6 minutes on two cores)
 	@$(PYTEST) --ignore=tests/models -m "not slow and not timing" $(APART)
 	@$(PYTEST) $$(grep -rl "mark.timing" tests --include="test_*.py" --exclude-dir=models) -m "timing and not slow"
 
@@ -48,7 +48,7 @@ layers: $(VENV)/.dev ## import order
 test-train: $(VENV)/.dev $(VENV)/.train   ## trainers, exports and a smoke training of every model (about 3 minutes)
 	@$(PYTEST) tests/models -m "slow or not slow" $(APART)
 
-test-slow: $(VENV)/.dev   ## the heavier suites (about 10 minutes)
+test-slow: $(VENV)/.dev   ## the heavier suites (about 12 minutes)
 	@$(PYTEST) --ignore=tests/models -m slow
 
 test-kill: $(VENV)/.dev   ## kills and stops every process 30 times each (about 90 minutes on an idle machine, resumable: kills.jsonl)
