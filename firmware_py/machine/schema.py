@@ -299,8 +299,8 @@ class ClearanceActuator(MachineTable, frozen=True):
     """The supply pressure does not move for so long after its target has. From: a step of the
     supply."""
     pressure_time_constant_s: Annotated[float, Meta(ge=0.01, le=60)] = 1.0
-    """Lag of the supply pressure behind its target after the dead time, generously: three of them
-    pass before an error counts. From: a step of the supply."""
+    """Lag of the supply pressure behind its target after the dead time, as the simulator plays it;
+    three of them pass before an error counts. From: a step of the supply."""
     pressure_slew_bar_s: Annotated[float, Meta(ge=0.01, le=1e4)] | None = None
     """And no faster than this; not given: as fast as the lag lets it. From: a step of the
     supply."""

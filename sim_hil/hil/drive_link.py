@@ -18,10 +18,11 @@ from firmware_py.records import (
 from sim_hil.hil.follower import COUNTERS, TICKS, Follower
 from sim_hil.plant.drive import SimulatedDrive
 from sim_hil.plant.duty import RAD_S_PER_RPM
+from sim_hil.rigs import RigData
 
-SPEED_RPM: Final = (0.0, 15_000.0)
-LOAD_N: Final = (0.0, 500.0)
-"""What the drive and the loader of the rigs in software can do."""
+SPEED_OVER: Final = 1.25
+LOAD_OVER: Final = (5.0, 3.0)
+"""What drive and loader can do over the declared range (a factor, and a fraction)."""
 
 
 class DriveLink:
@@ -33,11 +34,14 @@ class DriveLink:
         Of the rig.
     time_to_live_ms
         Of its commands.
+    rig
+        Its declared speed and load.
     """
 
-    def __init__(self, drive: SimulatedDrive, time_to_live_ms: int) -> None:
+    def __init__(self, drive: SimulatedDrive, time_to_live_ms: int, rig: RigData) -> None:
         self.time_to_live_ms = time_to_live_ms
-        self.speed_rpm, self.load_N = SPEED_RPM, LOAD_N
+        self.speed_rpm = (0.0, SPEED_OVER * rig.speed_max_rpm)
+        self.load_N = (0.0, LOAD_OVER[0] * rig.load_max_N / LOAD_OVER[1])
         self._drive = drive
         self._follower: Follower[DriveCommand] = Follower(time_to_live_ms, self._in_range)
         self._setpoint: DriveCommand | None = None

@@ -145,7 +145,7 @@ class Rig:
             codec.layout, self._period_us, round(self.machine.delay_s * 1e6), self._tick0
         )
         self._truth = TruthKeeper(self.machine)
-        self._drive_link = DriveLink(self.drive, limits.time_to_live_ms)
+        self._drive_link = DriveLink(self.drive, limits.time_to_live_ms, rig)
         self._start_ns: int | None = None
         self._periods = 0
         self._counters: Counter[type] = Counter()
