@@ -47,6 +47,8 @@ NOT_FOLLOWED: Final[Mapping[str, str]] = {
     "contact.film_error_share": "an uncertainty of the brain's; the circuit in software is exact",
     "channel.bandwidth_hz": "the trainer's sensors have no lag (stated in "
     "sim_hil/gym/vector_environment.py)",
+    "rotor.shaft_end_to_cg_m": "`orbitd rig show` reckons with it, and check holds it against "
+    "the bearing's place",
     "channel.unit": "each kind has one unit: any other is refused, which is what the key is for",
     "channel.kind": "another kind than that of the unit is refused",
 }
