@@ -26,6 +26,8 @@ from firmware_py.records import (
     Normal,
 )
 
+UNTAUGHT: Final = "not commissioned: nothing is judged yet; `orbitd commission start`"
+"""Of a machine without a model and a fleet."""
 NOT_LEARNED: Final = ("sensor_fault", "none", "whirl")
 """Verdicts in which nothing is learned."""
 
@@ -34,7 +36,7 @@ class WatchCommissionState(msgspec.Struct):
     """How commissioning stands, and what was gathered."""
 
     phase: str = "none"
-    text: str = ""
+    text: str = UNTAUGHT
     kept: list[Figures] = []
     left_out: dict[str, int] = {}
     last_ns: int = -EVERY_NS
@@ -79,7 +81,7 @@ class WatchCommissioner:
         if action == "forget":
             self._use(None, "none")
         elif action == "start":
-            self.state = WatchCommissionState("gathering")
+            self.state = WatchCommissionState("gathering", "")
         elif state.phase != "gathering":
             raise NormalError(
                 f"commission {action}: nothing is being gathered; `orbitd commission start` comes "
@@ -109,7 +111,10 @@ class WatchCommissioner:
 
     def _use(self, normal: Normal | None, phase: str = "", text: str = "") -> None:
         self._watch.state.normal = normal
-        self.state = WatchCommissionState(phase or ("commissioned" if normal else "none"), text)
+        none = "" if normal else UNTAUGHT
+        self.state = WatchCommissionState(
+            phase or ("commissioned" if normal else "none"), text or none
+        )
 
     def gather(self, diagnosis: Diagnosis, guard: GuardState | None) -> None:
         """Learn from the decision behind ``diagnosis``, when it may be learned from."""

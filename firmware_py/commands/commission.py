@@ -92,6 +92,8 @@ def _phase(stands: CommissionState, stored: str) -> str:
             f"operating "
             f"points, {stands.speed_steps} of {stands.speed_steps_declared} steps of speed"
         )
+    if stands.text:
+        return f"{stands.text}{f' ({stored})' if stored else ''}"
     return f"the fleet's: not commissioned{f' ({stored})' if stored else ''}"
 
 

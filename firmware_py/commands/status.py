@@ -97,7 +97,9 @@ def _guard_lines(guard: GuardState) -> list[str]:
         *others,
     ]
     if guard.monitor_only:
-        return [*lines, f"clearance   not measured here, monitor only: {guard.monitor_only}"]
+        first, *more = guard.monitor_only.split("; ")
+        rest = f" (and {len(more)} more reasons, see `orbitd check`)" if more else ""
+        return [f"guard       {standing}, monitor only: {first}{rest}", *lines[1:]]
     return [
         *lines,
         f"clearance   {guard.clearance_actual_um:.1f} um, target {guard.target_clearance_um:.1f} "

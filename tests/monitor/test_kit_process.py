@@ -15,7 +15,7 @@ from typing import TypeVar
 
 import pytest
 
-from firmware_py import config
+from firmware_py import config, replay
 from firmware_py.gate import keys
 from firmware_py.gate.client import Client
 from firmware_py.gate.session import SessionError
@@ -51,7 +51,10 @@ def running(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[P
     monkeypatch.setenv("ORBITD_BUS_DIR", str(tmp_path / "bus"))
     rig = Path(shutil.copytree(config.SHIPPED / "kit", tmp_path / "kit"))
     device = rig / "device.toml"
-    device.write_text(device.read_text().replace("rate_hz = 5000", "rate_hz = 2000"))
+    text = device.read_text().replace("rate_hz = 5000", "rate_hz = 2000")
+    device.write_text(f'{text}\n[recorder]\ndirectory = "{tmp_path / "recorded"}"\n')
+    machine = rig / "machine.toml"
+    machine.write_text(machine.read_text().replace("max_rpm = 9000.0", "max_rpm = 6000.0"))
     loaded, _ = config.load(rig)
     playing = Playing(MeasuringNode(loaded), loaded.bus.channel)
     playing.start()
@@ -70,6 +73,8 @@ def running(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[P
         process.wait(20)
         playing.stopped.set()
         playing.join()
+    (recording,) = (tmp_path / "recorded").glob("*.mcap")
+    assert replay.main([str(recording)]) == 0, "a replay decides and diagnoses the same"
 
 
 def until(ask: Callable[[], T | None]) -> T:

@@ -101,13 +101,15 @@ class Arming:
         failsafes = active(situation)
         notices = self._transition(failsafes, situation)
         reasons = [failsafe.reason(situation) for failsafe in failsafes]
-        reasons += self._authority.advice_reasons(
-            advice, situation.brain_connected, situation.now_ns
-        )
+        if not situation.monitor_only:  # else the first reason says it all
+            reasons += self._authority.advice_reasons(
+                advice, situation.brain_connected, situation.now_ns
+            )
         s = self._state
-        doubts = reasons + ([] if s.arm_state == ArmState.ARMED else ["not armed"])
-        if s.mode != Mode.AUTO:
-            doubts.append("mode is not auto")
+        doubts = list(reasons)
+        if not situation.monitor_only:
+            doubts += [] if s.arm_state == ArmState.ARMED else ["not armed"]
+            doubts += ["mode is not auto"] if s.mode != Mode.AUTO else []
         notices += self._authority.step(doubts, advice.seq if advice else -1, situation.now_ns)
         target = self._target(situation, advice, not reasons)
         if s.commanding and s.mode != Mode.MONITOR:

@@ -125,6 +125,8 @@ class Facts(msgspec.Struct, frozen=True):
     usable: bool = True
 
 
+UNKNOWN_C: Final = -300.0
+"""Below the absolute zero: nobody measures the oil.  No NaN: a replay finds that it differs."""
 NO_FACTS: Final = Facts(0.0, 0.0, False)
 
 
@@ -275,7 +277,7 @@ class PairCheck:
         """Of a bearing whose clearance is fixed and not measured: that of its drawing."""
         if isnan(self._drawn_m):
             return NO_FACTS
-        return Facts(self._drawn_m, nan if temperature_C is None else temperature_C)
+        return Facts(self._drawn_m, UNKNOWN_C if temperature_C is None else temperature_C)
 
     @property
     def plausible(self) -> bool:
@@ -506,7 +508,7 @@ class PairCheck:
         unsteady = (
             abs(speed_rad_s - s.start_rad_s) > STEADY_SPEED * s.start_rad_s or moved_m > STEADY_M
         )
-        lawless = not self._has_law or isnan(facts.temperature_C)
+        lawless = not self._has_law or facts.temperature_C == UNKNOWN_C
         if lawless or unsteady or clearance_m <= 0.0 or s.p2p_m > ORBIT_SHARE_MAX * clearance_m:
             return None
         first, last = self._admissible(clearance_m, speed_rad_s, facts.temperature_C)
