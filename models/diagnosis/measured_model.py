@@ -30,7 +30,7 @@ class MeasuredSettings(TrainerSettings, frozen=True):
     group: str = "group"
     channels: str = ""
     window_s: Annotated[float, Meta(ge=WINDOW_LIMITS_S[0], le=WINDOW_LIMITS_S[1])] = WINDOW_S
-    rungs: tuple[str, ...] = tuple(measured.RUNGS)
+    rungs: tuple[str, ...] = tuple(measured.CANDIDATES)
 
     def smoked(self) -> MeasuredSettings:
         """The simplest rung alone."""
