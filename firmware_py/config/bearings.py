@@ -105,13 +105,13 @@ def _alone(config: Config, other: OtherBearing, columns: tuple[int, ...]) -> Con
         operating = msgspec.structs.replace(
             operating, load_min_N=other.load_min_N, load_max_N=other.load_max_N
         )
-    for own in config.limits_at:
-        if own.bearing == other.name:
-            limits = msgspec.structs.replace(
-                limits,
-                displacement_alert_um=own.displacement_alert_um,
-                displacement_danger_um=own.displacement_danger_um,
-            )
+    own = {each.bearing: each for each in config.limits_at}.get(other.name)
+    if own is not None:
+        limits = msgspec.structs.replace(
+            limits,
+            displacement_alert_um=own.displacement_alert_um,
+            displacement_danger_um=own.displacement_danger_um,
+        )
     keys = JournalBearing.__struct_fields__
     return config.replaced(
         bearing=JournalBearing(**{key: getattr(other, key) for key in keys}),

@@ -13,12 +13,14 @@ told.
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Callable, Mapping
 from typing import Any, Final, NamedTuple
 
 from firmware_py import signals
 from firmware_py.machine.domain import outside_laws
 from firmware_py.machine.schema import JournalBearing, Machine
+from firmware_py.machine.values import NAME_PATTERN
 
 ACTUATOR, FEED, LUBRICANT, ROTOR = "actuator", "feed", "lubricant", "rotor"
 BEARING, CLEARANCE, LOAD, RAMPS = "bearing", "clearance", "load", "ramps"
@@ -275,10 +277,11 @@ def _others(machine: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
         return machine, absent
     filled = list[Any]()
     for row in rows:
-        whole = row
-        for part in (each for each in PARTS if each.table == BEARING and isinstance(row, dict)):
+        whole, name = row, row.get("name") if isinstance(row, dict) else None
+        named = isinstance(name, str) and re.search(NAME_PATTERN, name)
+        for part in (each for each in PARTS if each.table == BEARING and named):
             if part.stand_in.keys().isdisjoint(row):
-                absent.append(part_of(part.name, str(row.get("name", ""))))
+                absent.append(part_of(part.name, str(name)))
                 whole = {**whole, **part.stand_in}
             elif part.name == CLEARANCE and NOMINAL in row:
                 whole = {**dict.fromkeys(part.stand_in, row[NOMINAL]), **whole}

@@ -27,12 +27,12 @@ from firmware_py.machine.values import (
     MachineTable,
     Name,
     OptionalWord,
+    PartName,
     PressureBar,
     Section,
     Share,
     SpeedRpm,
     TemperatureC,
-    Word,
 )
 
 
@@ -343,7 +343,7 @@ class Machine(Section, frozen=True):
     other_bearing: list[OtherBearing] = msgspec.field(default_factory=list)
     foreign: ForeignBus | None = None
     map: list[MappedSignal] = msgspec.field(default_factory=list)
-    absent: tuple[Word, ...] = ()
+    absent: tuple[PartName, ...] = ()
     """Parts that the rig folder leaves out, whose figures are stand-ins
     (:mod:`firmware_py.machine.parts`); found, never written."""
 

@@ -16,6 +16,7 @@ NAME_PATTERN: Final = r"^[a-z0-9][a-z0-9_-]{0,31}\Z"
 _WORD: Final = r"^[A-Za-z0-9_/]{1,32}\Z"
 _OPTIONAL_WORD: Final = r"^[a-z0-9_]{0,32}\Z"
 _LABEL: Final = r"^[\x20-\x21\x23-\x5b\x5d-\x7e]{0,80}\Z"
+_PART: Final = r"^[A-Za-z0-9_/]{1,64}\Z"
 _FILE: Final = r"^([A-Za-z0-9_][A-Za-z0-9_.-]{0,59}\.dbc)?\Z"
 _SIGNAL: Final = r"^[A-Za-z_][A-Za-z0-9_]{0,127}\.[A-Za-z_][A-Za-z0-9_]{0,127}\Z"
 WORDS: Final = {
@@ -23,11 +24,13 @@ WORDS: Final = {
     _WORD: "one word",
     _OPTIONAL_WORD: "one word of small letters, or empty",
     _LABEL: "at most 80 printable ASCII characters without quote and backslash",
+    _PART: "a part, or a part and a bearing",
     _FILE: "the name of a DBC file beside this one, e.g. plant.dbc",
     _SIGNAL: "MESSAGE.SIGNAL of the DBC",
 }
 """Each pattern for people."""
 
+PartName = Annotated[str, Meta(pattern=_PART)]
 DbcFile = Annotated[str, Meta(pattern=_FILE)]
 SignalName = Annotated[str, Meta(pattern=_SIGNAL)]
 Name = Annotated[str, Meta(pattern=NAME_PATTERN)]

@@ -12,6 +12,7 @@ import pytest
 from firmware_py import config
 from firmware_py.brain.store import load_models
 from firmware_py.commands import check
+from firmware_py.config.bearings import views
 from firmware_py.machine import parts
 
 LEAST = """
@@ -196,3 +197,76 @@ def test_faults_of_several_bearings_are_named(
     path.write_text(text.replace(old, new, 1))
     with pytest.raises(config.ConfigError, match=re.escape(words)):
         config.load(rig)
+
+
+def kit_with(tmp_path: Path, *changes: tuple[str, str, str]) -> Path:
+    """A copy of the kit with ``changes``: file, old, new."""
+    rig = Path(shutil.copytree(config.SHIPPED / "kit", tmp_path / "kit"))
+    for file, old, new in changes:
+        text = (rig / file).read_text()
+        assert old in text
+        (rig / file).write_text(text.replace(old, new, 1))
+    return rig
+
+
+def test_a_further_bearing_has_loads_and_limits_of_its_own(tmp_path: Path) -> None:
+    loads = 'load_min_N = 3.0\nload_max_N = 7.0\nname = "nde"'
+    tighter = "displacement_alert_um = 30.0\ndisplacement_danger_um = 50.0"
+    rig = kit_with(
+        tmp_path,
+        ("machine.toml", 'name = "nde"', loads),
+        (
+            "device.toml",
+            'bearing = "nde"\ndisplacement_alert_um = 75.0\ndisplacement_danger_um = 120.0',
+            f'bearing = "nde"\n{tighter}',
+        ),
+    )
+    first, second = views(config.load(rig)[0])
+    assert first.config.limits.displacement_danger_um == 120.0
+    assert second.config.limits.displacement_danger_um == 50.0
+    assert second.config.machine.operating.load_max_N == 7.0
+    assert parts.LOAD in first.config.machine.absent
+    assert parts.LOAD not in second.config.machine.absent
+    _, alike = views(config.load(rig)[0].replaced(limits_at=[]))
+    assert alike.config.limits.displacement_danger_um == 120.0
+
+
+def test_a_further_bearing_of_which_nothing_is_known_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    name = "nde_" + 28 * "x"
+    rig = kit_with(tmp_path)
+    path, device = rig / "machine.toml", rig / "device.toml"
+    text = path.read_text().replace('"nde"', f'"{name}"')
+    path.write_text(
+        re.sub(r"(?ms)(^\[\[other_bearing\]\]\nname = [^\n]*\n).*?(?=^\[)", r"\1\n", text)
+    )
+    device.write_text(device.read_text().replace('"nde"', f'"{name}"'))
+    assert check.main([str(rig)]) == 0
+    said = capsys.readouterr().out
+    assert f"absent clearance of bearing {name}" in said
+    assert f"absent bearing of bearing {name}" in said
+
+
+@pytest.mark.parametrize(("change", "words"), [
+    (("machine.toml", 'name = "nde"  # non-drive end', "name = 3"), "not text"),
+    (("device.toml", 'bearing = "nde"\ndisplacement_alert_um = 75.0',
+      'bearing = "nde"\ndisplacement_alert_um = 150.0'),
+     "limits_at[0].displacement_alert_um = 150.0: not below displacement_danger_um"),
+    (("device.toml", '[[limits_at]]\nbearing = "nde"', '[[limits_at]]\nbearing = "x"'),
+     "no further bearing of that name"),
+    (("machine.toml", 'name = "disp_x"', "name = 5"), "not text"),
+    (("device.toml", "[limits]", "[[limits]]"), "not a table"),
+])  # fmt: skip
+def test_what_is_wrong_beside_what_is_absent_is_named(
+    tmp_path: Path, change: tuple[str, str, str], words: str
+) -> None:
+    with pytest.raises(config.ConfigError) as refusal:
+        config.load(kit_with(tmp_path, change))
+    assert words in str(refusal.value)
+
+
+def test_a_list_of_bearings_that_is_none_is_a_fault() -> None:
+    assert parts.completed({"other_bearing": 3})["other_bearing"] == 3
+    assert parts.completed({"bearing": 3})["bearing"] == 3
+    assert parts.stand_in_keys(None) == frozenset()

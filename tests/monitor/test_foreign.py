@@ -6,13 +6,14 @@ from math import cos, pi, radians, sin
 from pathlib import Path
 
 import cantools.database
+import msgspec
 import numpy as np
 import pytest
 
 from firmware_py import launch
 from firmware_py.commands import check
 from firmware_py.config import Config, ConfigError
-from firmware_py.config.foreign import mapped
+from firmware_py.config.foreign import faults, mapped
 from firmware_py.guard import report
 from firmware_py.guard.core import GuardCore
 from firmware_py.records import Cycle, NodeInfo, RawFrame, ReadingsFrame, SampleFrame
@@ -198,3 +199,13 @@ def test_check_says_that_the_device_only_listens(
 ) -> None:
     assert check.main([str(plant)]) == 0
     assert "monitor only: [foreign]: on a bus that knows nothing" in capsys.readouterr().out
+
+
+def test_rows_without_a_bus_and_a_bus_under_schema_1_are_named(plant: Path) -> None:
+    config, _ = launch.verified(plant)
+    first = msgspec.structs.replace(config.bus, schema=1)
+    found = [key for key, _, _ in faults(config.replaced(bus=first), plant)]
+    assert "bus.schema" in found
+    (fault,) = faults(config.replaced(foreign=None), plant)
+    assert "there is no [foreign] bus to map" in fault[2]
+    assert list(faults(config.replaced(foreign=None, map=[]), plant)) == []

@@ -11,6 +11,7 @@ from firmware_py.config import Config
 from firmware_py.gate.metrics import render
 from firmware_py.gate.view import DeviceState
 from firmware_py.guard import report
+from firmware_py.guard.core import GuardCore
 from firmware_py.records import ArmState, Command, CommandReply, DeviceHeartbeat, GuardState, Mode
 from tests.machine.test_parts import least as least  # the folder of the least machine
 from tests.monitor.generator import Run
@@ -99,6 +100,17 @@ def test_a_vibration_of_the_second_bearing_trips_there(tmp_path: Path) -> None:
     again.device.command("reset")
     again.seconds(0.5)
     assert again.guard.tripped == []
+
+
+def test_a_danger_that_is_counting_outlives_the_guard() -> None:
+    run = Run(KIT)
+    run.seconds(1.0)
+    run.node.orbits["nde"].forward_um = 70.0
+    run.seconds(0.6)
+    timers = run.guard.timers
+    assert {"nde_x_danger", "nde_y_danger"} <= set(timers)
+    again = GuardCore(KIT, run.node.codec, 1, timers=timers)
+    assert again.timers == timers
 
 
 def test_a_broken_cable_at_the_second_bearing_is_named_and_trips_nothing() -> None:
