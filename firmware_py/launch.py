@@ -41,7 +41,7 @@ SERVICE_RIGS: Final = (Path("/etc/orbitd/rig"), Path("/etc/orbitd/orbitd.toml"))
 
 LAWS: Final = (
     "firmware_py.guard.envelope.carrying:check_carried",
-    "firmware_py.guard.envelope.shield:check_safe",
+    "firmware_py.guard.envelope.shield_check:check_safe",
 )
 """What else every process asks of a configuration, by name as entry points are: this module lies
 below the guard."""

@@ -9,7 +9,8 @@ keep_compiled()  # before anything imports numba
 if TYPE_CHECKING:
     from .film import Equilibrium, FeedPatch, FilmForce, equilibrium, film_force
     from .plant.duty import Duty
-    from .plant.response import PowerMap, Trajectory, power_map, simulate
+    from .plant.power_map import PowerMap, power_map
+    from .plant.response import Trajectory, simulate
     from .rigs import RigData, load_rig
     from .rotor.modes import Modes, Support, modes
 
@@ -37,7 +38,7 @@ _HOMES = {
     "FeedPatch": ".film",
     "FilmForce": ".film",
     "Modes": ".rotor.modes",
-    "PowerMap": ".plant.response",
+    "PowerMap": ".plant.power_map",
     "RigData": ".rigs",
     "Support": ".rotor.modes",
     "Trajectory": ".plant.response",
@@ -45,7 +46,7 @@ _HOMES = {
     "film_force": ".film",
     "load_rig": ".rigs",
     "modes": ".rotor.modes",
-    "power_map": ".plant.response",
+    "power_map": ".plant.power_map",
     "simulate": ".plant.response",
 }
 

@@ -9,7 +9,7 @@ from firmware_py import signals
 from firmware_py.config import Config
 from firmware_py.config.instances import SlowSignal
 from firmware_py.records import ReadingQuality, ReadingsFrame, RigStatus, SlowValue
-from firmware_py.wire.fields import INT32_MIN
+from firmware_py.wire.counts import INT32_MIN
 from firmware_py.wire.layout import WireLayout
 
 AGE_MAX_MS: Final = 250

@@ -1,14 +1,15 @@
 """Windows: gap-free stretches of samples, long enough for order analysis (ISO 13374 DM).
 
-The same :class:`Windower` cuts the running machine's blocks and, through :func:`iter_windows`, a
-whole recording for training.  Window ends lie on a fixed grid of samples counted from the start of
-a gap-free run, so the windows do not depend on how the samples were chopped into blocks.
+The same :class:`Windower` cuts the running machine's blocks and, through
+:mod:`~firmware_py.acquire.recorded_windows`, a whole recording for training.  Window ends lie on a
+fixed grid of samples counted from the start of a gap-free run, so the windows do not depend on how
+the samples were chopped into blocks.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -16,11 +17,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from firmware_py.acquire.channel_map import ChannelMap, Floats
 from firmware_py.acquire.plausible import plausible
-from firmware_py.config import Config
-from firmware_py.config.instances import places
 from firmware_py.records import N_CHANNELS, Block, Quality, RigReading
-from firmware_py.wire.layout import SCHEMA_1
 
 TURNS: Final = 32
 """Turns that a window holds when its length allows."""
@@ -47,92 +46,6 @@ READINGS_MOST: Final = 128
 """Marks, changes of quality and readings that are remembered at most."""
 REMEMBERED_US: Final = 2_500_000
 """Marks and readings older than this lie in no later window: the longest one and a quarter."""
-
-WIRE_SCALES: Final = tuple(channel.wire_scale for channel in SCHEMA_1.channels)
-"""SI value of one count of each channel in ``orbitd.dbc`` (m, m, m/s2 x 3, Pa, bar, V)."""
-
-BLOCK: Final = 30
-"""Samples in which a recording's channels are judged, as many as a block of schema 1 holds."""
-
-Floats = NDArray[np.float64]
-ChannelJudge = Callable[[NDArray[np.int16], float], int]
-"""Counts of the next samples (n, channels) and shaft speed (rad/s, 0: unknown) to bits of OK."""
-
-
-@dataclass(frozen=True, slots=True)
-class ChannelMap:
-    """From counts to SI: ``counts * scale + offset``, and from the two probes to the machine's x,
-    y.
-
-    Attributes
-    ----------
-    scale, offset
-        Shape (8,), SI per count and SI.
-    to_xy
-        Shape (2, 2): ``(x, y) = to_xy @ (disp_x, disp_y)``.
-    """
-
-    scale: Floats
-    offset: Floats
-    to_xy: Floats
-    order: tuple[int, ...] = tuple(range(N_CHANNELS))
-    """Place of each column in a block; -1 where the rig has no such channel."""
-
-    @classmethod
-    def from_config(cls, config: Config) -> ChannelMap:
-        """The standard channels, which the diagnosis knows."""
-        return cls._of(config, places(config.machine.channel).standard)
-
-    @classmethod
-    def every(cls, config: Config) -> ChannelMap:
-        """All configured channels in wire order."""
-        return cls._of(config, tuple(range(len(config.machine.channel))))
-
-    @classmethod
-    def chosen(cls, config: Config, order: tuple[int, ...]) -> ChannelMap:
-        """The channels at the places ``order`` of the block, two probes first; -1: none."""
-        return cls._of(config, order)
-
-    @classmethod
-    def _of(cls, config: Config, order: tuple[int, ...]) -> ChannelMap:
-        channels = config.machine.channel
-        first, second = channels[order[0]], channels[order[1]]
-        return cls(
-            np.array([channels[i].scale if i >= 0 else 1.0 for i in order]),
-            np.array([channels[i].offset if i >= 0 else 0.0 for i in order]),
-            _probe_inverse(first.angle_deg, second.angle_deg),
-            order,
-        )
-
-    @classmethod
-    def wire(cls) -> ChannelMap:
-        """The scales of ``orbitd.dbc`` with probes at 45 and 135 degrees."""
-        return cls(np.array(WIRE_SCALES), np.zeros(N_CHANNELS), _probe_inverse(45.0, 135.0))
-
-    def columns(self, counts: NDArray[np.int16]) -> NDArray[np.int16]:
-        """The columns of :attr:`order` out of a block's, zeros for a channel that is not there."""
-        if self.order == tuple(range(counts.shape[1])):
-            return counts
-        found = counts[:, self.order]
-        found[:, [i < 0 for i in self.order]] = 0
-        return found
-
-    def ok(self, mask: int) -> int:
-        """The OK bits of a block in the order of :attr:`order`; a channel that is not there is not
-        OK."""
-        return sum((mask >> i & 1) << column for column, i in enumerate(self.order) if i >= 0)
-
-    def to_si(self, counts: NDArray[np.int16]) -> Floats:
-        """Shape (n, columns) in SI; columns 0 and 1 are the shaft's x and y in metres."""
-        values = counts * self.scale + self.offset
-        values[:, :2] = values[:, :2] @ self.to_xy.T
-        return values
-
-
-def _probe_inverse(first_deg: float, second_deg: float) -> Floats:
-    """Inverse of ``probe_i = x cos a_i + y sin a_i``."""
-    angles = np.radians([first_deg, second_deg])
-    return np.linalg.inv(np.column_stack([np.cos(angles), np.sin(angles)]))
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,7 +93,7 @@ class Window:
 
 
 @dataclass(slots=True)
-class _Chunk:
+class Chunk:
     """Samples as they arrive, from a block or from a recording."""
 
     counts: NDArray[np.int16]
@@ -293,7 +206,7 @@ class Windower:
         if not self.state.run:
             return
         status = reading.status
-        self._note(
+        self.note_reported(
             Reported(
                 nearest_tick(status.tick_us, self.state.end_tick_us),
                 status.clearance_actual_um * 1e-6,
@@ -302,7 +215,8 @@ class Windower:
             )
         )
 
-    def _note(self, reported: Reported) -> None:
+    def note_reported(self, reported: Reported) -> None:
+        """Remember ``reported``; what no later window holds is dropped."""
         readings = self.state.readings
         readings.append(reported)
         del readings[:-READINGS_MOST]
@@ -314,8 +228,8 @@ class Windower:
         """Take one block; return the windows that it completes, oldest first."""
         counts = self._counts(block)
         marks = np.array(block.mark_ticks_us, np.int64)
-        return self._take(
-            _Chunk(
+        return self.take(
+            Chunk(
                 counts,
                 block.tick_us,
                 block.sample_period_us,
@@ -334,7 +248,8 @@ class Windower:
             np.frombuffer(block.samples, "<i2").reshape(-1, block.channels)
         )
 
-    def _take(self, chunk: _Chunk) -> list[Window]:
+    def take(self, chunk: Chunk) -> list[Window]:
+        """Take one chunk; return the windows that it completes, oldest first."""
         state = self.state
         joined = chunk.tick_us == state.end_tick_us and not chunk.quality & Quality.GAP_BEFORE
         if state.run and not joined:
@@ -357,7 +272,7 @@ class Windower:
             gone += 1
         del marks[:gone]
 
-    def _append(self, chunk: _Chunk, counts: NDArray[np.int16]) -> list[Window]:
+    def _append(self, chunk: Chunk, counts: NDArray[np.int16]) -> list[Window]:
         """Add at most ``MAX_SECONDS`` of samples, then cut every window whose end has been
         reached."""
         n = len(counts)
@@ -389,7 +304,7 @@ class Windower:
         state.flags.append(Flags(state.run, quality, channel_ok))
         del state.flags[:-FLAGS_MOST]
 
-    def _cut(self, chunk: _Chunk, back: int) -> Window:
+    def _cut(self, chunk: Chunk, back: int) -> Window:
         """The window that ends ``back`` samples before the newest one."""
         period_us = chunk.period_us
         end_us = self.state.end_tick_us - back * period_us
@@ -468,58 +383,3 @@ def _usable(marks: Floats) -> bool:
 def nearest_tick(tick_us: int, near_us: int) -> int:
     """Unwrap the 32-bit ``tick_us`` to the value nearest to the unwrapped tick ``near_us``."""
     return near_us + (tick_us - near_us + 0x8000_0000) % 0x1_0000_0000 - 0x8000_0000
-
-
-def iter_windows(
-    samples: NDArray[np.int16],
-    tick_us: int,
-    mark_ticks_us: NDArray[np.int64],
-    rate_hz: int,
-    *,
-    readings: Floats | None = None,
-    channels: ChannelMap | None = None,
-    judge: ChannelJudge | None = None,
-) -> Iterator[Window]:
-    """Windows of one gap-free recording, cut by the device's own :class:`Windower`.
-
-    Parameters
-    ----------
-    samples
-        Counts, shape (n, 8).
-    tick_us
-        Unwrapped node tick of the first row.
-    mark_ticks_us
-        Unwrapped ticks of the once-per-turn marks, increasing.
-    rate_hz
-        Sampling rate.
-    readings
-        Shape (m, 4): unwrapped tick (us), radial clearance (m), shaft power (W), oil outlet (degC).
-    channels
-        Conversion to SI; default: ``orbitd.dbc``.
-    judge
-        Asked block by block which channels are OK; default: all are, as long as they are plausible.
-
-    Yields
-    ------
-    Window
-        Every ``HOP_SECONDS``, oldest first.
-    """
-    windower = Windower(channels or ChannelMap.wire(), rate_hz)
-    table = np.empty((0, 4)) if readings is None else readings
-    period_us = round(1e6 / rate_hz)
-    step = BLOCK if judge else round(HOP_SECONDS * rate_hz)
-    for start in range(0, len(samples), step):
-        counts = samples[start : start + step]
-        first_us = tick_us + start * period_us
-        last_us = first_us + len(counts) * period_us
-        for row in table[(table[:, 0] >= first_us) & (table[:, 0] < last_us)]:
-            windower._note(Reported(int(row[0]), *row[1:].tolist()))
-        marks = mark_ticks_us[(mark_ticks_us >= first_us) & (mark_ticks_us < last_us)]
-        ok = judge(counts, _speed_rad_s(mark_ticks_us, last_us)) if judge else 0xFF
-        yield from windower._take(_Chunk(counts, first_us, period_us, marks, channel_ok=ok))
-
-
-def _speed_rad_s(marks_us: NDArray[np.int64], now_us: int) -> float:
-    """Speed by the last turn before ``now_us``; 0: not known yet."""
-    seen = int(np.searchsorted(marks_us, now_us))
-    return 2e6 * math.pi / float(marks_us[seen - 1] - marks_us[seen - 2]) if seen > 1 else 0.0

@@ -9,7 +9,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_py.acquire.windows import ChannelMap, Window, Windower, WindowerState
+from firmware_py.acquire.channel_map import ChannelMap
+from firmware_py.acquire.windows import Window, Windower, WindowerState
 from firmware_py.brain import tree
 from firmware_py.brain.commissioning import Commissioner, CommissionerState
 from firmware_py.brain.diagnosis import Diagnoser, DiagnoserState

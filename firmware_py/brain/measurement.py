@@ -26,7 +26,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_py.acquire.windows import ChannelMap
+from firmware_py.acquire.channel_map import ChannelMap
 from firmware_py.brain.film import Film, Points
 from firmware_py.brain.orbit import Orbit, balanced
 from firmware_py.config import Config

@@ -11,8 +11,9 @@ from typing import Final
 import msgspec
 import numpy as np
 
+from firmware_py.acquire.channel_map import ChannelMap
 from firmware_py.acquire.orders import Orders
-from firmware_py.acquire.windows import ChannelMap, Window
+from firmware_py.acquire.windows import Window
 from firmware_py.brain.measurement import Measured
 from firmware_py.records import Block, Quality, RigReading
 

@@ -19,7 +19,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_py.acquire.windows import MAX_SECONDS, MIN_SECONDS, TURNS, ChannelMap
+from firmware_py.acquire.channel_map import ChannelMap
+from firmware_py.acquire.windows import MAX_SECONDS, MIN_SECONDS, TURNS
 from firmware_py.brain.estimate import Estimate, Synchroniser, SynchroniserState
 from firmware_py.brain.film import Film, Points, Steady
 from firmware_py.brain.intervals import (

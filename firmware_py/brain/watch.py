@@ -19,8 +19,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from firmware_py.acquire.channel_map import ChannelMap
 from firmware_py.acquire.orders import Orders, analyse
-from firmware_py.acquire.windows import ChannelMap, Window, Windower, WindowerState
+from firmware_py.acquire.windows import Window, Windower, WindowerState
 from firmware_py.brain import watch_normal
 from firmware_py.brain.verdict import CONFIRM_NS, WHIRL_CLEARANCE_SHARE, WHIRL_SHARE, WINDOWS
 from firmware_py.config import Config

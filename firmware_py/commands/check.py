@@ -20,7 +20,7 @@ from firmware_py.config import Config, ConfigError, Source, sampling
 from firmware_py.config.limits import LIMITS_OFF
 from firmware_py.config.simulation import load_simulation
 from firmware_py.config.source import shown
-from firmware_py.guard.plausibility.readings import power_max_W
+from firmware_py.guard.plausibility.reading_rows import power_max_W
 from firmware_py.machine import supply
 from firmware_py.machine.domain import fastest_film
 from firmware_py.machine.folder import METAVAR, find

@@ -12,7 +12,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_py.acquire.windows import ChannelMap
+from firmware_py.acquire.channel_map import ChannelMap
 from firmware_py.config import Config
 from firmware_py.records import Block
 

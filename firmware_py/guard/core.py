@@ -23,7 +23,7 @@ class GuardCore:
     ----------
     config
         The whole configuration (its safe value checked by
-        :func:`firmware_py.guard.envelope.shield.check_safe`).
+        :func:`firmware_py.guard.envelope.shield_check.check_safe`).
     codec
         Codec of the configured link.
     session

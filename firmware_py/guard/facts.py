@@ -8,7 +8,7 @@ from typing import Final
 from firmware_py.guard.authority.failsafe import Situation
 from firmware_py.guard.envelope.admissible import EnvelopeInput
 from firmware_py.guard.envelope.shield import PERIOD_S
-from firmware_py.guard.plausibility.readings import OIL
+from firmware_py.guard.plausibility.reading_rows import OIL
 from firmware_py.guard.state import Stages
 from firmware_py.guard.surroundings import FOREIGN_HOLD_NS
 from firmware_py.records import Cycle

@@ -5,8 +5,8 @@ from __future__ import annotations
 from firmware_py.acquire.stage import AcquireOutput
 from firmware_py.guard.alarms.alarm import Notice
 from firmware_py.guard.authority.failsafe import Situation, node_reasons
-from firmware_py.guard.plausibility.pair import NO_FACTS
-from firmware_py.guard.plausibility.readings import CLEARANCE, OIL, PRESSURE
+from firmware_py.guard.plausibility.pair_window import NO_FACTS
+from firmware_py.guard.plausibility.reading_rows import CLEARANCE, OIL, PRESSURE
 from firmware_py.guard.protection.permit import PermitFacts
 from firmware_py.guard.state import Stages
 from firmware_py.guard.supervision import ActuatorReadings, NodeReports

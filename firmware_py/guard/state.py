@@ -21,8 +21,11 @@ from firmware_py.guard.envelope.target import Target
 from firmware_py.guard.envelope.vibration_hold import VibrationHoldState
 from firmware_py.guard.plausibility.frame_loss import FrameLoss, FrameLossState
 from firmware_py.guard.plausibility.more_readings import MoreReadings
-from firmware_py.guard.plausibility.pair import PairCheck, PairState
-from firmware_py.guard.plausibility.readings import CLEARANCE, Readings, ReadingsState
+from firmware_py.guard.plausibility.pair import PairCheck
+from firmware_py.guard.plausibility.pair_window import PairState
+from firmware_py.guard.plausibility.reading_rows import CLEARANCE
+from firmware_py.guard.plausibility.reading_state import ReadingsState
+from firmware_py.guard.plausibility.readings import Readings
 from firmware_py.guard.plausibility.rest import Rest, RestState
 from firmware_py.guard.plausibility.speed_check import SpeedCheck, SpeedCheckState
 from firmware_py.guard.protection.bearing import BearingGuard, BearingGuardState

@@ -16,7 +16,8 @@ from typing import Any, Final
 
 import msgspec
 
-from firmware_py.acquire.windows import MIN_SECONDS, ChannelMap, Window, Windower
+from firmware_py.acquire.channel_map import ChannelMap
+from firmware_py.acquire.windows import MIN_SECONDS, Window, Windower
 from firmware_py.brain.diagnosis import Diagnoser
 from firmware_py.brain.normal import digest
 from firmware_py.brain.prediction import slow_roll_forward

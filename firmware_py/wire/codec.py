@@ -31,9 +31,10 @@ from firmware_py.records import (
     WireMessage,
 )
 from firmware_py.wire import protection
-from firmware_py.wire.fields import Conversion, Fields, conversions
-from firmware_py.wire.fields import SampleFlag as SampleFlag
+from firmware_py.wire.counts import Fields
+from firmware_py.wire.fields import Conversion, conversions
 from firmware_py.wire.layout import SCHEMA_1, WireLayout
+from firmware_py.wire.layout_fields import SampleFlag as SampleFlag
 
 
 class FrameId(enum.IntEnum):

@@ -32,7 +32,8 @@ from firmware_py.records import (
     WireMessage,
 )
 from firmware_py.wire import mav_packet
-from firmware_py.wire.fields import NODE_INFO_1, NODE_INFO_2, Conversion, Fields, conversions
+from firmware_py.wire.counts import Fields
+from firmware_py.wire.fields import NODE_INFO_1, NODE_INFO_2, Conversion, conversions
 from firmware_py.wire.layout import SCHEMA_1, SLOTS_MAX, WireLayout
 
 DEVICE: Final = (1, 191)

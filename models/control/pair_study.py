@@ -24,10 +24,10 @@ import numpy as np
 
 from firmware_py.acquire.channel_ok import ChannelOk
 from firmware_py.config import SHIPPED, Config, load
-from firmware_py.guard.envelope.admissible import Envelope, EnvelopeInput
+from firmware_py.guard.envelope.admissible import Envelope, EnvelopeInput, Known
 from firmware_py.guard.measurement.motion import MotionMeter
-from firmware_py.guard.plausibility.pair import KINDS, PairCheck
-from firmware_py.guard.plausibility.readings import Known
+from firmware_py.guard.plausibility.pair import PairCheck
+from firmware_py.guard.plausibility.pair_window import KINDS
 from firmware_py.records import Block
 from sim_hil.plant.build import Build
 from sim_hil.plant.duty import Duty

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from firmware_py import config as configuration
 from firmware_py.config import Config
-from firmware_py.guard.envelope.admissible import Envelope, EnvelopeInput
-from firmware_py.guard.envelope.shield import Ramp
-from firmware_py.guard.plausibility.readings import Known
+from firmware_py.guard.envelope.admissible import Envelope, EnvelopeInput, Known
+from firmware_py.guard.envelope.retreat import Ramp
 from models.control.commissioned import Commissioned
 from sim_hil.gym.control_task import CONTROL_S, OBSERVATIONS, Episode, actions_of, targets
 from sim_hil.gym.environment import RotorEnv

@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_py import config as configuration
-from firmware_py.acquire.windows import ChannelMap
-from firmware_py.guard.envelope.admissible import Envelope, EnvelopeInput
-from firmware_py.guard.plausibility.readings import Known
+from firmware_py.acquire.channel_map import ChannelMap
+from firmware_py.guard.envelope.admissible import Envelope, EnvelopeInput, Known
 from firmware_py.records import CHANNELS
 from sim_hil.plant.duty import Duty
 from sim_hil.plant.machine import Batch, SimulatedMachine

@@ -18,7 +18,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_py.guard.envelope import admissible, load_estimate, shield, vibration_hold
+from firmware_py.guard.envelope import (
+    admissible,
+    load_estimate,
+    retreat,
+    shield,
+    vibration_hold,
+)
 from models import PHYSICS_VERSION
 from models.diagnosis import clearance_loops, recordings
 from models.diagnosis.dataset import DatasetError
@@ -29,7 +35,7 @@ from sim_hil.whole_file import whole_file
 
 def folder_of(out: Path, plan: RecordingPlan) -> Path:
     """Where the recordings of ``plan`` lie."""
-    guard = admissible, shield, load_estimate, vibration_hold
+    guard = admissible, retreat, shield, load_estimate, vibration_hold
     code = [inspect.getsource(module) for module in (recordings, clearance_loops, *guard)]
     key = repr((PHYSICS_VERSION, code, plan.rig, plan.seed, plan.rate_hz, plan.seconds))
     return out / f"recordings-{plan.draw.__name__}-{hashlib.sha256(key.encode()).hexdigest()[:12]}"

@@ -16,16 +16,19 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from firmware_py.acquire import channel_map as channel_code
 from firmware_py.acquire import channel_ok as ok_code
 from firmware_py.acquire import features as feature_code
 from firmware_py.acquire import film_check as film_code
 from firmware_py.acquire import orders as order_code
+from firmware_py.acquire import recorded_windows as recorded_code
 from firmware_py.acquire import ringing as ringing_code
 from firmware_py.acquire import windows as window_code
 from firmware_py.acquire.channel_ok import ChannelOk
 from firmware_py.acquire.features import FEATURE_NAMES, at_one_rate, features
 from firmware_py.acquire.orders import BINS, ROTATING, by_angle
-from firmware_py.acquire.windows import TURNS, Window, iter_windows
+from firmware_py.acquire.recorded_windows import iter_windows
+from firmware_py.acquire.windows import TURNS, Window
 from firmware_py.brain.verdict import WINDOWS
 from firmware_py.config import SHIPPED, Config, read_machine
 from firmware_py.config import load as load_config
@@ -179,7 +182,9 @@ def _code_hash(rig: str) -> str:
     digest = hashlib.sha256(msgspec.json.encode(_machine(rig)))
     for module in (
         ok_code,
+        channel_code,
         window_code,
+        recorded_code,
         order_code,
         ringing_code,
         contact_code,

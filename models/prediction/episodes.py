@@ -20,8 +20,9 @@ import numpy as np
 from msgspec.structs import replace as changed
 from numpy.typing import NDArray
 
+from firmware_py.acquire.channel_map import ChannelMap
 from firmware_py.acquire.orders import analyse
-from firmware_py.acquire.windows import ChannelMap, iter_windows
+from firmware_py.acquire.recorded_windows import iter_windows
 from firmware_py.brain.intervals import REGIMES
 from firmware_py.config import Config
 from firmware_py.machine.probes import after_zeroing

@@ -9,8 +9,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from firmware_py.acquire.channel_map import ChannelMap
 from firmware_py.acquire.orders import analyse
-from firmware_py.acquire.windows import ChannelMap, Windower
+from firmware_py.acquire.windows import Windower
 from firmware_py.brain.measurement import Measured
 from firmware_py.brain.observation import Observer, window_measured
 from firmware_py.brain.prediction import Future, Predictor

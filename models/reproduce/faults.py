@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from firmware_py.acquire.features import FEATURE_NAMES, features
-from firmware_py.acquire.windows import iter_windows
+from firmware_py.acquire.recorded_windows import iter_windows
 from firmware_py.config import read_machine
 from firmware_py.machine import Machine
 from firmware_py.records import CHANNELS, Quality

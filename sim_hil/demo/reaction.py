@@ -38,7 +38,7 @@ from firmware_py.records import (
     SampleFrame,
     WireMessage,
 )
-from firmware_py.wire.fields import SampleFlag
+from firmware_py.wire.layout_fields import SampleFlag
 from firmware_py.wire.link import codec_for, open_link
 from firmware_py.wire.rooms import RoomClient
 from sim_hil.hil.node import Node

@@ -26,7 +26,7 @@ from firmware_py.records import (
     RigStatus,
     WireMessage,
 )
-from firmware_py.wire.fields import SampleFlag
+from firmware_py.wire.layout_fields import SampleFlag
 from firmware_py.wire.link import Codec
 from sim_hil.faults import ACTUATOR_FAULTS, NODE_FAULTS, FaultSet, check_fault
 from sim_hil.faults.actuator import Reach, reached

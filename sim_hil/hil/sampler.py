@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from firmware_py import signals
 from firmware_py.records import CHANNELS, SampleFrame
-from firmware_py.wire.fields import SampleFlag
 from firmware_py.wire.layout import WireLayout
+from firmware_py.wire.layout_fields import SampleFlag
 from sim_hil.plant.machine import Batch
 
 TICKS: Final = 1 << 32

@@ -1,4 +1,4 @@
-"""The rotor of equation (2) on its film, without pedestal, motor and sensors: runs and maps.
+"""The rotor of equation (2) on its film, without pedestal, motor and sensors.
 
 `sim_hil.plant.runs` follows the whole machine with everything that shakes it; here stands the rotor
 alone, deterministic, much faster, and with a choice of films.
@@ -209,63 +209,6 @@ def simulate(
             f"dt_s = {dt_s}: the run left the finite numbers at {lost_s:.4f} s; take a shorter step"
         )
     return Trajectory(time_s[1:], rows, _events(time_s[1:], rows))
-
-
-@dataclass(frozen=True)
-class PowerMap:
-    """Steady figures over speed x load x clearance: shape (rpm, load, clearance) each."""
-
-    power_W: Floats
-    min_film_m: Floats
-    peak_to_peak_m: Floats
-
-
-def power_map(
-    rig: RigData,
-    rpm: Floats,
-    load_N: Floats,
-    clearance_m: Floats,
-    *,
-    seconds: float = 1.0,
-    thermal: bool = False,
-    force: Force = "table",
-    pressure_Pa: float | None = None,
-) -> PowerMap:
-    """Mean power, smallest film and larger peak-to-peak of the last half of `seconds` at each
-    point.
-
-    With `pressure_Pa` the film is the one fed from the groove at that supply pressure, and the
-    pump's power counts.
-
-    The journal starts at rest at its equilibrium, so that whirl shows where it grows by itself;
-    close to its threshold it takes longer than a second (at 12000 rpm, 30 N of rig `bench` the
-    peak-to-peak after 1 s is 3 % short).
-    """
-    rpm, load_N, clearance_m = (
-        np.atleast_1d(np.asarray(a, dtype=np.float64)) for a in (rpm, load_N, clearance_m)
-    )
-    shape = (rpm.size, load_N.size, clearance_m.size)
-    figures = np.empty((3, *shape))
-    for i, j, k in np.ndindex(shape):
-        duty = Duty.hold(float(rpm[i]), float(load_N[j]), seconds)
-        rate_hz = max(5000.0, SAMPLES_PER_TURN * abs(float(rpm[i])) / 60)
-        run = simulate(
-            rig,
-            duty,
-            clearance=float(clearance_m[k]),
-            thermal=thermal,
-            force=force,
-            rate_hz=rate_hz,
-            pressure=pressure_Pa,
-            fed=pressure_Pa is not None,
-        ).last(seconds / 2)
-        pumped = 0.0 if pressure_Pa is None else run.pump_power_W(rig.supply.pump_efficiency).mean()
-        figures[:, i, j, k] = (
-            run.power_W.mean() + pumped,
-            run.min_film_m.min(),
-            run.peak_to_peak_m(),
-        )
-    return PowerMap(*figures)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from sim_hil.bound.limits import ORBIT_SHARE, BoundLimits
 from sim_hil.film import equilibrium, film_force
 from sim_hil.film.records import FilmArguments, Floats
 from sim_hil.plant.duty import RAD_S_PER_RPM
-from sim_hil.plant.response import power_map
+from sim_hil.plant.power_map import power_map
 from sim_hil.plots.style import BLUE, GREY, ORANGE, RED, new_figure, plain
 from sim_hil.rigs import load_rig
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_py.acquire.windows import WIRE_SCALES
+from firmware_py.acquire.channel_map import WIRE_SCALES
 
 
 def recording(

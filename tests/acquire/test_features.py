@@ -8,7 +8,8 @@ import pytest
 
 from firmware_py.acquire.features import FEATURE_NAMES, features
 from firmware_py.acquire.orders import Orders, analyse
-from firmware_py.acquire.windows import Window, iter_windows
+from firmware_py.acquire.recorded_windows import iter_windows
+from firmware_py.acquire.windows import Window
 from firmware_py.config import read_machine
 
 from .synthetic_recording import readings, recording

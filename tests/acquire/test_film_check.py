@@ -12,7 +12,8 @@ import pytest
 
 from firmware_py.acquire import film_check as fc
 from firmware_py.acquire.orders import CONTACT, Orders, analyse
-from firmware_py.acquire.windows import Window, iter_windows
+from firmware_py.acquire.recorded_windows import iter_windows
+from firmware_py.acquire.windows import Window
 from firmware_py.config import read_machine
 from firmware_py.machine.contact import ROUGHNESS_M, contact_volt, film_of, film_per_volt
 from firmware_py.machine.lubricant import viscosity_Pa_s

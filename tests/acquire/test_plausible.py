@@ -6,8 +6,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from firmware_py.acquire.channel_map import WIRE_SCALES
 from firmware_py.acquire.plausible import plausible
-from firmware_py.acquire.windows import WIRE_SCALES
 
 RATE, N = 5000.0, 4000
 ALL = 0xFF

@@ -5,16 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from firmware_py.acquire.windows import (
-    MAX_SECONDS,
-    TURNS,
-    WIRE_SCALES,
-    ChannelMap,
-    Window,
-    Windower,
-    iter_windows,
-    nearest_tick,
-)
+from firmware_py.acquire.channel_map import WIRE_SCALES, ChannelMap
+from firmware_py.acquire.recorded_windows import iter_windows
+from firmware_py.acquire.windows import MAX_SECONDS, TURNS, Window, Windower, nearest_tick
 from firmware_py.records import Block, Quality, RigReading, RigStatus
 
 from .synthetic_recording import readings, recording

@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 
 from firmware_py import config
-from firmware_py.acquire.windows import WIRE_SCALES
+from firmware_py.acquire.channel_map import WIRE_SCALES
 from firmware_py.brain.film import Film, Points
 from firmware_py.brain.session import Session
 from firmware_py.brain.store import Model, Models, read_card

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from firmware_py import config
-from firmware_py.acquire.windows import Window, iter_windows
+from firmware_py.acquire.recorded_windows import iter_windows
+from firmware_py.acquire.windows import Window
 from firmware_py.brain.baseline import (
     FIRST_WINDOWS,
     HINDSIGHT_NS,

@@ -10,8 +10,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from firmware_py.acquire.channel_map import ChannelMap
 from firmware_py.acquire.features import GROUPS
-from firmware_py.acquire.windows import ChannelMap, Window, Windower
+from firmware_py.acquire.windows import Window, Windower
 from firmware_py.brain.diagnosis import Diagnoser, drivers
 from firmware_py.brain.store import HEADS
 from firmware_py.brain.verdict import CLASSES, WINDOWS, class_probabilities, is_whirl, log_odds

@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from firmware_py.acquire.windows import ChannelMap
+from firmware_py.acquire.channel_map import ChannelMap
 from firmware_py.brain.core import BrainCore
 from firmware_py.brain.observation import Observer
 from firmware_py.records import Advice, Block

@@ -49,7 +49,7 @@ from firmware_py.records import (
     SampleFrame,
 )
 from firmware_py.supervise import GOOD_START_S, die_with_parent
-from firmware_py.wire.fields import SampleFlag
+from firmware_py.wire.layout_fields import SampleFlag
 from firmware_py.wire.link import codec_for, open_link
 from sim_hil.console import ConsoleError, ask
 from sim_hil.demo.setting import Setting, prepare

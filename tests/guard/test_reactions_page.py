@@ -23,7 +23,7 @@ from firmware_py.guard.alarms.alarm import AlarmState
 from firmware_py.guard.alarms.condition import Condition
 from firmware_py.guard.authority.failsafe import FAILSAFES
 from firmware_py.guard.core import GuardCore
-from firmware_py.guard.plausibility.pair import KINDS
+from firmware_py.guard.plausibility.pair_window import KINDS
 from firmware_py.guard.plausibility.speed_check import NAME as SPEED_IMPLAUSIBLE
 from firmware_py.guard.protection.permit import ROWS, UNREADABLE
 from firmware_py.guard.protection.speed_high import NAME as SPEED_HIGH

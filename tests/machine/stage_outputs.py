@@ -12,9 +12,10 @@ from typing import Any, Final
 
 import numpy as np
 
+from firmware_py.acquire.channel_map import ChannelMap
 from firmware_py.acquire.film_check import film_check
 from firmware_py.acquire.orders import analyse
-from firmware_py.acquire.windows import ChannelMap, Window
+from firmware_py.acquire.windows import Window
 from firmware_py.brain import made_for
 from firmware_py.brain.commissioning import belonging
 from firmware_py.brain.core import BrainCore
@@ -24,7 +25,8 @@ from firmware_py.brain.store import Models, load_models
 from firmware_py.commands.check import derived, provenance
 from firmware_py.config import Config
 from firmware_py.guard.core import GuardCore
-from firmware_py.guard.envelope.shield import Ramp, Shield
+from firmware_py.guard.envelope.retreat import Ramp
+from firmware_py.guard.envelope.shield import Shield
 from firmware_py.guard.plausibility.more_readings import MoreReadings
 from firmware_py.machine import Machine
 from firmware_py.machine.values import Section

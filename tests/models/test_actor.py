@@ -7,7 +7,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from firmware_py.guard.envelope.shield import Ramp
+from firmware_py.guard.envelope.retreat import Ramp
 from models.control.episodes import Board, FixedSetting, Score, play, play_all, untripped
 from models.control.judge import Bench
 from models.control.predictive import ModelPredictive

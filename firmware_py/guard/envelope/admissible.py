@@ -12,13 +12,22 @@ from typing import Final, NamedTuple
 
 from firmware_py.config import Config
 from firmware_py.guard.envelope.load_estimate import LoadEstimator, LoadInterval, Look
-from firmware_py.guard.envelope.shield import Ramp, Shield
+from firmware_py.guard.envelope.retreat import Ramp
+from firmware_py.guard.envelope.shield import Shield
 from firmware_py.guard.envelope.vibration_hold import VibrationHold
-from firmware_py.guard.plausibility.readings import Known
 
 UNKNOWN_VIBRATION: Final = 1.01
 """A vibration that is not known counts as this many times what may fill the clearance: the bearing
 narrows to safe."""
+
+
+class Known(NamedTuple):
+    """Readings that are OK all together; the shaft power may be missing."""
+
+    oil_C: float
+    clearance_um: float
+    pressure_bar: float
+    power_W: float | None
 
 
 class EnvelopeInput(NamedTuple):

@@ -13,7 +13,7 @@ from typing import Final
 import msgspec
 
 from firmware_py.config import Config
-from firmware_py.guard.envelope.shield import Ramp
+from firmware_py.guard.envelope.retreat import Ramp
 from firmware_py.records import CommandRequest
 
 WAITING_MAX: Final = 8

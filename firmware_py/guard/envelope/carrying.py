@@ -2,7 +2,7 @@
 narrowest bearing; with the arithmetic.
 
 Both are judged with the figures as drawn; the uncertainties come on top
-(:func:`firmware_py.guard.envelope.shield.check_safe`).
+(:func:`firmware_py.guard.envelope.shield_check.check_safe`).
 """
 
 from __future__ import annotations

@@ -24,17 +24,22 @@ and never widens it.
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from math import pi
-from typing import Final, NamedTuple
-
-import msgspec
+from typing import Final
 
 from firmware_py.config import Config
+from firmware_py.guard.envelope.retreat import (
+    Box,
+    Outrun,
+    Ramp,
+    along,
+    before_whirl_has_grown,
+    hull,
+)
 from firmware_py.machine.film import static_film
 from firmware_py.machine.groove import Groove
 from firmware_py.machine.lubricant import CredibleOil
-from firmware_py.machine.parts import monitor_only
 
 GRID_M: Final = 1e-6
 WHIRL_GRADE: Final = 0.45
@@ -60,13 +65,6 @@ PERIOD_S: Final = 0.02
 """An interval is this old at most before the next one replaces it; one that a command rests on is
 new."""
 
-GROWTH_TURNS: Final = 0.5
-"""Whirl grows the slower the less the clearance exceeds its bound, and has not grown while excess
-times turns is less.
-
-An orbit fills half the clearance after 1.8 turns over the excess (36 turns at 5 %), 0.75 at the
-least where unbalance alone nearly does (the rotor of :mod:`sim_hil.film.whirl_onset`)."""
-
 STEP_S: Final = 0.05
 FINE_S: Final = 0.6
 """Steps of the reachability test, twice as long after the first ``FINE_S``.
@@ -74,37 +72,6 @@ FINE_S: Final = 0.6
 The bounds bend so little along an unannounced ramp that the ends of the steps are enough (0.03 um
 in 0.1 s), with one more where it ends; an announced one may be as steep as it likes, and a step
 beside it takes the worst of its end."""
-
-
-class Ramp(msgspec.Struct, frozen=True):
-    """A ramp of the machine known ahead: it starts and ends so many seconds from now, at this speed
-    and load."""
-
-    start_s: float
-    end_s: float
-    speed_rad_s: float
-    load_N: float
-
-
-class Box(msgspec.Struct, frozen=True):
-    """All speeds and loads of the film that the machine may have at one instant."""
-
-    slow_rad_s: float
-    fast_rad_s: float
-    light_N: float
-    heavy_N: float
-
-
-class Outrun(NamedTuple):
-    """End of a step of the retreat: the clearance that just whirls, how far the retreat has come,
-    and turns.
-
-    The turns are half of those of the steps before and after it: the trapezoidal rule.
-    """
-
-    whirl_m: float
-    run_m: float
-    turns: float
 
 
 class Shield:
@@ -254,7 +221,7 @@ class Shield:
                 outrun[-1] = outrun[-1]._replace(turns=outrun[-1].turns + half_turns)
             outrun.append(Outrun(max(whirl_m, self._safe_m), run_m, half_turns))
             start_s = end_s
-        return low_m, min(high_m, _before_whirl_has_grown(outrun))
+        return low_m, min(high_m, before_whirl_has_grown(outrun))
 
     def fixed_range(self) -> tuple[float, float] | None:
         """Fixed clearances (m) that are admissible over the whole declared speed, load and inlet
@@ -391,10 +358,10 @@ class Shield:
             if ramp.start_s >= t_s:
                 break
             reached, since_s = (
-                _along(ramp, self._added_N, start, t_s),
+                along(ramp, self._added_N, start, t_s),
                 max(0.0, t_s - max(ramp.end_s, 0.0)),
             )
-            box, start = _hull(box, self._drifted(reached, since_s)), reached
+            box, start = hull(box, self._drifted(reached, since_s)), reached
         return box
 
     def _drifted(self, box: Box, t_s: float) -> Box:
@@ -405,86 +372,4 @@ class Shield:
             max(box.fast_rad_s, min(self._speeds[1], box.fast_rad_s + speed)),
             min(box.light_N, max(self._loads[0], box.light_N - load)),
             max(box.heavy_N, min(self._loads[1], box.heavy_N + load)),
-        )
-
-
-def _before_whirl_has_grown(outrun: list[Outrun]) -> float:
-    """Widest clearance whose retreat, wider than whirl admits for a while, ends before whirl has
-    grown."""
-    slope_1_m = grown = 0.0
-    widest_m = float("inf")
-    for step in sorted(outrun, key=lambda step: step.whirl_m + step.run_m):
-        if widest_m <= step.whirl_m + step.run_m:
-            break  # it never exceeds this one, nor the rest
-        slope_1_m += step.turns / step.whirl_m
-        grown += step.turns * (step.run_m / step.whirl_m + 1.0)
-        widest_m = (GROWTH_TURNS + grown) / slope_1_m
-    return widest_m
-
-
-def _along(ramp: Ramp, added_N: tuple[float, float], start: Box, t_s: float) -> Box:
-    """``start`` moved along ``ramp`` until ``t_s``, which lies after its start; a groove adds to
-    the ramp's load."""
-    first_s = max(ramp.start_s, 0.0)
-    share = 1.0 if t_s >= ramp.end_s else (t_s - first_s) / (ramp.end_s - first_s)
-    speed, rest = share * ramp.speed_rad_s, 1.0 - share
-    light_N, heavy_N = (share * (ramp.load_N + more) for more in added_N)
-    return Box(
-        rest * start.slow_rad_s + speed,
-        rest * start.fast_rad_s + speed,
-        rest * start.light_N + light_N,
-        rest * start.heavy_N + heavy_N,
-    )
-
-
-def _hull(a: Box, b: Box) -> Box:
-    return Box(
-        min(a.slow_rad_s, b.slow_rad_s),
-        max(a.fast_rad_s, b.fast_rad_s),
-        min(a.light_N, b.light_N),
-        max(a.heavy_N, b.heavy_N),
-    )
-
-
-def check_safe(config: Config) -> Iterator[tuple[str, object, str]]:
-    """What the guard's laws have against the machine: key, value, and cause with the next step.
-
-    No fixed clearance admissible over the declared range, or the safe one not among them.
-    A machine that is monitor only has no envelope to prove.
-    """
-    if monitor_only(config.machine):
-        return
-    shield = Shield(config)
-    fixed = shield.fixed_range()
-    safe_um = config.machine.actuator.safe_radial_clearance_um
-    o = config.machine.operating
-    declared = (
-        f"{o.speed_min_rpm:g} .. {o.speed_max_rpm:g} rpm, {o.load_min_N:g} .. {o.load_max_N:g} N, "
-        f"oil up to {config.machine.lubricant.inlet_max_C:g} degC"
-    )
-    pressed_N, feed = Groove(config.machine).added_N[1], ""
-    if pressed_N > 0.0:
-        declared += (
-            f", and up to {pressed_N:g} N by the groove at "
-            f"{config.machine.feed.pressure_max_bar:g} bar"
-        )
-        feed = ", machine.feed.pressure_max_bar"
-    if fixed is None:
-        yield (
-            "machine.operating",
-            None,
-            (
-                f"no fixed clearance is admissible over {declared}; narrow "
-                f"machine.operating.*{feed} or machine.lubricant.inlet_max_C, or lower "
-                "limits.min_film_um"
-            ),
-        )
-    elif not shield.admits_fixed(safe_um * 1e-6):
-        yield (
-            "machine.actuator.safe_radial_clearance_um",
-            safe_um,
-            (
-                f"not admissible over {declared}; choose {fixed[0] * 1e6:.0f} .. "
-                f"{fixed[1] * 1e6:.0f} um"
-            ),
         )

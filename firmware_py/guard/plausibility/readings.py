@@ -6,17 +6,7 @@ believed again after it has been plausible for ``readings.clean_s``.  A message 
 ``readings.age_max_ms`` says nothing at all.  What the loss of a reading does stands in
 :mod:`firmware_py.guard.authority.failsafe`.
 
-=========== ================================= ============================ ======================
-reading     range                             greatest rate                held against
-=========== ================================= ============================ ======================
-oil_outlet  ``oil_outlet_min_C .. max_C``     ``oil_outlet_rate_C_s``      heat (frozen)
-clearance   the bearing's, with a margin      the actuator's, three times  the node's target
-shaft_power most of the film, either sign     none: a torque steps         speed (frozen)
-pressure    zero to the most, with a margin   none: a valve steps          ``supply_pressure``
-=========== ================================= ============================ ======================
-
-The keys are those of ``[readings]``; *frozen*: it stays the same while what drives it moves;
-``supply_pressure`` is the fast channel of that name.
+The rows are those of :mod:`firmware_py.guard.plausibility.reading_rows`.
 
 Where reading and channel of the pressure are both not OK, that is an alarm of its own
 (``pressure_unknown``), and what they still show counts where it is low.
@@ -24,27 +14,32 @@ Where reading and channel of the pressure are both not OK, that is an alarm of i
 
 from __future__ import annotations
 
-from math import inf, pi
-from typing import Final, NamedTuple
+from math import inf
+from typing import Final
 
 import msgspec
 import numpy as np
 
-from firmware_py import signals
 from firmware_py.config import Config
 from firmware_py.config.instances import places
 from firmware_py.guard.alarms.alarm import AlarmState, Notice
-from firmware_py.guard.alarms.tally import Tally
-from firmware_py.machine.lubricant import CredibleOil, coldest_outlet_C
-from firmware_py.machine.parts import (
-    ACTUATOR,
-    FEED,
-    LUBRICANT,
-    ROTOR,
-    has,
-    has_film_law,
-    has_reading,
+from firmware_py.guard.envelope.admissible import Known
+from firmware_py.guard.plausibility.reading_rows import (
+    CLEARANCE,
+    OIL,
+    POWER,
+    PRESSURE,
+    implausible,
+    reading_rows,
 )
+from firmware_py.guard.plausibility.reading_state import (
+    NEVER_NS,
+    OilEvidence,
+    ReadingsState,
+    ReadingState,
+)
+from firmware_py.machine.lubricant import coldest_outlet_C
+from firmware_py.machine.parts import ACTUATOR, LUBRICANT, has, has_reading
 from firmware_py.machine.parts import CLEARANCE as DRAWN_CLEARANCE
 from firmware_py.records import (
     Alarm,
@@ -55,18 +50,6 @@ from firmware_py.records import (
     Severity,
     cause_of,
 )
-
-OIL, CLEARANCE, POWER, PRESSURE = "oil_outlet", "clearance_actual", "shaft_power", "pressure_actual"
-
-RATE_MARGIN: Final = 3.0
-"""The actuator may be so much faster than declared: what it declares is the least that it does."""
-
-POWER_MARGIN: Final = 10.0
-"""The torque meter also shows what accelerates the rotor and what a rub takes: so many times the
-film's friction."""
-
-PRESSURE_MARGIN: Final = 2.0
-"""A relief valve that sticks lets the pressure rise to about twice what the feed may set."""
 
 FROZEN_NS: Final = 60_000_000_000
 FROZEN_SPEED_SHARE: Final = 0.2
@@ -92,79 +75,7 @@ SUPPLY: Final = "supply_pressure"
 SUPPLY_PERIOD_NS: Final = 50_000_000
 """The channel is averaged over one block this often, as often as the status comes."""
 
-NEVER_NS: Final = -(1 << 62)
 TICKS: Final = 1 << 32
-
-
-class ReadingRow(msgspec.Struct, frozen=True):
-    """What a reading can be: its range, its greatest rate per second, and how far two readings at
-    rest may differ."""
-
-    field: str
-    unit: str
-    place: str
-    low: float
-    high: float
-    rate: float = inf
-    noise: float = inf
-
-
-class Known(NamedTuple):
-    """Readings that are OK all together; the shaft power may be missing."""
-
-    oil_C: float
-    clearance_um: float
-    pressure_bar: float
-    power_W: float | None
-
-
-class OilEvidence(NamedTuple):
-    """What counts for a limit of the oil.
-
-    ``value`` is the lowest pressure, or the outlet, that may be believed, None where nothing may.
-    ``whole`` False: a source is missing or doubted, so that the limit may be passed where this one
-    shows none of it.
-    """
-
-    value: float | None
-    whole: bool
-
-
-class ReadingState(msgspec.Struct):
-    """One reading: the newest value, the last that was believed, until when it is doubted, and
-    since when it froze."""
-
-    value: float = 0.0
-    believed: float | None = None
-    believed_ns: int = 0
-    doubted_ns: int = NEVER_NS
-    plausible: bool = True
-    same_ns: int = NEVER_NS
-    driver_low: float = 0.0
-    driver_high: float = 0.0
-
-
-class ReadingsState(msgspec.Struct):
-    """What the stage remembers (for snapshots).
-
-    ``alarms`` goes by the name of the reading, ``causes`` (what a person is told while it stands)
-    by the alarm's.
-    """
-
-    readings: dict[str, ReadingState]
-    alarms: dict[str, AlarmState]
-    causes: dict[str, str] = {}
-    tick_us: int = -1
-    heard_ns: int = NEVER_NS
-    fresh: bool = False
-    supply_bar: float | None = None
-    supply_ns: int = NEVER_NS
-    supply_doubted_bar: float | None = None
-    compared_ns: int = NEVER_NS
-    both_ns: int = NEVER_NS
-    apart: Tally = msgspec.field(default_factory=Tally)
-    blind: Tally = msgspec.field(default_factory=Tally)
-    blind_ns: int = NEVER_NS
 
 
 class Readings:
@@ -177,7 +88,7 @@ class Readings:
     """
 
     def __init__(self, config: Config) -> None:
-        b, f, r = config.machine.bearing, config.machine.feed, config.machine.readings
+        b, r = config.machine.bearing, config.machine.readings
         self._mismatch_bar = r.pressure_mismatch_bar
         self._age_max_ns, self._clean_ns = round(r.age_max_ms * 1e6), round(r.clean_s * 1e9)
         self._clearances_um = b.radial_clearance_min_um, b.radial_clearance_max_um
@@ -191,36 +102,7 @@ class Readings:
         self._moves = has(config.machine, ACTUATOR)
         self._clearance_known = has(config.machine, DRAWN_CLEARANCE)
         self._heat_W = FROZEN_HEAT_C * config.machine.lubricant.cooling_W_K or inf
-        most_W = r.shaft_power_max_W or _power_limit_W(config)
-        most_bar = r.pressure_max_bar or (
-            PRESSURE_MARGIN * f.pressure_max_bar
-            if has(config.machine, FEED)
-            else signals.SLOW["pressure"].greatest
-        )
-        self.rows = {
-            OIL: ReadingRow(
-                "oil_outlet_C",
-                "degC",
-                "readings.oil_outlet_min_C .. oil_outlet_max_C",
-                r.oil_outlet_min_C,
-                r.oil_outlet_max_C,
-                r.oil_outlet_rate_C_s,
-                r.oil_outlet_scatter_C,
-            ),
-            CLEARANCE: ReadingRow(
-                "clearance_actual_um",
-                "um",
-                "bearing.radial_clearance_min_um .. radial_clearance_max_um",
-                self._clearances_um[0] - r.clearance_scatter_um,
-                self._clearances_um[1] + r.clearance_scatter_um,
-                RATE_MARGIN * config.machine.actuator.rate_um_s,
-                r.clearance_scatter_um,
-            ),
-            POWER: ReadingRow("shaft_power_W", "W", "readings.shaft_power_max_W", -most_W, most_W),
-            PRESSURE: ReadingRow(
-                "pressure_actual_bar", "bar", "readings.pressure_max_bar", 0.0, most_bar
-            ),
-        }
+        self.rows = reading_rows(config)
         self._sent = {
             name: row for name, row in self.rows.items() if has_reading(config.machine, name)
         }
@@ -255,12 +137,8 @@ class Readings:
         if blocks and now_ns - s.supply_ns >= SUPPLY_PERIOD_NS:
             self._average(blocks[-1], now_ns)
         if status is None or not self._sent:
-            s.tick_us, s.heard_ns, s.fresh, s.readings[CLEARANCE].believed = (
-                -1,
-                NEVER_NS,
-                False,
-                None,
-            )
+            s.tick_us, s.heard_ns, s.fresh = -1, NEVER_NS, False
+            s.readings[CLEARANCE].believed = None
             return notices
         age_ns = now_ns - heard_ns
         s.fresh = abs(age_ns) <= self._age_max_ns
@@ -269,9 +147,8 @@ class Readings:
             ""
             if s.fresh
             else (
-                f"the rig's slow readings are {age_ns * 1e-6:.0f} ms old (limit "
-                f"readings.age_max_ms = "
-                f"{self._age_max_ns * 1e-6:.0f}); check that the node sends RIG_STATUS"
+                f"the rig's slow readings are {age_ns * 1e-6:.0f} ms old (limit readings.age_max_ms"
+                f" = {self._age_max_ns * 1e-6:.0f}); check that the node sends RIG_STATUS"
             ),
             age_ns * 1e-6,
             self._age_max_ns * 1e-6,
@@ -298,7 +175,7 @@ class Readings:
         target_um = node.target_clearance_um if node else None
         for name, row in self._sent.items():
             state, value = self.state.readings[name], float(getattr(status, row.field))
-            cause, limit = _implausible(
+            cause, limit = implausible(
                 row, state.value, value, passed_s, target_um if name == CLEARANCE else None
             )
             driver = speed_rad_s if name == POWER else status.shaft_power_W
@@ -468,11 +345,8 @@ class Readings:
     def known(self) -> Known | None:
         """All that an estimate of the load rests on; None while a part is not OK, or the oil colder
         than declared."""
-        oil_C, clearance_um, pressure_bar = (
-            self.value(OIL),
-            self.value(CLEARANCE),
-            self.value(PRESSURE),
-        )
+        oil_C, pressure_bar = self.value(OIL), self.value(PRESSURE)
+        clearance_um = self.value(CLEARANCE)
         if (
             oil_C is None
             or clearance_um is None
@@ -501,11 +375,9 @@ class Readings:
     def outlet(self, now_ns: int) -> OilEvidence:
         """The oil outlet where it is OK, else what it shows that it may have come to since then."""
         value = self.value(OIL)
-        return (
-            OilEvidence(self._doubted(OIL, now_ns), False)
-            if value is None
-            else OilEvidence(value, True)
-        )
+        if value is None:
+            return OilEvidence(self._doubted(OIL, now_ns), False)
+        return OilEvidence(value, True)
 
     def _doubted(self, name: str, now_ns: int) -> float | None:
         """A reading that is not OK, but plausible by itself and within reach of the last one that
@@ -526,45 +398,3 @@ class Readings:
             for alarm in s.alarms.values()
             if alarm.standing
         ]
-
-
-def _implausible(
-    row: ReadingRow, before: float, value: float, passed_s: float | None, target: float | None
-) -> tuple[str, float]:  # fmt: skip
-    """Why ``value`` cannot be, after ``before`` so long ago, and the limit; an empty reason when it
-    can.
-
-    What lands between where it was and its ``target`` has arrived there, however fast.
-    """
-    if not row.low <= value <= row.high:
-        limit = row.low if value < row.low else row.high
-        return f"is outside {row.low:g} .. {row.high:g} ({row.place})", limit
-    if passed_s is None:
-        return "", row.high
-    most, moved = row.noise + row.rate * passed_s, abs(value - before)
-    arrived = target is not None and (
-        min(before, target) - row.noise <= value <= max(before, target) + row.noise
-    )
-    if moved > most and not arrived:
-        return f"moved by {moved:.4g} in {passed_s:.3g} s, more than {most:.4g}", most
-    return "", row.high
-
-
-def _power_limit_W(config: Config) -> float:
-    """:func:`power_max_W` where film and wind are known; else what the wire can carry."""
-    known = has_film_law(config.machine) and has(config.machine, ROTOR)
-    return power_max_W(config) if known else signals.SLOW["power"].greatest
-
-
-def power_max_W(config: Config) -> float:
-    """The most that a torque meter can credibly show: Petroff's friction at its worst,
-    :data:`POWER_MARGIN` times."""
-    b, w = config.machine.bearing, config.machine.operating.speed_max_rpm * pi / 30
-    petroff_m4 = (
-        2.0 * pi * b.journal_radius_m * b.journal_radius_m * b.journal_radius_m * b.length_m
-    )
-    oil = CredibleOil(config.machine)
-    thickest = oil.law(config.machine.lubricant.inlet_min_C) * oil.thickest
-    film_W = petroff_m4 * thickest * w * w / (b.radial_clearance_min_um * 1e-6)
-    wind_W = config.machine.rotor.windage_W_s3 * w * w * w
-    return POWER_MARGIN * (film_W + wind_W) + config.machine.rotor.shaft_power_error_W

@@ -11,7 +11,8 @@ import msgspec
 
 from firmware_py.config.bearings import BearingView
 from firmware_py.guard.alarms.alarm import Notice
-from firmware_py.guard.plausibility.pair import PairCheck, PairState
+from firmware_py.guard.plausibility.pair import PairCheck
+from firmware_py.guard.plausibility.pair_window import PairState
 from firmware_py.guard.protection.vibration import Protection, ProtectionState
 from firmware_py.machine.parts import CLEARANCE, has
 from firmware_py.records import Alarm, Block

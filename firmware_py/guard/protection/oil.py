@@ -16,7 +16,7 @@ import msgspec
 
 from firmware_py.config import Config
 from firmware_py.guard.alarms.alarm import QUIET_NS, AlarmState, Notice
-from firmware_py.guard.plausibility.readings import OilEvidence
+from firmware_py.guard.plausibility.reading_state import OilEvidence
 from firmware_py.machine.lubricant import coldest_outlet_C
 from firmware_py.machine.parts import FEED, LUBRICANT, has
 from firmware_py.records import Alarm, Severity

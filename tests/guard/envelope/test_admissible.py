@@ -7,8 +7,7 @@ from math import pi
 import pytest
 
 from firmware_py.config import SHIPPED, load
-from firmware_py.guard.envelope.admissible import Envelope, EnvelopeInput
-from firmware_py.guard.plausibility.readings import Known
+from firmware_py.guard.envelope.admissible import Envelope, EnvelopeInput, Known
 
 CONFIG = load(SHIPPED / "bench")[0]
 SAFE_M = CONFIG.machine.actuator.safe_radial_clearance_um * 1e-6

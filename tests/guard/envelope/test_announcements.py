@@ -6,7 +6,7 @@ import pytest
 
 from firmware_py.guard.core import GuardCore
 from firmware_py.guard.envelope.announcements import LATE_MAX_S, WAITING_MAX, Announcements
-from firmware_py.guard.envelope.shield import Ramp
+from firmware_py.guard.envelope.retreat import Ramp
 from firmware_py.records import CommandRequest, Cycle, PlannedRamp
 from firmware_py.wire.codec import CanCodec
 

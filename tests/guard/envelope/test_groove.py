@@ -9,7 +9,8 @@ import pytest
 
 from firmware_py.config import Config
 from firmware_py.guard.envelope.load_estimate import LoadEstimator
-from firmware_py.guard.envelope.shield import Ramp, Shield
+from firmware_py.guard.envelope.retreat import Ramp
+from firmware_py.guard.envelope.shield import Shield
 from firmware_py.machine.groove import Groove
 from firmware_py.machine.lubricant import viscosity_Pa_s
 from sim_hil.film import equilibrium

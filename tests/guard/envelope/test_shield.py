@@ -6,15 +6,9 @@ import numpy as np
 import pytest
 
 from firmware_py.config import SHIPPED, Config, load
-from firmware_py.guard.envelope.shield import (
-    FITTING_MARGIN,
-    GROWTH_TURNS,
-    VIBRATION_MARGIN,
-    Box,
-    Ramp,
-    Shield,
-    check_safe,
-)
+from firmware_py.guard.envelope.retreat import GROWTH_TURNS, Box, Ramp
+from firmware_py.guard.envelope.shield import FITTING_MARGIN, VIBRATION_MARGIN, Shield
+from firmware_py.guard.envelope.shield_check import check_safe
 from firmware_py.machine.film import static_film
 from firmware_py.machine.lubricant import viscosity_Pa_s
 from firmware_py.machine.parts import monitor_only

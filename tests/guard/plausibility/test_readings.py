@@ -5,17 +5,9 @@ import msgspec
 import numpy as np
 import pytest
 
-from firmware_py.guard.plausibility.readings import (
-    CLEARANCE,
-    FROZEN_NS,
-    OIL,
-    POWER,
-    PRESSURE,
-    OilEvidence,
-    Readings,
-    ReadingsState,
-    power_max_W,
-)
+from firmware_py.guard.plausibility.reading_rows import CLEARANCE, OIL, POWER, PRESSURE, power_max_W
+from firmware_py.guard.plausibility.reading_state import OilEvidence, ReadingsState
+from firmware_py.guard.plausibility.readings import FROZEN_NS, Readings
 from firmware_py.records import Block, ChannelCause, NodeMode, NodeState, RigStatus, cause_bits
 
 from ..scripted_node import MS, Bench, bench, working

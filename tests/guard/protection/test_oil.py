@@ -4,7 +4,7 @@ that hold."""
 import msgspec
 import pytest
 
-from firmware_py.guard.plausibility.readings import OilEvidence
+from firmware_py.guard.plausibility.reading_state import OilEvidence
 from firmware_py.guard.protection.oil import OilProtection, OilProtectionState
 from firmware_py.records import ArmState
 

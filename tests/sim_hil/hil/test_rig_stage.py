@@ -20,7 +20,7 @@ from firmware_py.records import (
     WireMessage,
 )
 from firmware_py.wire.codec import CanCodec
-from firmware_py.wire.fields import SampleFlag
+from firmware_py.wire.layout_fields import SampleFlag
 from sim_hil.hil.rig import GIVE_UP_MS, Rig
 from sim_hil.rigs import load_rig
 from sim_hil.server import make_rig
