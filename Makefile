@@ -11,7 +11,7 @@ APART  := -n $(WORKERS) --dist worksteal
 # Tests start hundreds of interpreters, which would compile every module again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help demo test coverage lint types layers test-train test-slow pair-study nightly test-kill fuzz test-systemd test-socketcan lock dialect clean golden
+.PHONY: help demo test coverage lint types layers test-train test-slow test-recipes pair-study nightly test-kill fuzz test-systemd test-socketcan lock dialect clean golden
 
 help:            ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 16
@@ -49,7 +49,10 @@ test-train: $(VENV)/.dev $(VENV)/.train   ## trainers, exports and a smoke train
 	@$(PYTEST) tests/models -m "slow or not slow" $(APART)
 
 test-slow: $(VENV)/.dev   ## the heavier suites (about 12 minutes)
-	@$(PYTEST) --ignore=tests/models -m slow
+	@$(PYTEST) --ignore=tests/models --ignore=tests/recipes -m slow
+
+test-recipes: $(VENV)/.dev   ## recipes of docs/how_to_add.md, executed in a copy of the project (about 5 minutes)
+	@$(PYTEST) tests/recipes -m slow
 
 test-kill: $(VENV)/.dev   ## kills and stops every process 30 times each (about 90 minutes on an idle machine, resumable: kills.jsonl)
 	@$(BIN)/python tests/faults/kill_matrix.py --repeats 30 --out kills.jsonl

@@ -3,7 +3,7 @@
 A *kind* says what is measured; an *instance* (``[[channel]]``, ``[[reading]]`` of the rig) says
 where.  Configuration checks, wire codecs, DBC, acquisition, recorder, metrics and page take what
 they need from these rows; a new instance therefore costs no code.  ``docs/signals.md``
-tells how to add one.
+and ``docs/how_to_add.md`` tell how to add one.
 
 The tables hold no laws and no thresholds of stages: those stand where they are used.
 """

@@ -11,7 +11,7 @@ import pytest
 
 import firmware_py
 from firmware_py import config, recording, records, signals
-from firmware_py.acquire import plausible, windows
+from firmware_py.acquire import channel_map, plausible
 from firmware_py.config.instances import slow_signals
 from firmware_py.gate import keys
 from firmware_py.gate.instances import Instances
@@ -63,7 +63,7 @@ def test_what_stages_use_of_the_standard_channels_is_of_their_kinds() -> None:
     kinds = [signals.FAST[row.kind] for row in signals.CHANNELS]
     assert tuple(row.name for row in signals.CHANNELS) == records.CHANNELS
     scales = tuple(kind.wire_scale for kind in kinds)
-    assert windows.WIRE_SCALES == scales == tuple(SCALES.tolist())
+    assert channel_map.WIRE_SCALES == scales == tuple(SCALES.tolist())
     assert tuple(kind.mains_si for kind in kinds) == plausible.MAINS_SI
     assert scales == (1e-8, 1e-8, 1e-2, 1e-2, 1e-2, 1e-3, 1e-3, 1e-4)  # of orbitd.dbc
 
