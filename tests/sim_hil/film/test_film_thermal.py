@@ -7,7 +7,7 @@ from sim_hil.film import FilmError, equilibrium
 from sim_hil.film.thermal import thermal_equilibrium
 from sim_hil.rigs import OilData
 
-OIL = OilData(0.01, 0.03, 40.0, 850.0, 2000.0, 40.0)
+OIL = OilData(0.01, 0.03, 40.0, 850.0, 2000.0, 40.0, (40.0, 40.0), 60.0)
 FILM = {
     "radius_m": 0.02,
     "length_m": 0.02,
