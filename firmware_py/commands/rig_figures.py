@@ -42,7 +42,7 @@ ONSET_MOST: Final = 4.0
 """Of the greatest declared speed: whirl is not looked for beyond."""
 
 
-class Figures(NamedTuple):
+class RigFigures(NamedTuple):
     """A table: its key for programs, its title, what it is good for, and its figures."""
 
     key: str
@@ -52,7 +52,7 @@ class Figures(NamedTuple):
     rows: list[list[Cell]]
 
 
-class State(NamedTuple):
+class FigureState(NamedTuple):
     """A corner of the declared range in the retreat value, in the warmest oil of the inlet."""
 
     corner: Corner
@@ -66,7 +66,7 @@ class State(NamedTuple):
         return f"{self.corner.speed_rad_s * RPM:.0f} rpm, {self.corner.load_N:g} N"
 
 
-def states(config: Config) -> list[State]:
+def states(config: Config) -> list[FigureState]:
     """The four corners."""
     machine = config.machine
     film = static_film(machine.bearing.journal_radius_m, machine.bearing.length_m)
@@ -75,12 +75,12 @@ def states(config: Config) -> list[State]:
     )
     mu = viscosity_Pa_s(machine.lubricant, machine.lubricant.inlet_max_C)
     return [
-        State(each, built_um * 1e-6, mu, resting(film, built_um * 1e-6, mu, *each))
+        FigureState(each, built_um * 1e-6, mu, resting(film, built_um * 1e-6, mu, *each))
         for each in corners(config)
     ]
 
 
-def groups(config: Config) -> Figures:
+def groups(config: Config) -> RigFigures:
     """Dimensionless groups over the whole declared range."""
     machine = config.machine
     b, o, oil = machine.bearing, machine.operating, machine.lubricant
@@ -105,7 +105,7 @@ def groups(config: Config) -> Figures:
         ["Re*", low.inertia, high.inertia, INERTIA_LIMIT,
          "rho w c^2 / mu: above the limit the film equation leaves out what counts"],
     ]  # fmt: skip
-    return Figures(
+    return RigFigures(
         "groups", "Dimensionless groups",
         "which regime the film is in over the declared range; a limit passed somewhere is no "
         "fault, but figures there are not proven",
@@ -113,7 +113,7 @@ def groups(config: Config) -> Figures:
     )  # fmt: skip
 
 
-def film(config: Config) -> Figures:
+def film(config: Config) -> RigFigures:
     """The film at rest at the corners."""
     machine = config.machine
     law = static_film(machine.bearing.journal_radius_m, machine.bearing.length_m)
@@ -131,7 +131,7 @@ def film(config: Config) -> Figures:
                 rest.friction_W + wind_W,
             ]  # fmt: skip
         rows.append([state.name, *found, most_N])
-    return Figures(
+    return RigFigures(
         "film", "Film at rest at the corners",
         f"in {'the retreat value' if has(machine, ACTUATOR) else 'its clearance,'} "
         f"{machine.actuator.safe_radial_clearance_um:g} um, oil at "
@@ -142,7 +142,7 @@ def film(config: Config) -> Figures:
     )  # fmt: skip
 
 
-def stiffness(config: Config, linear: Sequence[Any]) -> Figures:
+def stiffness(config: Config, linear: Sequence[Any]) -> RigFigures:
     """The eight coefficients at the corners; damping only with ``linear``, one for each corner."""
     rows: list[list[Cell]] = []
     for i, state in enumerate(states(config)):
@@ -153,7 +153,7 @@ def stiffness(config: Config, linear: Sequence[Any]) -> Figures:
         if linear and linear[i]:
             c = [value for row in linear[i].damping_N_s_m for value in row]
         rows.append([state.name, *k, *c])
-    return Figures(
+    return RigFigures(
         "coefficients",
         "Stiffness N/m and damping N s/m at the corners",
         "axis 1 along the load, 2 at 90 deg in the direction of rotation; K12 and K21 of opposite "
@@ -163,7 +163,7 @@ def stiffness(config: Config, linear: Sequence[Any]) -> Figures:
     )
 
 
-def criticals(config: Config, linear: Sequence[Any]) -> Figures:
+def criticals(config: Config, linear: Sequence[Any]) -> RigFigures:
     """Damped modes of the rigid rotor on the film, at the corners."""
     senses = {1: "forward", -1: "backward", 0: "straight"}
     rows: list[list[Cell]] = [
@@ -172,7 +172,7 @@ def criticals(config: Config, linear: Sequence[Any]) -> Figures:
         if found
         for mode in found.modes
     ]
-    return Figures(
+    return RigFigures(
         "criticals",
         "Critical speeds: modes of the rigid rotor on the film",
         "a mode at the speed of its corner with a damping ratio below 0.1 is a resonance; a "
@@ -182,7 +182,7 @@ def criticals(config: Config, linear: Sequence[Any]) -> Figures:
     )
 
 
-def rotor(config: Config) -> Figures:
+def rotor(config: Config) -> RigFigures:
     """What of the rotor acts on the film."""
     machine = config.machine
     r, o = machine.rotor, machine.operating
@@ -198,17 +198,17 @@ def rotor(config: Config) -> Figures:
         left_m = r.shaft_end_to_cg_m - r.bearing_to_cg_m - 0.5 * machine.bearing.length_m
         rows.append(["shaft beyond the bearing", left_m, "m", "below 0 it lies outside"])
     columns = ("figure", "value", "unit", "meaning")
-    return Figures("rotor", "Rotor", "what of it acts on the film", columns, rows)
+    return RigFigures("rotor", "Rotor", "what of it acts on the film", columns, rows)
 
 
-def onset(config: Config) -> Figures:
+def onset(config: Config) -> RigFigures:
     """Speed at which whirl begins, over clearance."""
     b, o = config.machine.bearing, config.machine.operating
     rows: list[list[Cell]] = [
         [um, *(onset_rpm(config.machine, um * 1e-6, n) for n in (o.load_min_N, o.load_max_N))]
         for um in _spread(b.radial_clearance_min_um, b.radial_clearance_max_um)
     ]
-    return Figures(
+    return RigFigures(
         "whirl",
         "Onset of whirl over clearance",
         f"of the balanced rigid rotor, {config.machine.rotor.mass_at_bearing_kg:.3g} kg at the "
@@ -219,7 +219,7 @@ def onset(config: Config) -> Figures:
     )
 
 
-def stable(config: Config) -> Figures:
+def stable(config: Config) -> RigFigures:
     """Clearance that just whirls, over speed."""
     b, o = config.machine.bearing, config.machine.operating
     rows: list[list[Cell]] = [
@@ -235,7 +235,7 @@ def stable(config: Config) -> Figures:
         ]
         for rpm in _spread(o.speed_min_rpm, o.speed_max_rpm)
     ]
-    return Figures(
+    return RigFigures(
         "stable",
         "Widest stable clearance over speed",
         "of the same rotor; -: all that the bearing has",
@@ -271,7 +271,7 @@ def onset_rpm(machine: Machine, clearance_m: float, load_N: float) -> float | No
     return high * RPM
 
 
-def admissible(config: Config, found: Sequence[Cost]) -> Figures:
+def admissible(config: Config, found: Sequence[Cost]) -> RigFigures:
     """What the guard admits, over the whole range and at its corners."""
     low_m, high_m = Shield(config).fixed_range() or (None, None)
     rows: list[list[Cell]] = [
@@ -281,14 +281,14 @@ def admissible(config: Config, found: Sequence[Cost]) -> Figures:
         name = f"now at {corner.speed_rad_s * RPM:.0f} rpm, {corner.load_N:g} N"
         low, high, power_W = admitted or (None, None, None)
         rows.append([name, _um(low), _um(high), power_W])
-    return Figures(
+    return RigFigures(
         "admissible", "Admissible radial clearance",
         "by the guard: the retreat value must lie in the first row; a measured state admits more",
         ("where", "from um", "to um", "power in the widest W"), rows,
     )  # fmt: skip
 
 
-def budget(config: Config, found: Sequence[Cost]) -> Figures:
+def budget(config: Config, found: Sequence[Cost]) -> RigFigures:
     """What each uncertainty costs, beside all as declared."""
     known = found[0]
     columns = ["retreat range um"]
@@ -306,7 +306,7 @@ def budget(config: Config, found: Sequence[Cost]) -> Figures:
             else:
                 row += [None, None]
         rows.append(row)
-    return Figures(
+    return RigFigures(
         "budget",
         "Field error budget",
         "what is gained where that uncertainty is gone: um of admissible radial clearance, and W "
@@ -317,7 +317,7 @@ def budget(config: Config, found: Sequence[Cost]) -> Figures:
     )
 
 
-def sampling(config: Config) -> Figures:
+def sampling(config: Config) -> RigFigures:
     """Samples a turn, and up to which speed they suffice."""
     most = config.machine.operating.speed_max_rpm
     rows: list[list[Cell]] = [
@@ -325,14 +325,14 @@ def sampling(config: Config) -> Figures:
          "yes" if highest_rpm(config, least) >= most else "not up to the greatest speed"]
         for name, least in (("protection", PROTECTION), ("analysis of the orbit", ANALYSIS))
     ]  # fmt: skip
-    return Figures(
+    return RigFigures(
         "sampling", "Samples a turn",
         f"{config.sampling.rate_hz} Hz at {most:g} rpm",
         ("for", "samples a turn", "needed", "enough up to rpm", "enough"), rows,
     )  # fmt: skip
 
 
-def tables(config: Config) -> Iterator[Figures | str]:
+def tables(config: Config) -> Iterator[RigFigures | str]:
     """Every table that the machine allows, and a line for each that is left out."""
     machine, why = config.machine, monitor_only(config.machine)
     yield sampling(config)

@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.table import Table
 
 from firmware_py import launch
-from firmware_py.commands.rig_figures import Cell, Figures, tables
+from firmware_py.commands.rig_figures import Cell, RigFigures, tables
 
 WIDTH = 140
 """Columns where the output is no terminal."""
@@ -24,7 +24,7 @@ def run(options: argparse.Namespace) -> int:
     """Print the tables, or all of them as JSON."""
     config, _ = launch.verified(options.rig)
     found = list(tables(config))
-    figures = [each for each in found if isinstance(each, Figures)]
+    figures = [each for each in found if isinstance(each, RigFigures)]
     left_out = [each for each in found if isinstance(each, str)]
     if options.json:
         out = {
@@ -43,7 +43,7 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _table(figures: Figures) -> Table:
+def _table(figures: RigFigures) -> Table:
     table = Table(
         title=figures.title, caption=figures.meaning, title_justify="left",
         caption_justify="left", show_edge=False,

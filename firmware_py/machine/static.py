@@ -121,4 +121,6 @@ def _stiffness(film: StaticFilm, knot: int, eccentricity: float, per_m4: float) 
     a, b = c * k_rr - s * k_tr, c * k_rt - s * k_tt
     d, e = s * k_rr + c * k_tr, s * k_rt + c * k_tt
     rows = ((a * c - b * s, a * s + b * c), (d * c - e * s, d * s + e * c))
-    return tuple(tuple(per_m4 * value for value in row) for row in rows)  # type: ignore[return-value]
+    return tuple(  # type: ignore[return-value]
+        tuple(per_m4 * value for value in row) for row in rows
+    )

@@ -18,8 +18,9 @@ from firmware_py.config import Config
 from firmware_py.config.foreign import COUNTER, MARK, MARK_AGE, TURNS, ForeignMap, MappedMessage
 from firmware_py.records import NodeInfo, RawFrame, ReadingQuality, ReadingsFrame, SampleFrame
 from firmware_py.wire.codec import CanCodec
-from firmware_py.wire.fields import INT32_MIN, SampleFlag
+from firmware_py.wire.counts import INT32_MIN
 from firmware_py.wire.layout import WireLayout
+from firmware_py.wire.layout_fields import SampleFlag
 from firmware_py.wire.link import Link
 
 READINGS_US: Final = 50_000

@@ -27,7 +27,8 @@ def shadow(**changed: object) -> Shadow:
 
 
 def blocks(seconds: float, **machine: float) -> list[Block]:
-    return [r for r in Machine(**machine).run(seconds) if isinstance(r, Block)]  # type: ignore[arg-type]
+    found = Machine(**machine).run(seconds)  # type: ignore[arg-type]
+    return [record for record in found if isinstance(record, Block)]
 
 
 def said(stage: Shadow, given: list[Block]) -> list[ShadowDiagnosis]:

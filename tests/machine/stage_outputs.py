@@ -119,7 +119,8 @@ def of_device(config: Config) -> dict[str, list[object]]:
         out[stage].append((module, found))
     out["prediction"].append(_forecast(config))
     out["diagnosis"] += [
-        _features(samples, machine), belonging(models().classifier, config),  # type: ignore[arg-type]
+        _features(samples, machine),
+        belonging(models().classifier, config),  # type: ignore[arg-type]
         [made_for.misfit(k, made_for.machines_of(["bench"]), machine) for k in made_for.ALL],
     ]  # fmt: skip
     return out
