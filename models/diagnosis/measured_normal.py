@@ -46,6 +46,12 @@ def detect(data: FeatureRows) -> dict[str, object]:
         rows = np.flatnonzero(np.isfinite(away))
         if not len(rows):
             return {"left_out": f"no machine has {LEAST_GROUPS} groups with the label {NORMAL!r}"}
+        healthy = data.label[rows] == data.labels.index(NORMAL)
+        if not healthy.any() or healthy.all():
+            return {
+                "left_out": f"no machine has {LEAST_GROUPS} groups with the label {NORMAL!r} "
+                "beside the one that is left out, and a fault"
+            }
         report[view] = _figures(data, rows, away)
     return report
 

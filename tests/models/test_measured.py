@@ -123,6 +123,18 @@ def test_without_normal_recordings_the_reason_stands_instead():
     assert few == {"left_out": "no machine has 3 groups with the label 'normal'"}
 
 
+def test_files_as_groups_need_one_more_that_is_normal():
+    found = recordings(55.0, 3, labels=("normal", "loose"))
+    alone = [replace(r, group=r.name) for r in found]
+    told = measured_normal.detect(windows_of(alone, views=("2 bands",)))
+    assert "3 groups with the label 'normal' beside the one that is left out" in told["left_out"]
+    more = recordings(55.0, 4, labels=("normal", "loose"))
+    told = measured_normal.detect(
+        windows_of([replace(r, group=r.name) for r in more], views=("2 bands",))
+    )
+    assert 0.0 <= told["2 bands"]["auroc"] <= 1.0
+
+
 def test_recordings_shorter_than_a_window_are_named():
     with pytest.raises(DatasetError, match=r"2 problems:\n  0b: 300 samples .* --window-s 1.5"):
         windows_of([replace(r, samples=r.samples[:300]) if r.label == "b" else r
