@@ -34,6 +34,7 @@ from firmware_py.machine.parts import (
     stand_in_keys,
 )
 from firmware_py.machine.probes import probe_errors
+from firmware_py.machine.static import shaft_beyond_m
 from firmware_py.machine.values import MachineTable
 
 
@@ -165,6 +166,8 @@ def derived(config: Config) -> list[str]:
             f"rotor {machine.rotor.mass_at_bearing_kg:.4g} kg at the bearing; shaft power up to "
             f"{most_W:.4g} W is believed"
         )
+        if (beyond_m := shaft_beyond_m(machine)) is not None:
+            lines.append(f"shaft: ends {beyond_m:.3g} m behind the bearing")
     return [*lines, *_oil(config)] if has(machine, FEED) else lines
 
 

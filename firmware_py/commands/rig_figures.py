@@ -24,6 +24,7 @@ from firmware_py.machine.static import (
     Resting,
     greatest_load_N,
     resting,
+    shaft_beyond_m,
     sommerfeld,
     stable_clearance_m,
 )
@@ -194,8 +195,7 @@ def rotor(config: Config) -> RigFigures:
         ["normal unbalance at the greatest speed", force_N, "N", "turns with the shaft"],
         ["over the least load", force_N / o.load_min_N, "", "above 1 the shaft lifts each turn"],
     ]  # fmt: skip
-    if r.bearing_to_cg_m is not None and r.shaft_end_to_cg_m is not None:
-        left_m = r.shaft_end_to_cg_m - r.bearing_to_cg_m - 0.5 * machine.bearing.length_m
+    if (left_m := shaft_beyond_m(machine)) is not None:
         rows.append(["shaft beyond the bearing", left_m, "m", "below 0 it lies outside"])
     columns = ("figure", "value", "unit", "meaning")
     return RigFigures("rotor", "Rotor", "what of it acts on the film", columns, rows)

@@ -11,6 +11,7 @@ from firmware_py.config.convert import Found
 from firmware_py.config.schema import Config
 from firmware_py.machine import Machine
 from firmware_py.machine.parts import monitor_only
+from firmware_py.machine.static import shaft_beyond_m
 from firmware_py.machine.supply import flow_most_m3_s, held_s, retreat_s, source_bar
 from firmware_py.machine.values import MachineTable
 
@@ -118,13 +119,14 @@ def _shaft(config: Config) -> Iterator[Found]:
                 f"{mass:g} kg x ({between:g} m)^2 = {mass * between * between:.3g}; correct its "
                 f"unit",
             )
-    end = rotor.shaft_end_to_cg_m
-    if end is not None and b is not None and b + 0.5 * bearing.length_m > end:
+    beyond_m = shaft_beyond_m(config.machine)
+    if beyond_m is not None and b is not None and beyond_m < 0.0:
         yield (
             "machine.rotor.bearing_to_cg_m",
             b,
             f"the bearing lies outside the shaft: it ends {b + 0.5 * bearing.length_m:g} m from "
-            f"the centre of gravity ({b:g} and half of bearing.length_m), the shaft at {end:g} "
+            f"the centre of gravity ({b:g} and half of bearing.length_m), the shaft at "
+            f"{rotor.shaft_end_to_cg_m:g} "
             f"(machine.rotor.shaft_end_to_cg_m); correct one of them",
         )
 

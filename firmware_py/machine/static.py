@@ -101,6 +101,15 @@ def stable_clearance_m(machine: Machine, speed_rad_s: float, load_N: float) -> f
     return found - machine.bearing.radial_clearance_offset_um * 1e-6
 
 
+def shaft_beyond_m(machine: Machine) -> float | None:
+    """How far the shaft goes on behind the bearing, negative where the bearing lies outside it;
+    None where its end is not given."""
+    rotor = machine.rotor
+    if rotor.shaft_end_to_cg_m is None or rotor.bearing_to_cg_m is None:
+        return None
+    return rotor.shaft_end_to_cg_m - rotor.bearing_to_cg_m - 0.5 * machine.bearing.length_m
+
+
 def _stiffness(film: StaticFilm, knot: int, eccentricity: float, per_m4: float) -> Matrix:
     """The film pushes back along the eccentricity with ``W cos`` and across with ``W sin``.
 

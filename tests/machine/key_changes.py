@@ -25,7 +25,7 @@ CHANGED: Final[Mapping[str, Any]] = {
     "feed.full_film_bar": 0.24,
     "rotor.unbalance_measured": True,
     "rotor.effective_mass_at_bearing_kg": 1.8,
-    "rotor.shaft_end_to_cg_m": 0.2,
+    "rotor.shaft_end_to_cg_m": 0.3,
     "operating.speed_min_rpm": 1600.0,
     "operating.speed_max_rpm": 11_900.0,
     "operating.load_min_N": 31.0,
