@@ -171,6 +171,9 @@ _OTHER_UNITS: Final = {
 """By the end of a key's name: a unit that people take for its own, and how many of its own
 it is."""
 
+HINTED_MAX: Final = 1e12
+"""No figure of a machine is larger in any unit; a whole number of TOML may be."""
+
 _NO_UNIT_OF_ITS_OWN: Final = ("_N_m", "_kg_m", "_N_s_m", "_ohm_per_m")
 """Ends of names whose last part is a divisor, or one factor of several."""
 
@@ -178,13 +181,14 @@ _NO_UNIT_OF_ITS_OWN: Final = ("_N_m", "_kg_m", "_N_s_m", "_ohm_per_m")
 def _in_other_unit(key: str, kind: inspect.IntType | inspect.FloatType, value: object) -> str:
     """What to write if a value outside its ends is inside them in a unit often taken for its own;
     else empty."""
-    number = isinstance(value, int | float) and not isinstance(value, bool)
-    if not number or key.endswith(_NO_UNIT_OF_ITS_OWN):
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return ""
+    if not abs(value) <= HINTED_MAX or key.endswith(_NO_UNIT_OF_ITS_OWN):
         return ""
     least, greatest = _ends(kind)
     for end, units in _OTHER_UNITS.items():
         for unit, each in units if key.endswith(end) else ():
-            meant = float(f"{value * each:.12g}")  # type: ignore[operator]
+            meant = float(f"{value * each:.12g}")
             if value and least <= meant <= greatest:
                 return f"if these are {unit}, write {meant:g}: the key's unit is {unit_of(key)}"
     return ""
