@@ -118,10 +118,10 @@ def test_same_seed_same_bytes() -> None:
 def test_follows_commands_at_its_rate_and_returns_when_they_stop() -> None:
     b = Bench()
     b.run(100)
-    for counter in range(1, 31):
+    for counter in range(1, 61):
         b.step(20, Command(counter, 7, b.samples()[-1].tick_us, 60.0, 2.0))
     assert b.state().mode == NodeMode.FOLLOWING
-    assert 28 <= b.state().command_counter <= 30
+    assert 58 <= b.state().command_counter <= 60
     reached = b.rig.truth[-1].clearance_um
     assert reached == pytest.approx(60.0 + b.rig.machine.wear_m * 1e6, abs=1.1)
     assert b.rig.truth[-1].pressure_bar == pytest.approx(2.0, abs=0.05)
@@ -129,7 +129,7 @@ def test_follows_commands_at_its_rate_and_returns_when_they_stop() -> None:
     assert b.state().mode == NodeMode.SAFE
     assert b.state().target_clearance_um == 50.0
     assert not b.state().at_target
-    b.run(500)
+    b.run(1500)  # the pressure needs its dead time, slew and lag
     assert b.state().at_target
 
 
