@@ -1,8 +1,8 @@
 """The one place where bytes from outside become values: they decode, or are refused by name.
 
 Any bytes at all give a value of the wanted type or an :class:`OutsideError`; nothing else is
-raised, and the work is bounded by ``limit_bytes``.  Zenoh payloads, room packets and the JSON files
-that a process reads all pass here.
+raised, and the work is bounded by ``limit_bytes``.  Zenoh payloads, packets between processes and
+the JSON files that a process reads all pass here.
 """
 
 from __future__ import annotations

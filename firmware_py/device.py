@@ -20,9 +20,9 @@ from firmware_py.records import (
     Cycle,
     Decision,
     Normal,
+    PeerRecord,
     PlannedRamp,
     RawFrame,
-    RoomRecord,
     Snapshot,
 )
 from firmware_py.routing import (
@@ -51,11 +51,11 @@ class GuardStage(Protocol):
 class BrainStage(Protocol):
     """What the device needs of the brain."""
 
-    def step(self, records: list[RoomRecord], now_ns: int) -> list[RoomRecord]:
+    def step(self, records: list[PeerRecord], now_ns: int) -> list[PeerRecord]:
         """Take in records, give out diagnoses, forecasts, advice."""
 
 
-Listener = Callable[[RoomRecord, int], object]
+Listener = Callable[[PeerRecord, int], object]
 
 
 class Device:
@@ -83,8 +83,8 @@ class Device:
         self._brain = make_brain() if make_brain else None
         self._brain_due_ns = 0
         self._seq = self._command_seq = 0
-        self._asked: list[RoomRecord] = []
-        self._waiting: dict[tuple[Stage, Stage], list[RoomRecord]] = defaultdict(list)
+        self._asked: list[PeerRecord] = []
+        self._waiting: dict[tuple[Stage, Stage], list[PeerRecord]] = defaultdict(list)
         self._normal: Normal | None = None
         self._forgets: set[int] = set()
 
@@ -151,14 +151,14 @@ class Device:
         advice = bounded(advices[-1]) if advices else None
         return Cycle(self._seq, now_ns, frames, advice, commands, self.brain_runs, True, link_up)
 
-    def _take(self, stage: Stage) -> list[RoomRecord]:
+    def _take(self, stage: Stage) -> list[PeerRecord]:
         """What waits for ``stage``: the gate's first, as its loop reads it."""
-        found: list[RoomRecord] = []
+        found: list[PeerRecord] = []
         for source in reversed(Stage):
             found += self._waiting.pop((source, stage), [])
         return found
 
-    def _send(self, source: Stage, records: Iterable[RoomRecord], now_ns: int) -> None:
+    def _send(self, source: Stage, records: Iterable[PeerRecord], now_ns: int) -> None:
         for record in records:
             if source is Stage.GATE:
                 self._tell(record, now_ns)
@@ -169,13 +169,13 @@ class Device:
                 elif stage is Stage.GUARD or self.brain_runs:
                     self._waiting[source, stage].append(record)
 
-    def _keep(self, record: RoomRecord) -> None:
+    def _keep(self, record: PeerRecord) -> None:
         """Store the machine's normal state, as the gate does for the next brain; or forget it."""
         if isinstance(record, Normal):
             self._normal = record
         elif isinstance(record, CommandReply) and record.accepted and record.seq in self._forgets:
             self._normal = None
 
-    def _tell(self, record: RoomRecord, now_ns: int) -> None:
+    def _tell(self, record: PeerRecord, now_ns: int) -> None:
         for listener in self._listeners:
             listener(record, now_ns)

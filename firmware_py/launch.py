@@ -32,8 +32,8 @@ from firmware_py.config import (
 from firmware_py.machine import folder
 from firmware_py.machine.values import NAME_PATTERN, WORDS
 from firmware_py.wire.listener import INSTANCE_MODE
-from firmware_py.wire.room_socket import RoomError
-from firmware_py.wire.rooms import checked_dir, runtime_dir
+from firmware_py.wire.peer_socket import PeerError
+from firmware_py.wire.peers import checked_dir, runtime_dir
 
 SERVICE_RUNTIME: Final = Path("/run/orbitd")
 SERVICE_RIGS: Final = (Path("/etc/orbitd/rig"), Path("/etc/orbitd/orbitd.toml"))
@@ -143,7 +143,7 @@ def from_options(options: argparse.Namespace) -> Launch:
 
     Raises
     ------
-    ConfigError, RoomError
+    ConfigError, PeerError
         The configuration is wrong, or the directory is not safe to use.
     """
     path, service = _chosen(options)
@@ -173,7 +173,7 @@ def place(options: argparse.Namespace) -> Place:
 
     Raises
     ------
-    ConfigError, RoomError
+    ConfigError, PeerError
         The file does not name the device, or the directory is not safe to use.
     """
     path, service = _chosen(options)
@@ -215,7 +215,7 @@ def _folder(given: Path | None, instance: str) -> Path:
     try:
         given.mkdir(mode=INSTANCE_MODE, parents=True, exist_ok=True)
     except (OSError, ValueError) as error:
-        raise RoomError(
+        raise PeerError(
             f"runtime directory {given}: {error}; name a folder that this user may make"
         ) from error
     return checked_dir(given)

@@ -36,9 +36,9 @@ from firmware_py.records import (
     Forecast,
     GuardState,
     Normal,
+    PeerRecord,
     Record,
     RigReading,
-    RoomRecord,
     ShadowDiagnosis,
     Snapshot,
     WindowRecord,
@@ -58,7 +58,7 @@ class WallClock(Record, frozen=True, tag=True):
     unix_ns: int
 
 
-Recordable = RoomRecord | WallClock
+Recordable = PeerRecord | WallClock
 
 
 class Topic(NamedTuple):

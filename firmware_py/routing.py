@@ -29,9 +29,9 @@ from firmware_py.records import (
     Forecast,
     GuardState,
     Normal,
+    PeerRecord,
     Record,
     RigReading,
-    RoomRecord,
     ShadowDiagnosis,
     Snapshot,
     WindowRecord,
@@ -100,7 +100,7 @@ def stage_of(verb: str) -> Stage:
     return Stage.BRAIN if verb in BRAIN_VERBS else Stage.GUARD
 
 
-def receivers(source: Stage, record: RoomRecord) -> tuple[Stage, ...]:
+def receivers(source: Stage, record: PeerRecord) -> tuple[Stage, ...]:
     """Where ``record`` of ``source`` goes; nowhere when that stage sends none of its kind."""
     row = _ROWS.get((source, type(record)))
     if row is None:
@@ -110,12 +110,12 @@ def receivers(source: Stage, record: RoomRecord) -> tuple[Stage, ...]:
     return ROUTES[row].to
 
 
-def in_order(source: Stage, records: Iterable[RoomRecord]) -> list[RoomRecord]:
+def in_order(source: Stage, records: Iterable[PeerRecord]) -> list[PeerRecord]:
     """What one step of ``source`` put out, as it is sent: by kind, each kind as it came."""
     return sorted(records, key=lambda record: _ROWS[source, type(record)])
 
 
-def put_out(cycle: Cycle, decision: Decision) -> list[RoomRecord]:
+def put_out(cycle: Cycle, decision: Decision) -> list[PeerRecord]:
     """All records of one cycle of the guard, in their order."""
     state = [decision.state] if decision.state is not None else []
     cycle_record = CycleRecord(cycle, decision.frames_out, decision.events)

@@ -25,8 +25,8 @@ from firmware_py.records import (
     Event,
     GuardState,
     Mode,
+    PeerRecord,
     PlannedRamp,
-    RoomRecord,
 )
 from firmware_py.wire.link import codec_for
 from models.control.shielded import fast_ramps
@@ -72,7 +72,7 @@ class Flight:
     events: Counter[str] = field(default_factory=Counter)
     refused: list[str] = field(default_factory=list)
 
-    def take(self, record: RoomRecord, now_ns: int) -> None:
+    def take(self, record: PeerRecord, now_ns: int) -> None:
         """Listen to the device."""
         time_s = (now_ns - START_NS) * 1e-9
         if isinstance(record, Event):

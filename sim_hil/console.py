@@ -53,7 +53,7 @@ class Console:
     Parameters
     ----------
     path
-        Socket path; RoomError when another rig serves it.
+        Socket path; PeerError when another rig serves it.
     rig
         The rig it commands.
     """

@@ -39,7 +39,7 @@ TRANSIENT = {EventAck, Hello}
 
 def test_every_record_that_leaves_the_device_has_a_row() -> None:
     rows = {row.record for row in signals.STREAMS}
-    crossing = {kind.__name__ for kind in get_args(records.RoomRecord) if kind not in TRANSIENT}
+    crossing = {kind.__name__ for kind in get_args(records.PeerRecord) if kind not in TRANSIENT}
     assert rows == crossing | {"WallClock"}
     assert {kind.__name__: topic.name for kind, topic in recording.TOPICS.items()} == {
         row.record: row.topic for row in signals.STREAMS

@@ -16,7 +16,7 @@ from firmware_py.brain.commissioning import belonging
 from firmware_py.brain.core import BrainCore
 from firmware_py.clock import SimClock
 from firmware_py.gate import keys, session
-from firmware_py.gate.core import Doors, Gate
+from firmware_py.gate.core import Gate, GateParts
 from firmware_py.gate.normal_file import NormalFile
 from firmware_py.gate.telemetry import Telemetry
 from firmware_py.guard.core import GuardCore
@@ -38,10 +38,10 @@ from firmware_py.records import (
     GuardState,
     Mode,
     Normal,
+    PeerRecord,
     PlannedRamp,
     RawFrame,
     Record,
-    RoomRecord,
     Snapshot,
 )
 from firmware_py.routing import (
@@ -55,9 +55,9 @@ from firmware_py.routing import (
     receivers,
     stage_of,
 )
-from firmware_py.wire.disarm_room import SOCKET, DisarmRoom
+from firmware_py.wire.disarm_socket import SOCKET, DisarmSocket
 from firmware_py.wire.link import codec_for
-from firmware_py.wire.rooms import RoomClient, RoomServer
+from firmware_py.wire.peers import PeerClient, PeerServer
 from sim_hil.closed_loop import ClosedLoop
 from sim_hil.hil.rig import Rig, node_limits
 from sim_hil.rigs import load_rig
@@ -110,7 +110,7 @@ class Heard:
         self.at_brain: list[tuple[type[Record], int]] = []
         self.at_gate: list[tuple[type[Record], int]] = []
 
-    def note(self, source: Stage, to: Stage, records: Sequence[RoomRecord]) -> None:
+    def note(self, source: Stage, to: Stage, records: Sequence[PeerRecord]) -> None:
         kinds = [type(record) for record in records]
         if (source, to) == (Stage.GUARD, Stage.GATE):
             shared = [r for r in records if Stage.BRAIN in receivers(source, r)]
@@ -122,9 +122,9 @@ class Heard:
         return {kind for batch in self.batches.get((source, to), []) for kind in batch}
 
 
-def by_cycle(records: Iterable[RoomRecord]) -> list[list[RoomRecord]]:
+def by_cycle(records: Iterable[PeerRecord]) -> list[list[PeerRecord]]:
     """What came from the guard, a list a cycle: its record ends it."""
-    out: list[list[RoomRecord]] = [[]]
+    out: list[list[PeerRecord]] = [[]]
     for record in records:
         out[-1].append(record)
         if isinstance(record, CycleRecord):
@@ -132,9 +132,9 @@ def by_cycle(records: Iterable[RoomRecord]) -> list[list[RoomRecord]]:
     return out
 
 
-def by_step(records: Iterable[RoomRecord]) -> list[list[RoomRecord]]:
+def by_step(records: Iterable[PeerRecord]) -> list[list[PeerRecord]]:
     """What came from the brain, a list a step: a snapshot or the step begins it."""
-    out: list[list[RoomRecord]] = [[]]
+    out: list[list[PeerRecord]] = [[]]
     for record in records:
         follows = out[-1] and isinstance(out[-1][-1], BrainSnapshot)
         if isinstance(record, BrainSnapshot) or (isinstance(record, BrainStep) and not follows):
@@ -156,7 +156,7 @@ class TappedGuard(GuardCore):
 class TappedBrain(BrainCore):
     heard: Heard
 
-    def step(self, records: list[RoomRecord], now_ns: int) -> list[RoomRecord]:
+    def step(self, records: list[PeerRecord], now_ns: int) -> list[PeerRecord]:
         of_gate = [r for r in records if isinstance(r, CommandRequest | Normal)]
         assert records[: len(of_gate)] == of_gate, "the gate's come first"
         self.heard.requests += [r for r in of_gate if isinstance(r, CommandRequest)]
@@ -213,16 +213,16 @@ class Live(SimClock):
     def __init__(self, folder: Path) -> None:
         super().__init__(START_NS)
         self.heard, self.cycles = Heard(), 0
-        server = RoomServer(folder / "guard.sock", {"brain": None, "gate": None})
-        disarm = DisarmRoom(folder / SOCKET)
+        server = PeerServer(folder / "guard.sock", {"brain": None, "gate": None})
+        disarm = DisarmSocket(folder / SOCKET)
         core = make_guard(self.heard)
         self.guard = Guard(core, RigLink(), server, disarm, Memory(folder))
         prefix = keys.prefix(BENCH.device.site, BENCH.device.rig)
         stored = NormalFile(folder / "state", lambda: 1)
         stored.keep(normal())
-        self.doors = Doors(
-            RoomClient(folder / "guard.sock", "gate"),
-            RoomServer(folder / "gate.sock", {"brain": None}),
+        self.doors = GateParts(
+            PeerClient(folder / "guard.sock", "gate"),
+            PeerServer(folder / "gate.sock", {"brain": None}),
             Telemetry(session.open_device(BENCH.zenoh, folder, prefix), prefix),
             None,
             stored,
@@ -255,16 +255,16 @@ class Live(SimClock):
     def _tap(self) -> None:
         """Note what the gate reads from its two sockets."""
         of_guard, of_brain = self.doors.guard.poll, self.doors.brain.poll
-        rest: list[RoomRecord] = []
+        rest: list[PeerRecord] = []
 
-        def guard_poll(now_ns: int) -> list[RoomRecord]:
+        def guard_poll(now_ns: int) -> list[PeerRecord]:
             records = of_guard(now_ns)
             *whole, rest[:] = by_cycle([*rest, *records])
             for batch in whole:
                 self.heard.note(Stage.GUARD, Stage.GATE, batch)
             return records
 
-        def brain_poll(now_ns: int) -> list[tuple[str, RoomRecord]]:
+        def brain_poll(now_ns: int) -> list[tuple[str, PeerRecord]]:
             records = of_brain(now_ns)
             for batch in by_step(record for _, record in records):
                 self.heard.note(Stage.BRAIN, Stage.GATE, batch)
@@ -277,7 +277,7 @@ class Live(SimClock):
 def simulated() -> Heard:
     """The same on the simulated clock."""
     heard = Heard()
-    at_gate: list[RoomRecord] = []
+    at_gate: list[PeerRecord] = []
     loop = ClosedLoop(
         make_rig(),
         make_guard(heard),
@@ -291,7 +291,7 @@ def simulated() -> Heard:
             ask(loop, *REQUESTS[millisecond])
         loop.step()
     verbs = {r.seq: r.verb for r in at_gate if isinstance(r, CommandRequest)}
-    of_guard, of_brain = list[RoomRecord](), list[RoomRecord]()
+    of_guard, of_brain = list[PeerRecord](), list[PeerRecord]()
     for record in at_gate:
         sources = {route.source for route in ROUTES if route.kind is type(record)}
         if isinstance(record, CommandReply):

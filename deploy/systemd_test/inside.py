@@ -25,9 +25,9 @@ ROOMS = tuple(WATCHDOG_S)
 RIG = "rotor-rig.service"
 STRANGER = """
 import time
-from firmware_py.wire.rooms import RoomClient
+from firmware_py.wire.peers import PeerClient
 from pathlib import Path
-client = RoomClient(Path("/run/orbitd/guard.sock"), "brain")
+client = PeerClient(Path("/run/orbitd/guard.sock"), "brain")
 for _ in range(20):
     client.poll(time.monotonic_ns())
     time.sleep(0.05)

@@ -34,8 +34,8 @@ from firmware_py.records import (
     Forecast,
     GuardState,
     Normal,
+    PeerRecord,
     RigReading,
-    RoomRecord,
     WindowRecord,
 )
 
@@ -182,7 +182,7 @@ class BrainCore:
             )
         )
 
-    def _journal(self, records: list[RoomRecord], now_ns: int) -> list[RoomRecord]:
+    def _journal(self, records: list[PeerRecord], now_ns: int) -> list[PeerRecord]:
         """What a replay needs of this step: a part of a snapshot now and then, and what it
         takes."""
         state = self._state
@@ -192,7 +192,7 @@ class BrainCore:
         state.step_seq += 1
         return [*self._snapshots.next_part(), step]
 
-    def step(self, records: list[RoomRecord], now_ns: int) -> list[RoomRecord]:
+    def step(self, records: list[PeerRecord], now_ns: int) -> list[PeerRecord]:
         """Take what guard and gate sent; return what is due at ``now_ns``, oldest first."""
         out, state = self._journal(records, now_ns), self._state
         for request in [record for record in records if isinstance(record, CommandRequest)]:
@@ -209,7 +209,7 @@ class BrainCore:
             out += self._advise(now_ns)
         return out
 
-    def _in_shadow(self, records: Sequence[RoomRecord]) -> list[RoomRecord]:
+    def _in_shadow(self, records: Sequence[PeerRecord]) -> list[PeerRecord]:
         """What the model in shadow would say."""
         if self._shadow is None:
             return []
@@ -217,7 +217,7 @@ class BrainCore:
         blocks = [record for record in records if isinstance(record, Block)]
         return [said for block in blocks for said in self._shadow.step(block, active)]
 
-    def _take(self, record: RoomRecord) -> list[Window]:
+    def _take(self, record: PeerRecord) -> list[Window]:
         """Sort one record to whoever needs it; the windows that it completes."""
         if isinstance(record, Block):
             self._recent.take(record)
@@ -235,14 +235,14 @@ class BrainCore:
             (self._own or self._commissioner).adopt(record)
         return []
 
-    def _obey(self, request: CommandRequest, now_ns: int) -> list[RoomRecord]:
+    def _obey(self, request: CommandRequest, now_ns: int) -> list[PeerRecord]:
         """The answer to a wish about commissioning, how that stands now, and what was learned."""
         commissioner = self._own or self._commissioner
         reply, learned = commissioner.obey(request)
-        said: list[RoomRecord] = [reply, commissioner.report(self._state.advice_seq, now_ns)]
+        said: list[PeerRecord] = [reply, commissioner.report(self._state.advice_seq, now_ns)]
         return [*said, learned] if learned else said
 
-    def diagnose(self, window: Window) -> list[RoomRecord]:
+    def diagnose(self, window: Window) -> list[PeerRecord]:
         """Diagnosis of ``window`` and the record that lets a replay find the same window."""
         normal_name = self._diagnoser.normal_name
         if self._watch and self._own:
@@ -269,7 +269,7 @@ class BrainCore:
             ),
         ]
 
-    def _advise(self, now_ns: int) -> list[RoomRecord]:
+    def _advise(self, now_ns: int) -> list[PeerRecord]:
         state = self._state
         proposal = (
             Proposal(None, [f"monitor only: {reason}" for reason in self._monitor_only])
@@ -290,7 +290,7 @@ class BrainCore:
             reasons=proposal.reasons,
             forecast=forecast,
         )
-        said: list[RoomRecord] = [forecast, advice] if forecast else [advice]
+        said: list[PeerRecord] = [forecast, advice] if forecast else [advice]
         if state.advice_seq % STATE_EVERY == 0:
             said += [
                 BrainState(state.advice_seq, now_ns, self.counters),

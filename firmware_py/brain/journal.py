@@ -20,9 +20,9 @@ from firmware_py.records import (
     CommandRequest,
     GuardState,
     Normal,
+    PeerRecord,
     Quality,
     RigReading,
-    RoomRecord,
 )
 
 SNAPSHOT_PERIOD_NS: Final = 5_000_000_000
@@ -34,7 +34,7 @@ PART_BYTES: Final = 64 * 1024
 """A record between two processes is at most twice as large."""
 
 
-def taken(records: Sequence[RoomRecord], seq: int, now_ns: int) -> BrainStep:
+def taken(records: Sequence[PeerRecord], seq: int, now_ns: int) -> BrainStep:
     """The record of step ``seq`` that takes ``records``."""
     return BrainStep(
         seq,

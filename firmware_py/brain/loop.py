@@ -20,7 +20,7 @@ from firmware_py.brain.store import Models, load_models
 from firmware_py.clock import Clock, MonotonicClock
 from firmware_py.records import Advice
 from firmware_py.routing import BRAIN_PERIOD_NS, Stage, in_order, receivers
-from firmware_py.wire.rooms import RoomClient
+from firmware_py.wire.peers import PeerClient
 
 _CPU_FLAGS: Final = ("avx", "fma", "avx2", "avx512f", "avx512_vnni", "amx_tile", "asimd", "sve")
 
@@ -56,8 +56,8 @@ def run(
 
     What goes to whom says :mod:`firmware_py.routing`; the advice is the heartbeat.
     """
-    guard = RoomClient(runtime / "guard.sock", "brain")
-    gate = RoomClient(runtime / "gate.sock", "brain")
+    guard = PeerClient(runtime / "guard.sock", "brain")
+    gate = PeerClient(runtime / "gate.sock", "brain")
     peers = {Stage.GUARD: guard, Stage.GATE: gate}
     background.restore()
     notifier.ready()

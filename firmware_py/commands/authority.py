@@ -15,7 +15,7 @@ import msgspec
 from firmware_py import launch
 from firmware_py.options import finite
 from firmware_py.records import CommandReply, Mode, PlannedRamp
-from firmware_py.wire import disarm_room
+from firmware_py.wire import disarm_socket
 
 if TYPE_CHECKING:
     from firmware_py.gate.client import Client
@@ -43,7 +43,7 @@ def disarm(argv: list[str]) -> int:
     """``orbitd disarm``."""
     parser = _parser("disarm", "stop moving the actuator; the node goes to its safe value")
     options = parser.parse_args(argv)
-    reply = disarm_room.ask(launch.place(options).runtime, uuid.uuid4().hex, GUARD_WITHIN_S)
+    reply = disarm_socket.ask(launch.place(options).runtime, uuid.uuid4().hex, GUARD_WITHIN_S)
     return _ask(options, "disarm") if reply is None else _tell(options, "disarm", reply)
 
 

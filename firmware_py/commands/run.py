@@ -12,21 +12,23 @@ from pathlib import Path
 from firmware_py import launch
 from firmware_py.supervise import WRONG_INPUT, Exit, Program, Supervisor
 
-ROOMS = ("guard", "brain", "gate")
+PROCESSES = ("guard", "brain", "gate")
 
 
 def programs(options: list[str], log_folder: Path) -> list[Program]:
-    """The three rooms as programs; ``options`` are passed to each."""
+    """The three processes as programs; ``options`` are passed to each."""
     return [
         Program(
-            room, (sys.executable, "-m", "firmware_py", room, *options), log_folder / f"{room}.log"
+            process,
+            (sys.executable, "-m", "firmware_py", process, *options),
+            log_folder / f"{process}.log",
         )
-        for room in ROOMS
+        for process in PROCESSES
     ]
 
 
 def main(argv: list[str]) -> int:
-    """Start the three rooms and keep them alive until interrupted."""
+    """Start the three processes and keep them alive until interrupted."""
     parser = argparse.ArgumentParser(prog="orbitd run", description=__doc__)
     launch.add_options(parser)
     options = parser.parse_args(argv)
@@ -47,12 +49,12 @@ def main(argv: list[str]) -> int:
     return _keep_alive(programs(passed, folder / "log"), folder / "log")
 
 
-def _keep_alive(rooms: list[Program], log_folder: Path) -> int:
+def _keep_alive(programs: list[Program], log_folder: Path) -> int:
     supervisor = Supervisor()
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        for room in rooms:
-            supervisor.start(room)
+        for process in programs:
+            supervisor.start(process)
         while True:
             for died in supervisor.poll(time.monotonic()):
                 print("\n".join(_words(died, log_folder)), file=sys.stderr, flush=True)

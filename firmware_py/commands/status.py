@@ -29,7 +29,7 @@ def main(argv: list[str]) -> int:
 
 def _lines(state: DeviceState) -> list[str]:
     rooms = ", ".join(
-        f"{room} {'alive' if alive else 'SILENT'}" for room, alive in state.rooms.items()
+        f"{process} {'alive' if alive else 'SILENT'}" for process, alive in state.rooms.items()
     )
     lines = [f"{state.site}/{state.rig} ({state.instance}), orbitd {state.version}: {rooms}"]
     if state.guard:

@@ -175,7 +175,7 @@ def two_files(folder: Path, machine: ConfigFile, device: ConfigFile) -> Source:
 
 
 def shown(value: object) -> str:
-    """``value`` on one line, short, and without anything that a terminal would obey."""
+    """``value`` on one line, short, and without anything that a terminal would execute."""
     if (
         value is None
         or isinstance(value, dict)

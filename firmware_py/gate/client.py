@@ -58,8 +58,8 @@ class Client:
         NoAnswerError
             The gate itself did not answer: whether the command was carried out is not known.
         """
-        wish = {"id": uuid.uuid4().hex} | ({} if value is None else {"value": value})
-        payload = msgspec.json.encode(wish)
+        request = {"id": uuid.uuid4().hex} | ({} if value is None else {"value": value})
+        payload = msgspec.json.encode(request)
         return self.query(keys.command(verb), CommandReply, payload)
 
     def status(self) -> DeviceState:

@@ -1,9 +1,9 @@
-"""Command intake: every wish gets exactly one answer, accepted or all reasons why not.
+"""Command intake: every request gets exactly one answer, accepted or all reasons why not.
 
-A wish arrives as a Zenoh query on the exact key ``cmd/<verb>`` with a JSON object that carries an
-id.  It goes to the room that answers the verb with a sequence number of the gate's own; that room's
-:class:`CommandReply` finds its way back by that number, and a room that stays silent is an answer
-too.  A wish whose id was seen before is not executed again but answered the same.
+A request arrives as a Zenoh query on the exact key ``cmd/<verb>`` with a JSON object that carries
+an id.  It goes to the process that answers the verb with a sequence number of the gate's own; its
+:class:`CommandReply` finds its way back by that number, and a process that stays silent is an
+answer too.  A request whose id was seen before is not executed again but answered the same.
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ from typing import Final
 
 import msgspec
 
-from firmware_py.gate import wishes
-from firmware_py.gate.wishes import MalformedCommandError
+from firmware_py.gate import requests
+from firmware_py.gate.requests import MalformedCommandError
 from firmware_py.records import CommandReply, CommandRequest
 from firmware_py.routing import stage_of
 
 ANSWER_WITHIN_NS: Final = 1_000_000_000
 MAX_PENDING: Final = 64
 IDS_KEPT: Final = 1024
-"""Executed wishes whose id is remembered, the newest; at the rate below that is more than ten
+"""Executed requests whose id is remembered, the newest; at the rate below that is more than ten
 seconds of a flood."""
 
 RATE_HZ: Final = 10.0
@@ -36,7 +36,7 @@ Answer = Callable[[CommandReply], None]
 
 @dataclass
 class _Case:
-    """One wish on its way through a room, and everybody who waits for its answer."""
+    """One request on its way through a process, and everybody who waits for its answer."""
 
     deadline_ns: int
     request: CommandRequest
@@ -63,12 +63,12 @@ class _Allowance:
 
 @dataclass
 class _Memory:
-    """Executed wishes by id, the newest ``IDS_KEPT``."""
+    """Executed requests by id, the newest ``IDS_KEPT``."""
 
     cases: OrderedDict[str, _Case] = field(default_factory=OrderedDict)
 
-    def keep(self, wish_id: str, case: _Case) -> None:
-        self.cases[wish_id] = case
+    def keep(self, request_id: str, case: _Case) -> None:
+        self.cases[request_id] = case
         while len(self.cases) > IDS_KEPT:
             self.cases.popitem(last=False)
 
@@ -107,19 +107,25 @@ class CommandDesk:
     def hear(
         self, verb: str, payload: bytes, origin: str, answer: Answer, now_ns: int
     ) -> CommandRequest | None:
-        """Take a wish as it came from outside; else as :meth:`ask`."""
+        """Take a request as it came from outside; else as :meth:`ask`."""
         try:
-            wish = wishes.read(verb, payload)
+            received = requests.read(verb, payload)
         except MalformedCommandError as error:
             self.counters["commands_asked"] += 1
             self._refuse(answer, str(error), "")
             return None
-        return self.ask(verb, wish.value, origin, answer, now_ns, wish.id)
+        return self.ask(verb, received.value, origin, answer, now_ns, received.id)
 
     def ask(
-        self, verb: str, value: object, origin: str, answer: Answer, now_ns: int, wish_id: str = ""
+        self,
+        verb: str,
+        value: object,
+        origin: str,
+        answer: Answer,
+        now_ns: int,
+        request_id: str = "",
     ) -> CommandRequest | None:
-        """Put a wish to its room; ``answer`` is called once, now or later.
+        """Put a request to its process; ``answer`` is called once, now or later.
 
         Returns
         -------
@@ -128,29 +134,31 @@ class CommandDesk:
         self.counters["commands_asked"] += 1
         self._seq += 1
         try:
-            request = wishes.parse(self._seq, verb, value, origin, wish_id)
+            request = requests.parse(self._seq, verb, value, origin, request_id)
         except MalformedCommandError as error:
-            self._refuse(answer, str(error), wish_id)
+            self._refuse(answer, str(error), request_id)
             return None
-        if wish_id and self._repeated(request, answer):
+        if request_id and self._repeated(request, answer):
             return None
         if verb == "disarm" and self._disarm and self._disarm[0] == now_ns:
             self.counters["commands_joined"] += 1
-            self._join(self._disarm[1], answer, wish_id)
+            self._join(self._disarm[1], answer, request_id)
             return None
         reason = "" if verb == "disarm" else self._full(verb, now_ns)
         if not reason and not self._send(request):
-            room = stage_of(verb)
-            reason = f"the {room} is not connected; start it with 'orbitd {room}' or 'orbitd run'"
+            process = stage_of(verb)
+            reason = (
+                f"the {process} is not connected; start it with 'orbitd {process}' or 'orbitd run'"
+            )
         if reason:
-            self._refuse(answer, reason, wish_id)
+            self._refuse(answer, reason, request_id)
             return None
-        self._sent(request, _answering(answer, wish_id), now_ns)
+        self._sent(request, _answering(answer, request_id), now_ns)
         return request
 
     def reply(self, reply: CommandReply) -> CommandRequest | None:
-        """Hand on a room's answer; the request that it answers, None when nobody waits for it any
-        more."""
+        """Hand on a process's answer; the request that it answers, None when nobody waits for it
+        any more."""
         case = self._pending.pop(reply.seq, None)
         if case is None:
             self.counters["replies_unexpected"] += 1
@@ -160,14 +168,14 @@ class CommandDesk:
         return case.request
 
     def step(self, now_ns: int) -> None:
-        """Answer for a room that did not."""
+        """Answer for a process that did not."""
         late = [seq for seq, case in self._pending.items() if now_ns >= case.deadline_ns]
         for seq in late:
             self.counters["commands_timed_out"] += 1
             case = self._pending.pop(seq)
-            room = stage_of(case.request.verb)
+            process = stage_of(case.request.verb)
             text = (
-                f"the {room} did not answer within {ANSWER_WITHIN_NS * 1e-9:g} s; see 'orbitd "
+                f"the {process} did not answer within {ANSWER_WITHIN_NS * 1e-9:g} s; see 'orbitd "
                 "status'"
             )
             self._finish(case, CommandReply(seq=seq, accepted=False, reasons=[text]))
@@ -216,15 +224,15 @@ class CommandDesk:
             answer(msgspec.structs.replace(case.reply, id=request.id))
         return True
 
-    def _join(self, case: _Case, answer: Answer, wish_id: str) -> None:
+    def _join(self, case: _Case, answer: Answer, request_id: str) -> None:
         """One ``disarm`` to the guard serves all that came in the same step, with no other command
         between."""
         if case.reply is None:
-            case.answers.append(_answering(answer, wish_id))
+            case.answers.append(_answering(answer, request_id))
         else:
-            answer(msgspec.structs.replace(case.reply, id=wish_id))
-        if wish_id:
-            self._remembered("disarm").keep(wish_id, case)
+            answer(msgspec.structs.replace(case.reply, id=request_id))
+        if request_id:
+            self._remembered("disarm").keep(request_id, case)
 
     def _full(self, verb: str, now_ns: int) -> str:
         """Why no more of ``verb`` is taken now; empty when it is."""
@@ -244,11 +252,11 @@ class CommandDesk:
         for answer in answers:
             answer(reply)
 
-    def _refuse(self, answer: Answer, reason: str, wish_id: str) -> None:
+    def _refuse(self, answer: Answer, reason: str, request_id: str) -> None:
         self.counters["commands_refused_here"] += 1
-        answer(CommandReply(seq=self._seq, accepted=False, reasons=[reason], id=wish_id))
+        answer(CommandReply(seq=self._seq, accepted=False, reasons=[reason], id=request_id))
 
 
-def _answering(answer: Answer, wish_id: str) -> Answer:
+def _answering(answer: Answer, request_id: str) -> Answer:
     """``answer`` with the asker's own id in the reply."""
-    return lambda reply: answer(msgspec.structs.replace(reply, id=wish_id))
+    return lambda reply: answer(msgspec.structs.replace(reply, id=request_id))

@@ -1,4 +1,4 @@
-"""The gate's one step: take what the rooms say, record it, publish it, answer whoever asks."""
+"""The gate's one step: take what the processes say, record it, publish it, answer whoever asks."""
 
 from __future__ import annotations
 
@@ -26,20 +26,20 @@ from firmware_py.records import (
     Event,
     EventAck,
     Normal,
-    RoomRecord,
+    PeerRecord,
 )
 from firmware_py.routing import Stage, receivers
-from firmware_py.wire.rooms import RoomClient, RoomServer
+from firmware_py.wire.peers import PeerClient, PeerServer
 
 SLOW_PERIOD_NS: Final = 1_000_000_000
 
 
 @dataclass(frozen=True)
-class Doors:
+class GateParts:
     """The gate's links to the world, opened by the loop."""
 
-    guard: RoomClient
-    brain: RoomServer
+    guard: PeerClient
+    brain: PeerServer
     telemetry: Telemetry
     recorder: Recorder | None
     normal: NormalFile
@@ -74,7 +74,7 @@ class Gate:
     """
 
     def __init__(
-        self, config: Config, doors: Doors, models: Any, unix_ns: Callable[[], int]
+        self, config: Config, parts: GateParts, models: Any, unix_ns: Callable[[], int]
     ) -> None:
         self.view = View(config)
         self.desk = CommandDesk(self._send)
@@ -82,7 +82,7 @@ class Gate:
         self.page: Counting | None = None
         self.counters: Counter[str] = Counter()
         self._config = config
-        self._doors = doors
+        self._parts = parts
         self._unix_ns = unix_ns
         self._answers = Answers(
             {keys.CONFIG: config, keys.MODELS: models},
@@ -98,27 +98,29 @@ class Gate:
     def step(self, now_ns: int) -> None:
         """One pass over everything that waits; nothing in it blocks, and commands go first."""
         self._hear_commands(now_ns)
-        from_guard = self._doors.guard.poll(now_ns)
+        from_guard = self._parts.guard.poll(now_ns)
         self._forget_after_reconnect()
         for record in from_guard:
             self._take(record, now_ns)
-        for _, record in self._doors.brain.poll(now_ns):
+        for _, record in self._parts.brain.poll(now_ns):
             self._take(record, now_ns)
         self._greet_brain()
         self.desk.step(now_ns)
-        self._doors.telemetry.queries.questions(
+        self._parts.telemetry.queries.questions(
             lambda name, question: self._answers.encode(name, question, now_ns)
         )
         self._acknowledge()
-        self._doors.telemetry.set_alive({**self.view.rooms(now_ns), "gate": True})
+        self._parts.telemetry.set_alive({**self.view.processes(now_ns), "gate": True})
         if self.station:
-            self.station.step(self.view.guard if self.view.rooms(now_ns)["guard"] else None, now_ns)
+            self.station.step(
+                self.view.guard if self.view.processes(now_ns)["guard"] else None, now_ns
+            )
         if now_ns >= self._next_slow_ns:
             self._next_slow_ns = now_ns + SLOW_PERIOD_NS
             self._slow_step(now_ns)
 
     def ask(self, verb: str, value: object, origin: str, answer: Answer, now_ns: int) -> None:
-        """Put a wish to its room, on the record; ``answer`` is called once, now or later."""
+        """Put a request to its process, on the record; ``answer`` is called once, now or later."""
         self._on_record(self.desk.ask(verb, value, origin, answer, now_ns), now_ns)
 
     def _on_record(self, request: CommandRequest | None, now_ns: int) -> None:
@@ -127,7 +129,7 @@ class Gate:
 
     def state(self, now_ns: int) -> DeviceState:
         """The whole device at one instant."""
-        device, view, recorder = self._config.device, self.view, self._doors.recorder
+        device, view, recorder = self._config.device, self.view, self._parts.recorder
         return DeviceState(
             site=device.site,
             rig=device.rig,
@@ -135,7 +137,7 @@ class Gate:
             version=__version__,
             now_ns=now_ns,
             unix_ns=self._unix_ns(),
-            rooms={**view.rooms(now_ns), "gate": True},
+            rooms={**view.processes(now_ns), "gate": True},
             guard=view.guard,
             reading=view.reading,
             diagnosis=view.diagnosis,
@@ -144,7 +146,7 @@ class Gate:
             advice=view.advice,
             brain=view.brain,
             commission=view.commission,
-            normal=self._doors.normal.words(),
+            normal=self._parts.normal.words(),
             alarms=self._alarms(now_ns),
             recording=str(recorder.path or "") if recorder else "",
             counters=self.all_counters(),
@@ -152,15 +154,15 @@ class Gate:
 
     def all_counters(self) -> dict[str, int]:
         """Every count of the gate, by name."""
-        doors = self._doors
+        parts = self._parts
         total = Counter(self.counters)
         for part in (
             self.view,
             self.desk,
-            doors.telemetry,
-            doors.guard,
-            doors.brain,
-            doors.recorder,
+            parts.telemetry,
+            parts.guard,
+            parts.brain,
+            parts.recorder,
             self.station,
             self.page,
         ):
@@ -171,10 +173,10 @@ class Gate:
     @property
     def _troubles(self) -> dict[str, str]:
         """What is wrong at the gate itself, by name; empty texts are no trouble."""
-        recorder = self._doors.recorder
+        recorder = self._parts.recorder
         return {
             "recorder": recorder.trouble if recorder else "",
-            "normal_file": self._doors.normal.trouble,
+            "normal_file": self._parts.normal.trouble,
         }
 
     def _alarms(self, now_ns: int) -> list[Alarm]:
@@ -184,54 +186,54 @@ class Gate:
         """Hand ``record`` to the stage that it goes to; False when that is impossible now."""
         (stage,) = receivers(Stage.GATE, record)
         if stage is Stage.BRAIN:
-            return self._doors.brain.send(stage, record)
-        return self._doors.guard.send(record)
+            return self._parts.brain.send(stage, record)
+        return self._parts.guard.send(record)
 
     def _greet_brain(self) -> None:
         """A brain that has just come knows nothing of this machine: tell it what is stored."""
-        connections = self._doors.brain.counters["connected_brain"]
+        connections = self._parts.brain.counters["connected_brain"]
         if connections != self._brains:
             self._brains = connections
-            if self._doors.normal.normal:
-                self._send(self._doors.normal.normal)
+            if self._parts.normal.normal:
+                self._send(self._parts.normal.normal)
 
-    def _take(self, record: RoomRecord, now_ns: int) -> None:
+    def _take(self, record: PeerRecord, now_ns: int) -> None:
         features = self.view.features
         self.view.step(record, now_ns)
         ticket = self._record(record, now_ns)
-        self._doors.telemetry.publish(record)
-        if isinstance(record, Event) and (ticket or self._doors.recorder is None):
+        self._parts.telemetry.publish(record)
+        if isinstance(record, Event) and (ticket or self._parts.recorder is None):
             self._unacknowledged.append((ticket, record.seq))
         if isinstance(record, Event) and self.station:
             self.station.tell(record)
         elif isinstance(record, CommandReply):
             self._hand_on(record)
         elif isinstance(record, Normal):
-            self._doors.normal.keep(record)
+            self._parts.normal.keep(record)
         elif self.view.features is not features and self.view.features:
-            self._doors.telemetry.publish_features(self.view.features)
+            self._parts.telemetry.publish_features(self.view.features)
 
     def _hand_on(self, reply: CommandReply) -> None:
-        """Give a room's answer to whoever asked; what the brain has forgotten goes from the disk as
-        well."""
+        """Give a process's answer to whoever asked; what the brain has forgotten goes from the disk
+        as well."""
         request = self.desk.reply(reply)
         if request is not None and request.action == "forget" and reply.accepted:
-            self._doors.normal.forget()
+            self._parts.normal.forget()
 
     def _record(self, record: Recordable, now_ns: int) -> int:
         """Give ``record`` to the recorder; its ticket, 0 when it is not kept."""
-        return self._doors.recorder.write(record, now_ns) if self._doors.recorder else 0
+        return self._parts.recorder.write(record, now_ns) if self._parts.recorder else 0
 
     def _forget_after_reconnect(self) -> None:
         """Another guard, or the same one that will send again: old event numbers mean nothing to
         it."""
-        if self._doors.guard.counters["connected"] != self._connections:
-            self._connections = self._doors.guard.counters["connected"]
+        if self._parts.guard.counters["connected"] != self._connections:
+            self._connections = self._parts.guard.counters["connected"]
             self._unacknowledged.clear()
 
     def _acknowledge(self) -> None:
         """Tell the guard which events are on disk; without a recorder, which ones were heard."""
-        stored = self._doors.recorder.stored if self._doors.recorder else 0
+        stored = self._parts.recorder.stored if self._parts.recorder else 0
         last = None
         while self._unacknowledged and self._unacknowledged[0][0] <= stored:
             last = self._unacknowledged.popleft()[1]
@@ -239,7 +241,7 @@ class Gate:
             self._send(EventAck(seq=last))
 
     def _hear_commands(self, now_ns: int) -> None:
-        queries = self._doors.telemetry.queries
+        queries = self._parts.telemetry.queries
         for asked in queries.commands():
             answer = partial(queries.answer_command, asked.verb, asked.question)
             self._on_record(
@@ -249,12 +251,12 @@ class Gate:
     def _slow_step(self, now_ns: int) -> None:
         """Once a second: the alarm list, the pairing with the calendar, the normal state in each
         new recording."""
-        self._doors.telemetry.look()
+        self._parts.telemetry.look()
         guard = self.view.guard
         self.view.losses.step(self.all_counters() | (guard.counters if guard else {}), now_ns)
-        self._doors.telemetry.publish_alarms(self._alarms(now_ns))
+        self._parts.telemetry.publish_alarms(self._alarms(now_ns))
         self._record(WallClock(t_ns=now_ns, unix_ns=self._unix_ns()), now_ns)
-        recorder, normal = self._doors.recorder, self._doors.normal.normal
+        recorder, normal = self._parts.recorder, self._parts.normal.normal
         place = (str(recorder.path), str(normal.made_unix_ns)) if recorder and normal else None
         if normal and place != self._recorded_in:
             self._recorded_in = place

@@ -22,7 +22,7 @@ config           effective configuration        query                 applicatio
 models           manifest and file metadata     query                 application/json
 cmd/<verb>       ``CommandReply``               query, payload: see   application/json
                                                 below
-live/<room>      liveliness token               while it lives
+live/<process>   liveliness token               while it lives
 ================ ============================== ===================== ====================
 
 Queries answer in JSON, where a number that is not finite is null; with the parameter ``as=msgpack``
@@ -78,6 +78,6 @@ def command(verb: str) -> str:
     return f"cmd/{verb}"
 
 
-def live(room: str) -> str:
-    """Key of a room's liveliness token."""
-    return f"live/{room}"
+def live(process: str) -> str:
+    """Key of a process's liveliness token."""
+    return f"live/{process}"

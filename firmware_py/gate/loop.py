@@ -1,5 +1,5 @@
-"""``orbitd gate``: the gate's process. Opens the doors, steps a hundred times a second, closes
-them."""
+"""``orbitd gate``: the gate's process. Opens sockets and files, steps a hundred times a second,
+closes them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from firmware_py.clock import Clock, MonotonicClock
 from firmware_py.config import Config
 from firmware_py.decoding import FILE_LIMIT_BYTES, OutsideError, from_json, read_file
 from firmware_py.gate import keys, session
-from firmware_py.gate.core import Doors, Gate
+from firmware_py.gate.core import Gate, GateParts
 from firmware_py.gate.normal_file import NormalFile
 from firmware_py.gate.page import Page
 from firmware_py.gate.recorder import Recorder
@@ -31,7 +31,7 @@ from firmware_py.gate.telemetry import Telemetry
 from firmware_py.launch import Launch
 from firmware_py.options import port
 from firmware_py.routing import GATE_PERIOD_NS
-from firmware_py.wire.rooms import RoomClient, RoomServer
+from firmware_py.wire.peers import PeerClient, PeerServer
 
 WATCHDOG_EVERY: Final = 50
 """Steps between two signs of life to the service manager."""
@@ -91,13 +91,13 @@ def run(
 
     Raises
     ------
-    SessionError, RoomError
+    SessionError, PeerError
         Another gate serves this instance, or an endpoint cannot be bound.
     """
     config = started.config
     models = read_models(config)
-    doors = _open_doors(started, recordings, models, guard_uid)
-    gate = Gate(config, doors, models, time.time_ns)
+    parts = _open_parts(started, recordings, models, guard_uid)
+    gate = Gate(config, parts, models, time.time_ns)
     if ground_station:
         gate.station = GroundStation(ground_station, config, gate.ask)
     page = gate.page = Page(config.metrics.port) if config.metrics.port else None
@@ -111,7 +111,7 @@ def run(
             page.close()
         if gate.station:
             gate.station.close()
-        _close(doors)
+        _close(parts)
 
 
 def _loop(
@@ -133,12 +133,14 @@ def _loop(
         clock.sleep_until(due_ns)
 
 
-def _open_doors(started: Launch, recordings: Path, models: Any, guard_uid: int | None) -> Doors:
+def _open_parts(started: Launch, recordings: Path, models: Any, guard_uid: int | None) -> GateParts:
     config, folder = started.config, started.runtime
     prefix = keys.prefix(config.device.site, config.device.rig)
-    brain = RoomServer(folder / "gate.sock", started.peers)
+    brain = PeerServer(folder / "gate.sock", started.peers)
     telemetry = Telemetry(
-        session.open_device(config.zenoh, folder, prefix), prefix, session.Door(folder, prefix)
+        session.open_device(config.zenoh, folder, prefix),
+        prefix,
+        session.SocketWatch(folder, prefix),
     )
     recorder = None
     if config.recorder.enabled:
@@ -152,17 +154,17 @@ def _open_doors(started: Launch, recordings: Path, models: Any, guard_uid: int |
             raw_frames=config.recorder.raw_frames,
         )
     normal = NormalFile(state_dir(config, os.environ), time.time_ns)
-    return Doors(
-        RoomClient(folder / "guard.sock", "gate", guard_uid), brain, telemetry, recorder, normal
+    return GateParts(
+        PeerClient(folder / "guard.sock", "gate", guard_uid), brain, telemetry, recorder, normal
     )
 
 
-def _close(doors: Doors) -> None:
-    doors.telemetry.close()
-    doors.guard.close()
-    doors.brain.close()
-    if doors.recorder:
-        doors.recorder.close()
+def _close(parts: GateParts) -> None:
+    parts.telemetry.close()
+    parts.guard.close()
+    parts.brain.close()
+    if parts.recorder:
+        parts.recorder.close()
 
 
 def metadata(config: Config, models: Any) -> dict[str, str]:

@@ -56,8 +56,8 @@ def _gauges(state: DeviceState) -> list[Metric]:
     up = GaugeMetricFamily(
         "orbitd_room_up", "1 while the room's heartbeat is fresh", labels=["room"]
     )
-    for room, alive in state.rooms.items():
-        up.add_metric([room], alive)
+    for process, alive in state.rooms.items():
+        up.add_metric([process], alive)
     alarm = GaugeMetricFamily("orbitd_alarm", "Active alarms with their severity", labels=["name"])
     for active in state.alarms:
         alarm.add_metric([active.name], active.severity)
@@ -120,12 +120,12 @@ def _counts(state: DeviceState) -> list[Metric]:
     counts = UnknownMetricFamily(
         "orbitd_count", "Everything the device counts, by room", labels=["room", "name"]
     )
-    by_room = {
+    by_process = {
         "gate": state.counters,
         "guard": state.guard.counters if state.guard else {},
         "brain": state.brain.counters if state.brain else {},
     }
-    for room, counters in by_room.items():
+    for process, counters in by_process.items():
         for name, value in sorted(counters.items()):
-            counts.add_metric([room, name], value)
+            counts.add_metric([process, name], value)
     return [counts]

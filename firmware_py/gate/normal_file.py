@@ -1,5 +1,5 @@
-"""The machine's normal state on disk: one JSON file, written whole by the gate, the one room with a
-disk."""
+"""The machine's normal state on disk: one JSON file, written whole by the gate, the one process
+with a disk."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The flight recorder: everything the rooms say, in MCAP files, written by a thread of its own.
+"""The flight recorder: everything the processes say, in MCAP files, written by a thread of its own.
 
 :meth:`Recorder.write` only appends to a bounded queue: a full or vanished disk costs records,
 counted and visible in :attr:`Recorder.trouble`, never time.  Chunks are small, so that whatever is

@@ -111,7 +111,7 @@ def open_device(settings: Zenoh, runtime: Path, prefix: str) -> zenoh.Session:
     return opened
 
 
-class Door:
+class SocketWatch:
     """The local socket of an open device session: notices when it is gone, and opens another behind
     a new one.
 
@@ -169,13 +169,13 @@ def open_client(runtime: Path) -> zenoh.Session:
     try:
         with socket.socket(socket.AF_UNIX) as probe:
             probe.connect(str(path))
-            stranger = foreign_server(probe, path)
+            foreign = foreign_server(probe, path)
     except (OSError, ValueError) as error:
         raise SessionError(
             f"no gate at {path} ({error}); start it with 'orbitd gate' or 'orbitd run'"
         ) from error
-    if stranger:
-        raise SessionError(stranger)
+    if foreign:
+        raise SessionError(foreign)
     try:
         return _open(
             {"mode": "client", "connect/endpoints": [endpoint(runtime)], "connect/timeout_ms": 1000}

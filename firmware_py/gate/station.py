@@ -181,8 +181,8 @@ class GroundStation:
             return []
 
     def _answer_setting(self, message: Any) -> None:
-        """The asked setting; a wish to change one gets its unchanged value, as the protocol wants
-        it."""
+        """The asked setting; a request to change one gets its unchanged value, as the protocol
+        wants it."""
         names = [name for name, _ in self._settings]
         index = getattr(message, "param_index", -1)
         if index == -1 and message.param_id in names:

@@ -9,7 +9,7 @@ import zenoh
 from firmware_py.gate import keys
 from firmware_py.gate.features import SignalFeatures
 from firmware_py.gate.queries import MSGPACK, Queries, to_json, to_msgpack
-from firmware_py.gate.session import Door, SessionError
+from firmware_py.gate.session import SessionError, SocketWatch
 from firmware_py.records import Alarm, Block, Event, Record, Severity
 
 
@@ -31,11 +31,13 @@ class Telemetry:
     ``zenoh_listened_again``, and those of :class:`~firmware_py.gate.queries.Queries`.
     """
 
-    def __init__(self, session: zenoh.Session, prefix: str, door: Door | None = None) -> None:
+    def __init__(
+        self, session: zenoh.Session, prefix: str, watch: SocketWatch | None = None
+    ) -> None:
         self.counters: Counter[str] = Counter()
         self._sessions = [session]
         self._prefix = prefix
-        self._door = door
+        self._watch = watch
         events = [keys.event(severity) for severity in Severity]
         self._names = [*keys.PUBLISHED.values(), keys.FEATURES, keys.ALARMS, *events]
         self._publishers = {name: [self._publisher(session, name)] for name in self._names}
@@ -62,31 +64,33 @@ class Telemetry:
     def look(self) -> None:
         """Listen again when somebody removed the local socket; who is connected keeps the session
         that he has."""
-        if self._door is None or not self._door.lost():
+        if self._watch is None or not self._watch.lost():
             return
         try:
-            session = self._door.open_again()
+            session = self._watch.open_again()
         except SessionError:
             self.counters["zenoh_failed"] += 1
             return
         self._sessions.append(session)
         for name in self._names:
             self._publishers[name].append(self._publisher(session, name))
-        for room, tokens in self._tokens.items():
-            tokens.append(session.liveliness().declare_token(f"{self._prefix}/{keys.live(room)}"))
+        for process, tokens in self._tokens.items():
+            tokens.append(
+                session.liveliness().declare_token(f"{self._prefix}/{keys.live(process)}")
+            )
         self.queries.serve(session)
         self.counters["zenoh_listened_again"] += 1
 
     def set_alive(self, rooms: dict[str, bool]) -> None:
-        """Hold a liveliness token for each living room, and for no other."""
-        for room, lives in rooms.items():
-            if lives and room not in self._tokens:
-                self._tokens[room] = [
-                    session.liveliness().declare_token(f"{self._prefix}/{keys.live(room)}")
+        """Hold a liveliness token for each living process, and for no other."""
+        for process, lives in rooms.items():
+            if lives and process not in self._tokens:
+                self._tokens[process] = [
+                    session.liveliness().declare_token(f"{self._prefix}/{keys.live(process)}")
                     for session in self._sessions
                 ]
-            elif not lives and room in self._tokens:
-                for token in self._tokens.pop(room):
+            elif not lives and process in self._tokens:
+                for token in self._tokens.pop(process):
                     token.undeclare()  # type: ignore[no-untyped-call]
 
     def close(self) -> None:

@@ -25,8 +25,8 @@ from firmware_py.records import (
     Event,
     Forecast,
     GuardState,
+    PeerRecord,
     RigReading,
-    RoomRecord,
     Severity,
     ShadowDiagnosis,
 )
@@ -38,7 +38,7 @@ LOOKED_BACK: Final = 8
 count."""
 
 SILENT_AFTER_NS: Final = 1_000_000_000
-"""A room whose heartbeat (guard: ``GuardState``, brain: ``Advice``, both 10 Hz) is older is not
+"""A process whose heartbeat (guard: ``GuardState``, brain: ``Advice``, both 10 Hz) is older is not
 alive."""
 
 
@@ -97,7 +97,7 @@ class View:
         self._since_ns: dict[str, int] = {}
         self.losses = Losses()
 
-    def step(self, record: RoomRecord, now_ns: int) -> None:
+    def step(self, record: PeerRecord, now_ns: int) -> None:
         """Take in ``record``."""
         self.counters[f"in_{type(record).__name__}"] += 1
         match record:
@@ -137,12 +137,12 @@ class View:
                 break
         self._events.append(event)
 
-    def rooms(self, now_ns: int) -> dict[str, bool]:
-        """Which rooms are alive by their heartbeat."""
+    def processes(self, now_ns: int) -> dict[str, bool]:
+        """Which processes are alive by their heartbeat."""
         heard = self._heard_ns
         return {
-            room: room in heard and now_ns - heard[room] < SILENT_AFTER_NS
-            for room in ("guard", "brain")
+            process: process in heard and now_ns - heard[process] < SILENT_AFTER_NS
+            for process in ("guard", "brain")
         }
 
     def events(self, since: int = -1) -> list[Event]:
@@ -150,19 +150,19 @@ class View:
         return [event for event in self._events if event.seq > since]
 
     def alarms(self, now_ns: int, troubles: Mapping[str, str] | None = None) -> list[Alarm]:
-        """Every active alarm: the guard's while it lives, silent rooms, and the gate's own
+        """Every active alarm: the guard's while it lives, silent processes, and the gate's own
         ``troubles`` (text by name).
 
         A normal state that the brain refuses to use is one: the machine is not judged as its owner
         thinks.
         """
-        alive = self.rooms(now_ns)
+        alive = self.processes(now_ns)
         standing = {
-            f"{room}_silent": (
+            f"{process}_silent": (
                 Severity.FAULT,
-                f"the {room} does not answer; see its log, or `orbitd run`",
+                f"the {process} does not answer; see its log, or `orbitd run`",
             )
-            for room, lives in alive.items()
+            for process, lives in alive.items()
             if not lives
         }
         standing |= {

@@ -22,7 +22,7 @@ class GuardCore:
     Parameters
     ----------
     config
-        The whole configuration (its safe value checked by
+        The whole configuration (its retreat value checked by
         :func:`firmware_py.guard.envelope.shield_check.check_safe`).
     codec
         Codec of the configured link.

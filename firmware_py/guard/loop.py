@@ -17,7 +17,7 @@ from firmware_py import launch
 from firmware_py.clock import Clock, MonotonicClock
 from firmware_py.config import Config
 from firmware_py.guard.core import GuardCore
-from firmware_py.guard.process.budget import EVENTS_PER_CYCLE, ROOM_LIMITS, bounded
+from firmware_py.guard.process.budget import EVENTS_PER_CYCLE, PEER_LIMITS, bounded
 from firmware_py.guard.process.memory import Memory, complain
 from firmware_py.guard.process.outbox import Outbox
 from firmware_py.guard.process.timing import Grid, Lateness
@@ -39,17 +39,17 @@ from firmware_py.routing import (
     put_out,
     receivers,
 )
-from firmware_py.wire import disarm_room
-from firmware_py.wire.disarm_room import DisarmRoom
+from firmware_py.wire import disarm_socket
+from firmware_py.wire.disarm_socket import DisarmSocket
 from firmware_py.wire.link import Link, codec_for, open_device_link
-from firmware_py.wire.rooms import RoomServer
+from firmware_py.wire.peers import PeerServer
 
 WATCHDOG_CYCLES: Final = 200
 FIFO_PRIORITY: Final = 20
 
 
 class Guard:
-    """The thin shell around :class:`GuardCore`: link and rooms in, link and rooms out.
+    """The thin shell around :class:`GuardCore`: link and sockets in, link and sockets out.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ class Guard:
     """
 
     def __init__(
-        self, core: GuardCore, link: Link, server: RoomServer, disarm: DisarmRoom, memory: Memory
+        self, core: GuardCore, link: Link, server: PeerServer, disarm: DisarmSocket, memory: Memory
     ) -> None:
         self._core = core
         self._link = link
@@ -105,7 +105,7 @@ class Guard:
 
     def _read(self, now_ns: int) -> Cycle:
         """What is waiting, up to the limits: advice from the brain alone, requests from the gate
-        alone, and ``disarm`` from its own room."""
+        alone, and ``disarm`` from its own socket."""
         advice: Advice | None = None
         commands: list[CommandRequest] = []
         for role, record in self._server.poll(now_ns):
@@ -198,10 +198,10 @@ def build(
 ) -> Guard:
     """The guard of ``config`` on its real link and sockets; ``peers`` tells who may call, ``rig``
     is the rig folder."""
-    server = RoomServer(
-        runtime / "guard.sock", peers, ROOM_LIMITS
+    server = PeerServer(
+        runtime / "guard.sock", peers, PEER_LIMITS
     )  # first: from here on this one is the guard
-    disarm = DisarmRoom(runtime / disarm_room.SOCKET)
+    disarm = DisarmSocket(runtime / disarm_socket.SOCKET)
     memory = Memory(state, prepare=_first_in_line)
     complain(memory)
     session = int.from_bytes(os.urandom(4), "little") | 1

@@ -11,7 +11,7 @@ from firmware_py.acquire.stage import Acquire, AcquireState
 from firmware_py.config import Config
 from firmware_py.config.bearings import views
 from firmware_py.guard.alarms.condition import Condition, ConditionState
-from firmware_py.guard.alarms.telling import Telling, Told
+from firmware_py.guard.alarms.event_limit import EventAllowance, EventLimit
 from firmware_py.guard.authority.arming import Arming, ArmingState
 from firmware_py.guard.authority.speaker import GuardCodec, Speaker, SpeakerState
 from firmware_py.guard.envelope.admissible import Envelope
@@ -80,7 +80,7 @@ class CoreState(msgspec.Struct):
     load: LoadState
     permit: PermitState = msgspec.field(default_factory=PermitState)
     unwritable: ConditionState = msgspec.field(default_factory=ConditionState)
-    telling: dict[str, Told] = {}
+    telling: dict[str, EventAllowance] = {}
     readings: ReadingsState | None = None
     oil: OilProtectionState | None = None
     speed_check: SpeedCheckState = msgspec.field(default_factory=SpeedCheckState)
@@ -155,7 +155,7 @@ class Stages:
         self.frame_loss = FrameLoss(config)
         self.more = MoreReadings(config)
         self.announcements = Announcements(config, self.envelope.shield.lead_s)
-        self.telling = Telling()
+        self.telling = EventLimit()
         nothing = LoadInterval(0.0, 0.0, 0.0, False)
         self.memory = MemoryState(
             self.arming.safe, nothing if self.monitor_only else self.envelope.load.declared()

@@ -14,7 +14,7 @@ FOREIGN_HOLD_NS: Final = 5_000_000_000
 
 
 def connections(g: Stages, cycle: Cycle) -> list[Notice]:
-    """Rooms and link that came or went."""
+    """Processes and link that came or went."""
     m = g.memory
     notices = link_health(g, cycle)
     now = (cycle.link_up, cycle.gate_connected, cycle.brain_connected)
@@ -122,7 +122,7 @@ def clock_notice(acquired: AcquireOutput) -> Notice:
 
 
 def gone(name: str, cycle: Cycle) -> str:
-    """That a room or the link has gone, and why where that is known."""
+    """That a process or the link has gone, and why where that is known."""
     return (
         f"link gone: {cycle.link_fault}" if name == "link" and cycle.link_fault else f"{name} gone"
     )

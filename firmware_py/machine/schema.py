@@ -83,7 +83,7 @@ class OtherBearing(JournalBearing, frozen=True):
 
 class Lubricant(MachineTable, frozen=True):
     """Viscosity, ``mu = mu_40 exp(-k (T - 40))`` (:mod:`~firmware_py.machine.lubricant`), and the
-    inlet range that the safe value must cover."""
+    inlet range that the retreat value must cover."""
 
     viscosity_at_40C_Pa_s: Annotated[float, Meta(ge=2e-4, le=1.5)]
     """Dynamic viscosity at 40 degC, from thinner than petrol up to ISO VG 1500: kinematic viscosity
@@ -256,7 +256,7 @@ class ContactCircuit(MachineTable, frozen=True):
 
 
 class OperatingRange(MachineTable, frozen=True):
-    """The declared range: protection, shield and the safe value answer for all of it."""
+    """The declared range: protection, shield and the retreat value answer for all of it."""
 
     speed_min_rpm: SpeedRpm
     """Slowest speed in service: the retreat value must carry the load there. From: the machine's

@@ -60,7 +60,7 @@ def held_s(feed: Feed, from_bar: float) -> float:
 
 
 def retreat_s(machine: Machine) -> float:
-    """From an alarm until the clearance is back at its safe value, from anywhere.
+    """From an alarm until the clearance is back at its retreat value, from anywhere.
 
     A reading is up to one period old, the last command lives for its time to live, and the actuator
     runs at its rate behind its lag.

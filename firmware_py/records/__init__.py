@@ -25,8 +25,8 @@ from firmware_py.records.base import CHANNELS, N_CHANNELS, Record
 from firmware_py.records.brain import Advice, BrainState, Diagnosis, Forecast, ShadowDiagnosis
 from firmware_py.records.command import (
     BRAIN_VERBS,
+    REQUEST_ID,
     VERBS,
-    WISH_ID,
     CommandReply,
     CommandRequest,
     EventAck,
@@ -76,8 +76,8 @@ __all__ = [
     "CHANNELS",
     "COMMISSION_ACTIONS",
     "N_CHANNELS",
+    "REQUEST_ID",
     "VERBS",
-    "WISH_ID",
     "Advice",
     "Alarm",
     "ArmState",
@@ -111,6 +111,7 @@ __all__ = [
     "NodeMode",
     "NodeState",
     "Normal",
+    "PeerRecord",
     "PlannedRamp",
     "Quality",
     "RawFrame",
@@ -120,7 +121,6 @@ __all__ = [
     "Rejected",
     "RigReading",
     "RigStatus",
-    "RoomRecord",
     "SampleFrame",
     "Severity",
     "ShadowDiagnosis",
@@ -134,7 +134,7 @@ __all__ = [
     "encode",
 ]
 
-RoomRecord = (
+PeerRecord = (
     Block
     | RigReading
     | Event
@@ -158,15 +158,15 @@ RoomRecord = (
 )
 
 _encoder = msgspec.msgpack.Encoder()
-_decoder = msgspec.msgpack.Decoder(RoomRecord)
+_decoder = msgspec.msgpack.Decoder(PeerRecord)
 
 
-def encode(record: RoomRecord) -> bytes:
+def encode(record: PeerRecord) -> bytes:
     """Byte string (msgpack) of one record."""
     return _encoder.encode(record)
 
 
-def decode(data: bytes) -> RoomRecord:
+def decode(data: bytes) -> PeerRecord:
     """The record in ``data``.
 
     Raises
@@ -174,5 +174,5 @@ def decode(data: bytes) -> RoomRecord:
     msgspec.ValidationError, msgspec.DecodeError
         When ``data`` is not one whole record of a known type.
     """
-    record: RoomRecord = _decoder.decode(data)
+    record: PeerRecord = _decoder.decode(data)
     return record

@@ -1,4 +1,4 @@
-"""Commands of people and programs, and how rooms greet each other."""
+"""Commands of people and programs, and how processes greet each other."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ class PlannedRamp(Record, frozen=True):
 
 
 class CommandRequest(Record, frozen=True, tag=True):
-    """A person's or program's wish: ``verb`` is one of :data:`VERBS` or of :data:`BRAIN_VERBS`."""
+    """A person's or program's request: ``verb`` is one of :data:`VERBS` or of
+    :data:`BRAIN_VERBS`."""
 
     seq: int
     verb: str
@@ -28,11 +29,11 @@ class CommandRequest(Record, frozen=True, tag=True):
     ramp: PlannedRamp | None = None
     action: str = ""
     id: str = ""
-    """The asker's own name for this wish; a repeated one is not executed twice."""
+    """The asker's own name for this request; a repeated one is not executed twice."""
 
 
-WISH_ID: Final = r"^[!-~]{1,64}\Z"
-"""What the id of a wish may be."""
+REQUEST_ID: Final = r"^[!-~]{1,64}\Z"
+"""What the id of a request may be."""
 
 VERBS: Final = ("mode", "arm", "disarm", "reset", "set_clearance", "set_pressure", "announce")
 """What the guard answers."""
@@ -58,7 +59,7 @@ class EventAck(Record, frozen=True, tag=True):
 
 
 class Hello(Record, frozen=True, tag=True):
-    """First record of a peer on a room's socket: which room it is (``brain``, ``gate``)."""
+    """First record of a peer on a process's socket: which process it is (``brain``, ``gate``)."""
 
     role: str
     pid: int

@@ -132,7 +132,7 @@ class NodeFigures(Record, frozen=True, tag=True):
 class Command(Record, frozen=True, tag=True):
     """Target for the actuator node.
 
-    Refused when ``echo_tick_us`` is older than the time to live in the node's clock; obeyed, it
+    Refused when ``echo_tick_us`` is older than the time to live in the node's clock; executed, it
     expires one time to live later.
     """
 
@@ -201,7 +201,8 @@ class ArmState(enum.IntEnum):
 
 
 class DeviceHeartbeat(Record, frozen=True, tag=True):
-    """What the rig's drive obeys (every 50 ms): it coasts down on a trip request or on silence."""
+    """What the rig's drive follows (every 50 ms): it coasts down on a trip request or on
+    silence."""
 
     counter: int
     session: int

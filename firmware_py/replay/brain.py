@@ -25,8 +25,8 @@ from firmware_py.records import (
     Block,
     BrainSnapshot,
     Diagnosis,
+    PeerRecord,
     Record,
-    RoomRecord,
 )
 from firmware_py.replay.compare import CLOSE, close, fields, plain, where
 from firmware_py.replay.decisions import Replayed
@@ -98,7 +98,7 @@ class BrainReplay:
         self._core: BrainCore | None = None
         self._next_seq = 0
         self._blocks: deque[Block] = deque()
-        self._sent: deque[RoomRecord] = deque()
+        self._sent: deque[PeerRecord] = deque()
 
     def step(self, cycle: Replayed) -> None:
         """Take what the guard gave the brain in one cycle, and do every step that this allows."""
@@ -140,12 +140,12 @@ class BrainReplay:
             self._due.popleft()
             self._do(step, records)
 
-    def _inputs(self, recorded: RecordedStep) -> list[RoomRecord] | None:
+    def _inputs(self, recorded: RecordedStep) -> list[PeerRecord] | None:
         """All that the step took, in its order; None while a part of it is not there.
 
         What the guard sent before the last of them and is none of them was lost.
         """
-        wanted, found, passed = recorded.wanted, list[RoomRecord](), 0
+        wanted, found, passed = recorded.wanted, list[PeerRecord](), 0
         for record in self._sent:
             if len(found) == wanted:
                 break
@@ -161,7 +161,7 @@ class BrainReplay:
             self._sent.popleft()
         return [*(record for record in gate if record is not None), *found]
 
-    def _do(self, recorded: RecordedStep, records: list[RoomRecord] | None) -> None:
+    def _do(self, recorded: RecordedStep, records: list[PeerRecord] | None) -> None:
         step, report = recorded.step, self.report
         if self._core is not None and step.seq != self._next_seq:
             self._core = None
@@ -208,7 +208,7 @@ class BrainReplay:
             text = where(msgspec.msgpack.decode(told), msgspec.msgpack.decode(found))
             self._note(f"state of the brain before step {snapshot[0].seq}: {text}")
 
-    def _compare(self, recorded: RecordedStep, said: list[RoomRecord]) -> None:
+    def _compare(self, recorded: RecordedStep, said: list[PeerRecord]) -> None:
         """Hold every recorded output against the replayed one of the same topic and number."""
         ours = {_key(record): record for record in said if isinstance(record, OUTPUTS)}
         kinds = {TOPICS[kind].name for kind in (OUTPUTS if self.report.exact else CLOSE)}
@@ -237,7 +237,7 @@ class BrainReplay:
         self.report.first_difference = self.report.first_difference or text
 
 
-def _to_brain(record: RoomRecord) -> bool:
+def _to_brain(record: PeerRecord) -> bool:
     return Stage.BRAIN in receivers(Stage.GUARD, record)
 
 

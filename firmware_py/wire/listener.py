@@ -11,7 +11,7 @@ from collections import Counter
 from pathlib import Path
 from typing import Final
 
-from firmware_py.wire.room_socket import MAX_WAITING, RoomBusyError, RoomError
+from firmware_py.wire.peer_socket import MAX_WAITING, PeerBusyError, PeerError
 
 INSTANCE_MODE: Final = 0o750
 """The group may come in and connect, not put sockets there."""
@@ -30,9 +30,9 @@ class Listener:
 
     Raises
     ------
-    RoomBusyError
+    PeerBusyError
         Another process serves ``path``.
-    RoomError
+    PeerError
         The path is too long or cannot be bound.
 
     Notes
@@ -47,7 +47,7 @@ class Listener:
         self._look_ns = self._touch_ns = 0
         try:
             self._socket = listen(path)
-        except RoomError:
+        except PeerError:
             os.close(self._lock)
             raise
         self._inode = _inode(path)
@@ -86,7 +86,7 @@ class Listener:
             path.parent.mkdir(mode=INSTANCE_MODE, exist_ok=True)
             lock = self._lock if held(lock_of(path), self._lock) else own(path)
             listening = listen(path)
-        except (OSError, RoomError):
+        except (OSError, PeerError):
             self._counters["listen_failed"] += 1
             return False
         if lock != self._lock:
@@ -126,14 +126,14 @@ def own(path: Path) -> int:
     try:
         lock = os.open(lock_path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, SOCKET_MODE)
     except OSError as error:
-        raise RoomError(
+        raise PeerError(
             f"{lock_path}: {error.strerror}; give a runtime directory that this user may write"
         ) from error
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError as error:
         os.close(lock)
-        raise RoomBusyError(
+        raise PeerBusyError(
             f"{path}: served by another process; stop it or choose another instance"
         ) from error
     return lock
@@ -143,7 +143,7 @@ def listen(path: Path) -> socket.socket:
     """Listening socket at ``path``; the caller owns the lock, so a path found there is left
     over."""
     if len(os.fsencode(path)) > SOCKET_PATH_BYTES:
-        raise RoomError(
+        raise PeerError(
             f"{path}: longer than the {SOCKET_PATH_BYTES} bytes of a Unix socket path; "
             "choose a shorter runtime directory or instance name"
         )
@@ -154,7 +154,7 @@ def listen(path: Path) -> socket.socket:
         path.chmod(SOCKET_MODE)
     except OSError as error:
         listener.close()
-        raise RoomError(f"{path}: {error.strerror}; check the runtime directory") from error
+        raise PeerError(f"{path}: {error.strerror}; check the runtime directory") from error
     listener.listen(MAX_WAITING)
     listener.setblocking(False)
     return listener

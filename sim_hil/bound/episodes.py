@@ -103,8 +103,10 @@ class _Runner:
         rows = []
         for step in range(self._steps):
             now_s = step * CONTROL_S
-            wish = np.array([[plan.clearance(now_s), plan.pressure(now_s)] for plan in plans])
-            infos = environment.step(actions_of(environment.rig, wish[:, : 1 + self._pressure]))[4]
+            setpoints = np.array([[plan.clearance(now_s), plan.pressure(now_s)] for plan in plans])
+            infos = environment.step(
+                actions_of(environment.rig, setpoints[:, : 1 + self._pressure])
+            )[4]
             share = infos["peak_to_peak_m"] / infos["clearance_m"]
             rows.append(
                 [infos["power_W"], infos["min_film_m"], share, CONTROL_S * infos["violated"]]

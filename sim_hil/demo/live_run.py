@@ -26,8 +26,8 @@ from firmware_py.records import (
     Event,
     Forecast,
     GuardState,
+    PeerRecord,
     RigReading,
-    RoomRecord,
 )
 from firmware_py.supervise import Program, Supervisor
 from firmware_py.wire import pty_cable
@@ -47,7 +47,7 @@ START_WITHIN_S: Final = 90.0
 POLL_S: Final = 0.02
 TRUTH_EVERY_S: Final = 0.5
 
-SUBSCRIPTIONS: Final[dict[str, type[RoomRecord]]] = {
+SUBSCRIPTIONS: Final[dict[str, type[PeerRecord]]] = {
     "sd/state": GuardState,
     "da/reading": RigReading,
     "ha/diagnosis": Diagnosis,
@@ -259,11 +259,11 @@ class _Performer:
             self._observer.truth.append(StoryTruth.of(record, self._observer.story_s(record.t_ns)))
 
 
-def _listen(subscriptions: dict[type[RoomRecord], Any], observer: StoryObserver) -> None:
+def _listen(subscriptions: dict[type[PeerRecord], Any], observer: StoryObserver) -> None:
     """Take in everything that the gate has published."""
     for kind, subscriber in subscriptions.items():
         while (sample := subscriber.try_recv()) is not None:
-            record: RoomRecord = msgspec.json.decode(sample.payload.to_bytes(), type=kind)
+            record: PeerRecord = msgspec.json.decode(sample.payload.to_bytes(), type=kind)
             observer.on_record(record, time.monotonic_ns())
 
 

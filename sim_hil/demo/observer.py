@@ -12,8 +12,8 @@ from firmware_py.records import (
     Event,
     Forecast,
     GuardState,
+    PeerRecord,
     RigReading,
-    RoomRecord,
 )
 from sim_hil.demo.story import Beat
 from sim_hil.plant.truth import RigTruth
@@ -69,7 +69,7 @@ class StoryObserver:
         """Seconds since the story began."""
         return (now_ns - self.started_ns) * 1e-9
 
-    def on_record(self, record: RoomRecord, now_ns: int) -> None:
+    def on_record(self, record: PeerRecord, now_ns: int) -> None:
         """Take in one record that crossed a room's border."""
         if isinstance(record, CycleRecord):
             return

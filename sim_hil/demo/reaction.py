@@ -40,7 +40,7 @@ from firmware_py.records import (
 )
 from firmware_py.wire.layout_fields import SampleFlag
 from firmware_py.wire.link import codec_for, open_link
-from firmware_py.wire.rooms import RoomClient
+from firmware_py.wire.peers import PeerClient
 from sim_hil.hil.node import Node
 from sim_hil.hil.rig import node_limits
 from sim_hil.rigs import load_rig
@@ -88,7 +88,7 @@ class Generator:
     def __post_init__(self) -> None:
         self._codec = codec_for(self.config)
         self._link = open_link(self.config, "rig")
-        self._gate = RoomClient(self.runtime / "guard.sock", "gate")
+        self._gate = PeerClient(self.runtime / "guard.sock", "gate")
         self._node = Node(node_limits(load_rig("bench"), self.config))
         self._period_us = self.config.sampling.period_us
         self._due_ns = time.monotonic_ns()

@@ -213,26 +213,28 @@ def targets(rig: RigData, action: Observation) -> Floats:
     if not np.isfinite(action).all():
         raise ActionError(f"action = {action.tolist()}: not finite; give numbers in [-1, 1]")
     share = 0.5 * (np.clip(action, -1.0, 1.0).astype(np.float64) + 1.0)
-    wish = np.empty((*share.shape[:-1], 2))
-    wish[..., 0] = rig.bearing.clearance_min_m + share[..., 0] * (
+    setpoints = np.empty((*share.shape[:-1], 2))
+    setpoints[..., 0] = rig.bearing.clearance_min_m + share[..., 0] * (
         rig.bearing.clearance_max_m - rig.bearing.clearance_min_m
     )
-    wish[..., 1] = rig.supply.nominal_Pa
+    setpoints[..., 1] = rig.supply.nominal_Pa
     if share.shape[-1] == 2:
-        wish[..., 1] = rig.supply.min_Pa + share[..., 1] * (rig.supply.max_Pa - rig.supply.min_Pa)
-    return wish
+        setpoints[..., 1] = rig.supply.min_Pa + share[..., 1] * (
+            rig.supply.max_Pa - rig.supply.min_Pa
+        )
+    return setpoints
 
 
-def actions_of(rig: RigData, wish: Floats) -> Observation:
+def actions_of(rig: RigData, setpoints: Floats) -> Observation:
     """Actions in [-1, 1] that ask for clearances, m, and supply pressures, Pa: :func:`targets`
     undone.
 
     Shape (..., 1 or 2) in and out.
     """
     b, supply = rig.bearing, rig.supply
-    low = np.array([b.clearance_min_m, supply.min_Pa])[: wish.shape[-1]]
-    high = np.array([b.clearance_max_m, supply.max_Pa])[: wish.shape[-1]]
-    actions: Observation = (2.0 * (wish - low) / (high - low) - 1.0).astype(np.float32)
+    low = np.array([b.clearance_min_m, supply.min_Pa])[: setpoints.shape[-1]]
+    high = np.array([b.clearance_max_m, supply.max_Pa])[: setpoints.shape[-1]]
+    actions: Observation = (2.0 * (setpoints - low) / (high - low) - 1.0).astype(np.float32)
     return actions
 
 

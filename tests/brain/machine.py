@@ -19,10 +19,10 @@ from firmware_py.records import (
     Block,
     NodeMode,
     NodeState,
+    PeerRecord,
     Quality,
     RigReading,
     RigStatus,
-    RoomRecord,
 )
 
 from .onnx_models import actor, classifier, short_film
@@ -95,10 +95,10 @@ class Machine:
     def now_ns(self) -> int:
         return self.offset_ns + self.tick_us * 1000
 
-    def run(self, seconds: float) -> list[RoomRecord]:
+    def run(self, seconds: float) -> list[PeerRecord]:
         """Blocks of 30 samples and a reading every 48 ms."""
         steady = film().steady(self.points())
-        out: list[RoomRecord] = []
+        out: list[PeerRecord] = []
         for number in range(round(seconds * RATE / 30)):
             out.append(self._block(steady))
             if number % 8 == 0:

@@ -20,8 +20,8 @@ from firmware_py.records import (
     Forecast,
     GuardState,
     Mode,
+    PeerRecord,
     RigReading,
-    RoomRecord,
     WindowRecord,
     decode,
     encode,
@@ -58,10 +58,10 @@ def guard_state(target_um: float = 60.0, **changed: object) -> GuardState:
     return msgspec.structs.replace(state, **changed)
 
 
-def feed(core: BrainCore, records: list[RoomRecord], now_ns: int = 0) -> list[RoomRecord]:
+def feed(core: BrainCore, records: list[PeerRecord], now_ns: int = 0) -> list[PeerRecord]:
     """Hand over the records as the loop would, four blocks at a time, at their own time."""
-    out: list[RoomRecord] = []
-    batch: list[RoomRecord] = []
+    out: list[PeerRecord] = []
+    batch: list[PeerRecord] = []
     for record in records:
         batch.append(record)
         if isinstance(record, Block):
@@ -72,24 +72,24 @@ def feed(core: BrainCore, records: list[RoomRecord], now_ns: int = 0) -> list[Ro
     return out + core.step(batch, now_ns)
 
 
-def of(kind: type, records: list[RoomRecord]) -> list:
+def of(kind: type, records: list[PeerRecord]) -> list:
     return [record for record in records if isinstance(record, kind)]
 
 
 @pytest.fixture(scope="module")
-def healthy() -> list[RoomRecord]:
+def healthy() -> list[PeerRecord]:
     core = BrainCore(CONFIG, models(), "cpu")
     return feed(core, [guard_state(), *Machine().run(5.0)])
 
 
-def test_advice_comes_at_a_fixed_rate(healthy: list[RoomRecord]) -> None:
+def test_advice_comes_at_a_fixed_rate(healthy: list[PeerRecord]) -> None:
     advices = of(Advice, healthy)
     steps = [b.t_ns - a.t_ns for a, b in pairwise(advices)]
     assert len(advices) == pytest.approx(50, abs=2)
     assert all(abs(step - ADVICE_PERIOD_NS) <= STEP_NS for step in steps)
 
 
-def test_healthy_machine_is_normal_and_gets_the_actors_clearance(healthy: list[RoomRecord]) -> None:
+def test_healthy_machine_is_normal_and_gets_the_actors_clearance(healthy: list[PeerRecord]) -> None:
     last = of(Diagnosis, healthy)[-1]
     assert (last.verdict, last.doubt, last.unknown) == ("normal", False, False)
     assert last.probability > 0.9
@@ -100,7 +100,7 @@ def test_healthy_machine_is_normal_and_gets_the_actors_clearance(healthy: list[R
     assert not advice.qualified  # the test models are provisional
 
 
-def test_before_enough_windows_it_doubts(healthy: list[RoomRecord]) -> None:
+def test_before_enough_windows_it_doubts(healthy: list[PeerRecord]) -> None:
     verdicts = [d.verdict for d in of(Diagnosis, healthy)]
     assert verdicts[:9] == ["doubt"] * 9
     assert set(verdicts[9:]) == {"normal"}
@@ -111,7 +111,7 @@ def test_before_enough_windows_it_doubts(healthy: list[RoomRecord]) -> None:
     ]
 
 
-def test_every_window_is_recorded_for_replay(healthy: list[RoomRecord]) -> None:
+def test_every_window_is_recorded_for_replay(healthy: list[PeerRecord]) -> None:
     diagnoses, windows = of(Diagnosis, healthy), of(WindowRecord, healthy)
     assert [d.seq for d in diagnoses] == [w.diagnosis_seq for w in windows]
     assert [d.t_acq_ns for d in diagnoses] == [w.last_t_acq_ns for w in windows]
@@ -202,7 +202,7 @@ def test_a_poor_proposal_is_overruled_by_the_predictor() -> None:
     assert core.counters["proposals_overruled"] > 0
 
 
-def last_reasons(core: BrainCore, records: list[RoomRecord]) -> list[str]:
+def last_reasons(core: BrainCore, records: list[PeerRecord]) -> list[str]:
     advice = of(Advice, feed(core, records))[-1]
     assert advice.clearance_um is None
     return advice.reasons

@@ -17,8 +17,8 @@ from firmware_py import notify
 from firmware_py.brain.core import BrainCore
 from firmware_py.brain.loop import cpu_features, run
 from firmware_py.clock import SimClock
-from firmware_py.records import Advice, Diagnosis, RoomRecord, WindowRecord
-from firmware_py.wire.rooms import RoomServer
+from firmware_py.records import Advice, Diagnosis, PeerRecord, WindowRecord
+from firmware_py.wire.peers import PeerServer
 
 from .machine import CONFIG, Machine, models
 
@@ -36,9 +36,9 @@ class Stage(SimClock):
 
 
 @pytest.fixture
-def rooms(tmp_path: Path) -> Iterator[tuple[RoomServer, RoomServer]]:
+def rooms(tmp_path: Path) -> Iterator[tuple[PeerServer, PeerServer]]:
     guard, gate = (
-        RoomServer(tmp_path / f"{name}.sock", {"brain": None}) for name in ("guard", "gate")
+        PeerServer(tmp_path / f"{name}.sock", {"brain": None}) for name in ("guard", "gate")
     )
     yield guard, gate
     guard.close()
@@ -46,11 +46,11 @@ def rooms(tmp_path: Path) -> Iterator[tuple[RoomServer, RoomServer]]:
 
 
 def test_records_cross_and_advice_beats(
-    tmp_path: Path, rooms: tuple[RoomServer, RoomServer]
+    tmp_path: Path, rooms: tuple[PeerServer, PeerServer]
 ) -> None:
     guard, gate = rooms
     machine = Machine()
-    heard: dict[str, list[RoomRecord]] = {"guard": [], "gate": []}
+    heard: dict[str, list[PeerRecord]] = {"guard": [], "gate": []}
     waiting = machine.run(4.0)
     start_ns = machine.offset_ns + 5_000_000_000
 
@@ -78,7 +78,7 @@ def test_records_cross_and_advice_beats(
 
 
 def test_it_comes_back_to_a_guard_that_restarts(tmp_path: Path) -> None:
-    servers = {"guard": RoomServer(tmp_path / "guard.sock", {"brain": None})}
+    servers = {"guard": PeerServer(tmp_path / "guard.sock", {"brain": None})}
     connected: list[bool] = []
 
     def act(now_ns: int) -> None:
@@ -86,7 +86,7 @@ def test_it_comes_back_to_a_guard_that_restarts(tmp_path: Path) -> None:
         if cycle == 20:
             servers.pop("guard").close()
         if cycle == 30:
-            servers["guard"] = RoomServer(tmp_path / "guard.sock", {"brain": None})
+            servers["guard"] = PeerServer(tmp_path / "guard.sock", {"brain": None})
         if "guard" in servers:
             servers["guard"].poll(now_ns)
         connected.append("guard" in servers and servers["guard"].connected("brain"))
@@ -105,7 +105,7 @@ def test_it_comes_back_to_a_guard_that_restarts(tmp_path: Path) -> None:
 
 
 def test_the_process_starts_without_anybody_and_stops_on_sigterm(tmp_path: Path) -> None:
-    with RoomServerContext(tmp_path) as guard:
+    with PeerServerContext(tmp_path) as guard:
         process = subprocess.Popen(
             [
                 sys.executable,
@@ -125,13 +125,13 @@ def test_the_process_starts_without_anybody_and_stops_on_sigterm(tmp_path: Path)
             assert process.wait(30) == 0
 
 
-class RoomServerContext:
+class PeerServerContext:
     """A guard's socket that waits for a brain's first advice."""
 
     def __init__(self, folder: Path) -> None:
-        self._server = RoomServer(folder / "guard.sock", {"brain": None})
+        self._server = PeerServer(folder / "guard.sock", {"brain": None})
 
-    def __enter__(self) -> RoomServerContext:
+    def __enter__(self) -> PeerServerContext:
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -27,7 +27,7 @@ from firmware_py.records import (
     CommandRequest,
     Diagnosis,
     Mode,
-    RoomRecord,
+    PeerRecord,
     decode,
     encode,
 )
@@ -45,7 +45,7 @@ class Step:
 
     snapshot: list[bytes]
     blocks: list[bytes]
-    records: list[RoomRecord]
+    records: list[PeerRecord]
     now_ns: int
     out: list[bytes]
 
@@ -59,11 +59,11 @@ def brain() -> BrainCore:
     return BrainCore(CONFIG, brain_models(), "cpu")
 
 
-def script() -> list[RoomRecord]:
+def script() -> list[PeerRecord]:
     """Commissioning that is begun, another speed, a gap, a bad channel, a growing unbalance, oil
     that warms."""
     machine = Machine()
-    out: list[RoomRecord] = [
+    out: list[PeerRecord] = [
         CommandRequest(1, "commission", action="start"),
         guard_state(mode=Mode.MONITOR),
         *machine.run(4.0),
@@ -86,7 +86,7 @@ def script() -> list[RoomRecord]:
 
 @cache
 def flown() -> list[Step]:
-    core, steps, batch = brain(), list[Step](), list[RoomRecord]()
+    core, steps, batch = brain(), list[Step](), list[PeerRecord]()
     for record in script():
         batch.append(record)
         if not isinstance(record, Block) or len(batch) < 4:
@@ -117,7 +117,7 @@ def test_a_brain_restored_at_any_step_goes_on_bit_for_bit(number: int) -> None:
         )
 
 
-def without_snapshots(said: list[RoomRecord]) -> list[bytes]:
+def without_snapshots(said: list[PeerRecord]) -> list[bytes]:
     return [encode(record) for record in said if not isinstance(record, BrainSnapshot)]
 
 

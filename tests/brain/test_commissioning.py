@@ -26,7 +26,7 @@ from firmware_py.records import (
     GuardState,
     Mode,
     Normal,
-    RoomRecord,
+    PeerRecord,
     WindowRecord,
 )
 from tests.first_schema import BENCH as FIRST_SCHEMA
@@ -40,7 +40,7 @@ MACHINE = CONFIG.machine
 SPEEDS_RPM = (5000.0, 5800.0, 6800.0, 7900.0, 9200.0)
 
 
-def ask(core: BrainCore, action: str, seq: int = 1) -> list[RoomRecord]:
+def ask(core: BrainCore, action: str, seq: int = 1) -> list[PeerRecord]:
     """What the brain answers; not what it records of itself."""
     said = core.step([CommandRequest(seq=seq, verb="commission", action=action)], 0)
     return [record for record in said if not isinstance(record, BrainSnapshot | BrainStep)]
@@ -48,7 +48,7 @@ def ask(core: BrainCore, action: str, seq: int = 1) -> list[RoomRecord]:
 
 def run_over_the_range(
     core: BrainCore, guard: GuardState, speeds: tuple[float, ...] = SPEEDS_RPM
-) -> list[RoomRecord]:
+) -> list[PeerRecord]:
     machine, out = Machine(), []
     for speed in speeds:
         machine.speed_rpm = speed

@@ -25,7 +25,7 @@ from firmware_py.brain.core import BrainCore
 from firmware_py.brain.store import Models, load_models
 from firmware_py.commands import building
 from firmware_py.config import Config, ConfigError
-from firmware_py.records import RoomRecord
+from firmware_py.records import PeerRecord
 
 from ..guard.scripted_node import Bench
 from .config_cases import Files, case, varied, written
@@ -117,7 +117,7 @@ def run_device(config: Config) -> None:
         brain = BrainCore(config, _models(config))
         for step in range(round(RUN_S * 1000)):
             decision = bench.cycle()
-            records: list[RoomRecord] = [*decision.blocks, *decision.readings]
+            records: list[PeerRecord] = [*decision.blocks, *decision.readings]
             if decision.state is not None:
                 records.append(decision.state)
             if step % 20 == 0 or records:

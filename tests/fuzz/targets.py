@@ -209,7 +209,7 @@ def room_packets() -> tuple[Feeder, Sequence[bytes]]:
             version=__version__,
             now_ns=clock.now_ns,
             unix_ns=0,
-            rooms=view.rooms(clock.now_ns),
+            rooms=view.processes(clock.now_ns),
             guard=view.guard,
             reading=view.reading,
             diagnosis=view.diagnosis,

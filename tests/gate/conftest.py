@@ -13,12 +13,12 @@ from firmware_py import config
 from firmware_py.config import Config
 from firmware_py.gate import keys, session
 from firmware_py.gate.client import Client
-from firmware_py.gate.core import Doors, Gate
+from firmware_py.gate.core import Gate, GateParts
 from firmware_py.gate.normal_file import NormalFile
 from firmware_py.gate.recorder import Recorder
 from firmware_py.gate.telemetry import Telemetry
 from firmware_py.records import ArmState, Block, GuardState, Mode
-from firmware_py.wire.rooms import RoomClient, RoomServer
+from firmware_py.wire.peers import PeerClient, PeerServer
 
 UNIX_NS = 1_800_000_000_000_000_000
 MODELS = {"classifier.onnx": "0" * 64}
@@ -42,7 +42,7 @@ class Stage:
         self.config = config
         self.folder = folder
         self.now_ns = 10_000_000_000
-        self.guard = RoomServer(folder / "guard.sock", {"brain": None, "gate": None})
+        self.guard = PeerServer(folder / "guard.sock", {"brain": None, "gate": None})
         self.recorder = (
             Recorder(
                 folder / "recordings",
@@ -55,11 +55,11 @@ class Stage:
             else None
         )
         self.telemetry = Telemetry(session.open_device(config.zenoh, folder, prefix), prefix)
-        self.gate_end = RoomServer(folder / "gate.sock", {"brain": None})
+        self.gate_end = PeerServer(folder / "gate.sock", {"brain": None})
         self.gate = Gate(
             config,
-            Doors(
-                RoomClient(folder / "guard.sock", "gate"),
+            GateParts(
+                PeerClient(folder / "guard.sock", "gate"),
                 self.gate_end,
                 self.telemetry,
                 self.recorder,
@@ -68,7 +68,7 @@ class Stage:
             MODELS,
             lambda: UNIX_NS,
         )
-        self.brain = RoomClient(folder / "gate.sock", "brain")
+        self.brain = PeerClient(folder / "gate.sock", "brain")
         self.heard: list[object] = []
         self.until(lambda: self.guard.connected("gate") and self.gate_end.connected("brain"))
 

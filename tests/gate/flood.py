@@ -31,7 +31,7 @@ import zenoh
 from firmware_py.gate import session
 from firmware_py.gate.client import Client, NoAnswerError
 from firmware_py.guard.loop import real_time
-from firmware_py.guard.process.budget import ROOM_LIMITS
+from firmware_py.guard.process.budget import PEER_LIMITS
 from firmware_py.records import (
     ArmState,
     Block,
@@ -43,10 +43,10 @@ from firmware_py.records import (
     Mode,
     encode,
 )
-from firmware_py.wire import disarm_room
+from firmware_py.wire import disarm_socket
 from firmware_py.wire import mav_dialect as mav
-from firmware_py.wire.disarm_room import DisarmRoom
-from firmware_py.wire.rooms import RoomServer
+from firmware_py.wire.disarm_socket import DisarmSocket
+from firmware_py.wire.peers import PeerServer
 from tests.first_schema import BENCH
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -142,8 +142,8 @@ def crowd(path: Path, packet: bytes) -> NoReturn:
 def guard(runtime: Path) -> NoReturn:
     """The guard's end: blocks and states at their rates, an answer to each command at once, as
     first in line for the processor as the guard is."""
-    server = RoomServer(runtime / "guard.sock", {"gate": None}, ROOM_LIMITS)
-    room = DisarmRoom(runtime / disarm_room.SOCKET)
+    server = PeerServer(runtime / "guard.sock", {"gate": None}, PEER_LIMITS)
+    room = DisarmSocket(runtime / disarm_socket.SOCKET)
     events = [
         Event(seq, seq, 0, f"e{seq}", "an event of some length, as they are told to people" * 3)
         for seq in range(1000)
@@ -183,7 +183,7 @@ def device(folder: Path) -> Iterator[tuple[int, int]]:
             ports.append(probe.getsockname()[1])
     text = BENCH + f"\n[metrics]\nport = {ports[0]}\n"
     (folder / "bench.toml").write_text(text)
-    (folder / disarm_room.SOCKET).unlink(missing_ok=True)
+    (folder / disarm_socket.SOCKET).unlink(missing_ok=True)
     guarding = subprocess.Popen(
         [sys.executable, "-m", "tests.gate.flood", "--guard", str(folder)], cwd=ROOT
     )
@@ -206,7 +206,7 @@ def device(folder: Path) -> Iterator[tuple[int, int]]:
     )
     try:
         end_s = time.monotonic() + 60
-        sockets = [folder / session.SOCKET, folder / disarm_room.SOCKET]
+        sockets = [folder / session.SOCKET, folder / disarm_socket.SOCKET]
         while not all(path.exists() for path in sockets) and time.monotonic() < end_s:
             time.sleep(0.05)
         time.sleep(0.5)
@@ -259,7 +259,7 @@ def measure(name: str, folder: Path, ports: tuple[int, int], commands: int) -> T
             time.sleep(1.5 if flooding else 0.2)
             for _ in range(commands):
                 start_s = time.monotonic()
-                reply = disarm_room.ask(folder, uuid.uuid4().hex, 5.0)
+                reply = disarm_socket.ask(folder, uuid.uuid4().hex, 5.0)
                 assert reply is not None
                 assert reply.accepted
                 local.append(time.monotonic() - start_s)

@@ -14,8 +14,8 @@ import pytest
 from firmware_py.gate import commands, session
 from firmware_py.gate.client import Client, NoAnswerError
 from firmware_py.gate.commands import ANSWER_WITHIN_NS, BURST, IDS_KEPT, MAX_PENDING, CommandDesk
+from firmware_py.gate.requests import MalformedCommandError, parse, read
 from firmware_py.gate.session import SessionError
-from firmware_py.gate.wishes import MalformedCommandError, parse, read
 from firmware_py.records import CommandReply, CommandRequest, Mode, PlannedRamp
 
 
@@ -158,10 +158,10 @@ class Desk:
         self.sent: list[CommandRequest] = []
         self.desk = CommandDesk(lambda request: self.sent.append(request) or True)
 
-    def hear(self, verb, wish_id, now_ns=0, value=""):
+    def hear(self, verb, request_id, now_ns=0, value=""):
         answers = Answers()
         self.desk.hear(
-            verb, b'{"id": "%s"%s}' % (wish_id.encode(), value.encode()), "test", answers, now_ns
+            verb, b'{"id": "%s"%s}' % (request_id.encode(), value.encode()), "test", answers, now_ns
         )
         return answers
 
@@ -392,7 +392,7 @@ def disarmed(stage, client):
 def test_a_removed_socket_is_bound_again_and_old_and_new_clients_are_served(
     stage, client, prefix, removed
 ):
-    stage.telemetry._door = session.Door(stage.folder, prefix)
+    stage.telemetry._watch = session.SocketWatch(stage.folder, prefix)
     stage.step()
     for name in removed:
         (stage.folder / name).unlink(missing_ok=True)

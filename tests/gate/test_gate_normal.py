@@ -10,7 +10,7 @@ import pytest
 
 from firmware_py.commands import commission
 from firmware_py.gate.normal_file import NormalFile
-from firmware_py.gate.wishes import MalformedCommandError, parse
+from firmware_py.gate.requests import MalformedCommandError, parse
 from firmware_py.records import (
     Baseline,
     Belonging,
@@ -19,7 +19,7 @@ from firmware_py.records import (
     CommissionState,
     Normal,
 )
-from firmware_py.wire.rooms import RoomClient
+from firmware_py.wire.peers import PeerClient
 
 NORMAL = Normal(
     belongs=Belonging("c" * 64, "f" * 12, "bench", "0" * 12),
@@ -71,7 +71,7 @@ def test_a_wish_goes_to_the_brain_and_what_it_learned_to_the_disk_and_back(stage
 
     stage.brain.close()
     stage.until(lambda: not stage.gate_end.connected("brain"), "the brain has left")
-    stage.brain = RoomClient(stage.folder / "gate.sock", "brain")
+    stage.brain = PeerClient(stage.folder / "gate.sock", "brain")
     told = []
     poll = stage.brain.poll
     stage.brain.poll = lambda now_ns: told.extend(poll(now_ns)) or []
@@ -96,7 +96,7 @@ def test_a_damaged_file_is_an_alarm_with_its_name_and_never_used(stage):
         assert found.normal is None
         assert "normal.json: cannot be used" in found.words()
         assert "commission again" in found.words()
-    stage.gate._doors.normal.trouble = found.trouble
+    stage.gate._parts.normal.trouble = found.trouble
     assert "normal_file" in [alarm.name for alarm in stage.gate.state(stage.now_ns).alarms]
 
 

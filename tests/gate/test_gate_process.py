@@ -18,7 +18,7 @@ import pytest
 from firmware_py import config
 from firmware_py.gate.client import Client
 from firmware_py.recording import Recording
-from firmware_py.wire.rooms import RoomServer
+from firmware_py.wire.peers import PeerServer
 from tests.first_schema import BENCH
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -82,7 +82,7 @@ def eventually(attempt):
 
 
 def test_the_gate_serves_then_stops_cleanly(gate, tmp_path, make_state):
-    guard = RoomServer(tmp_path / "guard.sock", {"gate": None})
+    guard = PeerServer(tmp_path / "guard.sock", {"gate": None})
     eventually(lambda: guard.poll(time.monotonic_ns()) or guard.connected("gate"))
     guard.send("gate", make_state())
 

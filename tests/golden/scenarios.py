@@ -18,7 +18,7 @@ from firmware_py.brain.core import BrainCore
 from firmware_py.brain.store import load_models
 from firmware_py.config import Config
 from firmware_py.guard.core import GuardCore
-from firmware_py.records import Advice, Mode, PlannedRamp, RawFrame, RoomRecord
+from firmware_py.records import Advice, Mode, PeerRecord, PlannedRamp, RawFrame
 from firmware_py.wire.link import codec_for
 from sim_hil.closed_loop import ClosedLoop, Listener, RigStage
 from sim_hil.demo.setting import Setting, prepare
@@ -82,7 +82,7 @@ class _Brain:
     def __init__(self, core: BrainCore, advice: Callable[[Advice], Advice]) -> None:
         self._core, self._advice = core, advice
 
-    def step(self, records: list[RoomRecord], now_ns: int) -> list[RoomRecord]:
+    def step(self, records: list[PeerRecord], now_ns: int) -> list[PeerRecord]:
         said = self._core.step(records, now_ns)
         return [self._advice(record) if isinstance(record, Advice) else record for record in said]
 

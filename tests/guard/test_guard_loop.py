@@ -27,16 +27,16 @@ from firmware_py.records import (
     Event,
     EventAck,
     GuardState,
+    PeerRecord,
     RawFrame,
-    RoomRecord,
     Snapshot,
     decode,
     encode,
 )
 from firmware_py.routing import Stage
 from firmware_py.wire.codec import CanCodec
-from firmware_py.wire.disarm_room import SOCKET, DisarmRoom
-from firmware_py.wire.rooms import RoomClient, RoomServer
+from firmware_py.wire.disarm_socket import SOCKET, DisarmSocket
+from firmware_py.wire.peers import PeerClient, PeerServer
 from tests.first_schema import BENCH
 
 from .scripted_node import MS, SESSION, ScriptedNode, bench
@@ -151,13 +151,13 @@ class House:
     def __init__(self, folder: Path) -> None:
         self.link = NodeLink()
         path = folder / "guard.sock"
-        self.server = RoomServer(path, {"brain": None, "gate": None})
-        self.disarm = DisarmRoom(folder / SOCKET)
+        self.server = PeerServer(path, {"brain": None, "gate": None})
+        self.disarm = DisarmSocket(folder / SOCKET)
         core = GuardCore(bench(), CanCodec(), SESSION)
         self.guard = Guard(core, self.link, self.server, self.disarm, Memory(folder))
-        self.brain, self.gate = RoomClient(path, "brain"), RoomClient(path, "gate")
+        self.brain, self.gate = PeerClient(path, "brain"), PeerClient(path, "gate")
         self.clock = SimClock(1_000 * MS)
-        self.heard: dict[str, list[RoomRecord]] = {"brain": [], "gate": []}
+        self.heard: dict[str, list[PeerRecord]] = {"brain": [], "gate": []}
         self.link.node.step(self.clock.now_ns())
 
     def run(self, cycles: int) -> None:
@@ -167,7 +167,7 @@ class House:
             for name, client in (("brain", self.brain), ("gate", self.gate)):
                 self.heard[name] += client.poll(self.clock.now_ns())
 
-    def of(self, name: str, kind: type) -> list[RoomRecord]:
+    def of(self, name: str, kind: type) -> list[PeerRecord]:
         return [r for r in self.heard[name] if isinstance(r, kind)]
 
 
@@ -317,7 +317,7 @@ def test_the_process_starts_serves_and_stops_cleanly(tmp_path: Path) -> None:
         str(tmp_path / "rt"),
     ]
     process = subprocess.Popen(command, env=env, cwd=Path(__file__).resolve().parents[2])
-    gate = RoomClient(tmp_path / "rt" / "guard.sock", "gate")
+    gate = PeerClient(tmp_path / "rt" / "guard.sock", "gate")
     try:
         found = _first_state(gate, process)
         assert found.counters["cycles"] > 0
@@ -330,7 +330,7 @@ def test_the_process_starts_serves_and_stops_cleanly(tmp_path: Path) -> None:
     assert json.loads((tmp_path / "rt" / "trips.json").read_text()) == []
 
 
-def _first_state(gate: RoomClient, process: "subprocess.Popen[bytes]") -> GuardState:
+def _first_state(gate: PeerClient, process: "subprocess.Popen[bytes]") -> GuardState:
     while process.poll() is None:
         for record in gate.poll(time.monotonic_ns()):
             if isinstance(record, GuardState):

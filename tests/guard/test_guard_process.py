@@ -16,7 +16,7 @@ from firmware_py.clock import Clock
 from firmware_py.guard import loop
 from firmware_py.notify import Notifier
 from firmware_py.records import CommandReply, CommandRequest, GuardState
-from firmware_py.wire.rooms import RoomClient
+from firmware_py.wire.peers import PeerClient
 from tests.first_schema import BENCH
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -59,7 +59,7 @@ class Process:
 
     def ask(self, verb: str | None) -> GuardState:
         """Put one request (None: none) and wait for a state that is no older."""
-        gate = RoomClient(self.runtime / "guard.sock", "gate")
+        gate = PeerClient(self.runtime / "guard.sock", "gate")
         try:
             answered, sent, end = verb is None, False, time.monotonic() + 60
             while time.monotonic() < end:

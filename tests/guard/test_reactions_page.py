@@ -30,7 +30,7 @@ from firmware_py.guard.protection.speed_high import NAME as SPEED_HIGH
 from firmware_py.guard.supervision.standing import Supervised
 from firmware_py.records import Advice, CommissionState, Cycle
 from firmware_py.wire.codec import CanCodec
-from firmware_py.wire.rooms import RoomServer
+from firmware_py.wire.peers import PeerServer
 
 PACKAGE = Path(firmware_py.__file__).parent
 PAGE = PACKAGE.parent / "docs/reactions.md"
@@ -105,7 +105,7 @@ def gate_alarms() -> set[str]:
         recorder=SimpleNamespace(trouble="x"), normal=SimpleNamespace(trouble="x")
     )
     view = View(config())
-    troubles = Gate._troubles.fget(SimpleNamespace(_doors=doors))  # type: ignore[attr-defined]
+    troubles = Gate._troubles.fget(SimpleNamespace(_parts=doors))  # type: ignore[attr-defined]
     found = view.alarms(0, troubles)
     view.step(Advice(0, 0, 0, 0, None, None, True, [], None), 0)
     view.step(CommissionState(0, 0, "refused", "x"), 0)
@@ -183,7 +183,7 @@ def counters() -> set[str]:
         }
     found |= {f"questions_refused_{name}" for name in QUESTIONS}
     found |= {f"replies_dropped_{name}" for name in ("disarm", "commands", "questions")}
-    refused = re.findall(r"``(refused_\w+)``", RoomServer.__doc__ or "")
+    refused = re.findall(r"``(refused_\w+)``", PeerServer.__doc__ or "")
     rooms = [
         f"{what}_{role}"
         for what in ("lost", "oversized", "malformed")

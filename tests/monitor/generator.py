@@ -23,9 +23,9 @@ from firmware_py.records import (
     Decision,
     Event,
     NodeInfo,
+    PeerRecord,
     RawFrame,
     ReadingsFrame,
-    RoomRecord,
     SampleFrame,
 )
 from firmware_py.wire.codec import CanCodec
@@ -162,7 +162,7 @@ class Run:
     def __init__(self, config: Config, brain: object = None, latched: Iterable[str] = ()) -> None:
         self.node = MeasuringNode(config)
         self.guard = GuardCore(config, CanCodec(WireLayout.of(config)), 0x1234, list(latched))
-        self.said: list[RoomRecord] = []
+        self.said: list[PeerRecord] = []
         self.device = Device(
             self.guard,
             (lambda: brain) if brain is not None else None,  # type: ignore[arg-type,return-value]

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from firmware_py.config import SHIPPED, load
-from firmware_py.wire.room_socket import RoomBusyError
+from firmware_py.wire.peer_socket import PeerBusyError
 from sim_hil.console import SOCKET_NAME, Console, ConsoleError, NoRig, ask, main
 from sim_hil.server import make_rig
 
@@ -104,7 +104,7 @@ def test_duties_and_operating_points(served: Served) -> None:
 
 
 def test_a_second_rig_of_the_same_instance_is_refused(served: Served) -> None:
-    with pytest.raises(RoomBusyError, match="served by another process"):
+    with pytest.raises(PeerBusyError, match="served by another process"):
         Console(served.folder / SOCKET_NAME, served.rig)
 
 

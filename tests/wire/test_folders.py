@@ -15,8 +15,8 @@ from firmware_py.records import EventAck
 from firmware_py.wire.folders import foreign_server, unsafe
 from firmware_py.wire.hub_bus import OrbitdHubBus
 from firmware_py.wire.listener import LOOK_EVERY_NS, lock_of
-from firmware_py.wire.room_socket import RoomError
-from firmware_py.wire.rooms import RoomClient, RoomServer, runtime_dir
+from firmware_py.wire.peer_socket import PeerError
+from firmware_py.wire.peers import PeerClient, PeerServer, runtime_dir
 
 STRANGER = 12345
 needs_root = pytest.mark.skipif(os.geteuid() != 0, reason="needs root")
@@ -65,7 +65,7 @@ def test_the_group_may_not_write_to_a_users_folder(tmp_path, monkeypatch):
     "name", ["../evil", "", "..", ".", "a/b", "x" * 33, "Umlaut\u00e4", "a b", "a\n", "\x00", "A"]
 )
 def test_an_instance_is_a_name_wherever_it_enters(tmp_path, name):
-    with pytest.raises(RoomError, match="a name of 1 to 32"):
+    with pytest.raises(PeerError, match="a name of 1 to 32"):
         runtime_dir(name, tmp_path)
     parser = launch.argparse.ArgumentParser()
     launch.add_options(parser)
@@ -75,8 +75,8 @@ def test_an_instance_is_a_name_wherever_it_enters(tmp_path, name):
 
 @needs_root
 def test_a_client_does_not_talk_to_another_users_server(tmp_path):
-    room = RoomServer(tmp_path / "guard.sock", {"gate": None})
-    client = RoomClient(room.path, "gate", server_uid=STRANGER)
+    room = PeerServer(tmp_path / "guard.sock", {"gate": None})
+    client = PeerClient(room.path, "gate", server_uid=STRANGER)
     assert client.poll(0) == []
     assert (client.connected, client.counters["refused_server"]) == (False, 1)
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as sock:
@@ -131,8 +131,8 @@ REMOVALS = {
 @pytest.mark.parametrize("removal", REMOVALS)
 def test_a_room_listens_again_and_keeps_its_peers(tmp_path, removal):
     (tmp_path / "run").mkdir(mode=0o700)
-    room = RoomServer(tmp_path / "run" / "guard.sock", {"brain": None, "gate": None})
-    old, new = RoomClient(room.path, "brain"), RoomClient(room.path, "gate")
+    room = PeerServer(tmp_path / "run" / "guard.sock", {"brain": None, "gate": None})
+    old, new = PeerClient(room.path, "brain"), PeerClient(room.path, "gate")
     old.poll(0)
     room.poll(0)
     room.poll(0)
@@ -147,8 +147,8 @@ def test_a_room_listens_again_and_keeps_its_peers(tmp_path, removal):
     assert room.connected("brain")
     assert room.send("brain", EventAck(seq=1))
     assert old.poll(0) == [EventAck(seq=1)]
-    with pytest.raises(RoomError, match="served by another process"):
-        RoomServer(room.path, {})
+    with pytest.raises(PeerError, match="served by another process"):
+        PeerServer(room.path, {})
     room.close()
     old.close()
     new.close()

@@ -201,7 +201,7 @@ class Arming:
         if situation.interval_m is None or s.arm_state in (ArmState.TRIPPED, ArmState.RECOVERY):
             return self._slew.retreat(situation.now_ns)
         if s.mode == Mode.MANUAL:
-            wish = s.setpoint
+            requested = s.setpoint
         elif (
             sound
             and advice is not None
@@ -211,12 +211,12 @@ class Arming:
             pressure = (
                 self.safe.pressure_bar if advice.pressure_bar is None else advice.pressure_bar
             )
-            wish = Target(advice.clearance_um, pressure)
+            requested = Target(advice.clearance_um, pressure)
         else:
             return self._slew.retreat(situation.now_ns)
         low_m, high_m = situation.interval_m
         return self._slew.follow(
-            wish, (low_m * 1e6, high_m * 1e6), self._pressures, situation.now_ns
+            requested, (low_m * 1e6, high_m * 1e6), self._pressures, situation.now_ns
         )
 
     @property

@@ -19,8 +19,8 @@ from firmware_py.records import Alarm
 
 DEAD_BAND_UM: Final = 0.5
 DEAD_BAND_BAR: Final = 0.02
-"""The target turns back only by more than this: the actuator's backlash, and noise of what the wish
-rests on."""
+"""The target turns back only by more than this: the actuator's backlash, and noise of what the
+request rests on."""
 
 EASE_NS: Final = 1_000_000_000
 """What the admissible range has pushed back goes the other way again after so long without a push:
@@ -114,7 +114,7 @@ class Slew:
         s.last_ns = now_ns
         return self._safe
 
-    def follow(self, wish: Target, clearances: Range, pressures: Range, now_ns: int) -> Target:
+    def follow(self, requested: Target, clearances: Range, pressures: Range, now_ns: int) -> Target:
         """One step towards ``wish``, inside the admissible ranges.
 
         While the alarm stands the target holds, but for what the ranges ask.
@@ -124,8 +124,8 @@ class Slew:
         s.last_ns = now_ns
         turned = 0
         for axis, wanted, (low, high), rate, band in (
-            (s.clearance, wish.clearance_um, clearances, self._rates[0], DEAD_BAND_UM),
-            (s.pressure, wish.pressure_bar, pressures, self._rates[1], DEAD_BAND_BAR),
+            (s.clearance, requested.clearance_um, clearances, self._rates[0], DEAD_BAND_UM),
+            (s.pressure, requested.pressure_bar, pressures, self._rates[1], DEAD_BAND_BAR),
         ):
             inside = _clamp(axis.value, low, high)
             if inside != axis.value:

@@ -13,9 +13,9 @@ from typing import Final
 import msgspec
 
 from firmware_py.records import Advice
-from firmware_py.wire.room_socket import Limit
+from firmware_py.wire.peer_socket import Limit
 
-ROOM_LIMITS: Final = {
+PEER_LIMITS: Final = {
     "brain": Limit(records=2, record_bytes=16 * 1024),
     "gate": Limit(records=8, record_bytes=4 * 1024),
 }

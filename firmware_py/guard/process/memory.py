@@ -19,7 +19,7 @@ from typing import Annotated, Final, TypeVar
 import msgspec
 from msgspec import Meta
 
-from firmware_py.guard.process.small_file import Keeper, SmallFileError, read_small
+from firmware_py.guard.process.small_file import FileWriter, SmallFileError, read_small
 from firmware_py.guard.protection.permit import RESTART_WINDOW_NS, UNREADABLE, Start
 
 TRIPS, STARTS, TIMERS = "trips.json", "starts.json", "timers.json"
@@ -120,7 +120,7 @@ class Memory:
     ) -> None:
         self._boot = boot_id() if boot is None else boot
         self._folder = directory
-        self._keeper = Keeper(prepare=prepare)
+        self._writer = FileWriter(prepare=prepare)
         self.complaints: list[str] = []
         now_ns = time.clock_gettime_ns(time.CLOCK_BOOTTIME) if boottime_ns is None else boottime_ns
         self.latched = self._read_trips()
@@ -139,12 +139,12 @@ class Memory:
     @property
     def fault(self) -> str:
         """Why the last write failed; empty when it did not."""
-        return self._keeper.fault
+        return self._writer.fault
 
     @property
     def failures(self) -> int:
         """Failed writes."""
-        return self._keeper.failures
+        return self._writer.failures
 
     def note(
         self, now_ns: int, tripped: list[str], timers: dict[str, int], barred: bool, probation: bool
@@ -168,10 +168,10 @@ class Memory:
         """The guard was told to stop: the next start is a cold one."""
         self._record.running = False
         self._keep(STARTS, self._record)
-        self._keeper.close()
+        self._writer.close()
 
     def _keep(self, name: str, content: object) -> None:
-        self._keeper.keep(self._folder / name, msgspec.json.encode(content))
+        self._writer.keep(self._folder / name, msgspec.json.encode(content))
 
     def _begin(self, now_ns: int) -> StartRecord:
         """Note this start before anything else happens: one that crashes early must count too."""
@@ -184,7 +184,7 @@ class Memory:
         self._keep(STARTS, record)
         give_up_s = time.monotonic() + START_WAIT_S
         while (
-            not self._keeper.kept(self._folder / STARTS)
+            not self._writer.kept(self._folder / STARTS)
             and not self.fault
             and time.monotonic() < give_up_s
         ):

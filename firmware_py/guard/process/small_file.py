@@ -103,7 +103,7 @@ def _put(fresh: Path, path: Path) -> None:
         fresh.replace(path)
 
 
-class Keeper:
+class FileWriter:
     """Writes the newest content of a few files in a thread of its own.
 
     Parameters

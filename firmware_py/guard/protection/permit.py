@@ -64,7 +64,7 @@ class Start(msgspec.Struct, frozen=True):
 class PermitFacts(msgspec.Struct):
     """What one cycle knows.
 
-    ``tripped``: latched trips that the drive is to obey; ``foreign``: the node follows commands
+    ``tripped``: latched trips that the drive is to execute; ``foreign``: the node follows commands
     that this device did not send, and ``drive.trip_on_foreign`` is set.
     """
 

@@ -99,7 +99,7 @@ class NodeWatch:
     Parameters
     ----------
     config
-        Time to live and safe value.
+        Time to live and retreat value.
     session
         Nonce of this run of the device.
     """

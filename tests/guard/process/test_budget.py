@@ -14,8 +14,8 @@ from firmware_py.guard.process.budget import (
     CYCLE_US,
     EVENTS_PER_CYCLE,
     JUNK_US,
+    PEER_LIMITS,
     REFERENCE_US,
-    ROOM_LIMITS,
     bounded,
 )
 from firmware_py.guard.process.outbox import Outbox
@@ -35,8 +35,8 @@ from firmware_py.records import (
 from firmware_py.wire.can_link import BATCH
 from firmware_py.wire.codec import CanCodec
 from firmware_py.wire.mav_packet import Framer
-from firmware_py.wire.room_socket import MAX_WAITING, NEWCOMER
-from firmware_py.wire.rooms import RoomServer
+from firmware_py.wire.peer_socket import MAX_WAITING, NEWCOMER
+from firmware_py.wire.peers import PeerServer
 from firmware_py.wire.serial_link import READ_BYTES
 
 from ..scripted_node import MS, Bench, working
@@ -271,13 +271,13 @@ def test_bytes_that_are_no_packets_cost_a_bounded_time(junk: bytes) -> None:
 
 
 @pytest.fixture
-def server(tmp_path: Path) -> Iterator[RoomServer]:
-    made = RoomServer(tmp_path / "guard.sock", {"brain": None, "gate": None}, ROOM_LIMITS)
+def server(tmp_path: Path) -> Iterator[PeerServer]:
+    made = PeerServer(tmp_path / "guard.sock", {"brain": None, "gate": None}, PEER_LIMITS)
     yield made
     made.close()
 
 
-def peer(server: RoomServer, role: str) -> socket.socket:
+def peer(server: PeerServer, role: str) -> socket.socket:
     """A connected peer that keeps to no limit of its own."""
     sock = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     sock.connect(str(server.path))
@@ -310,14 +310,14 @@ def advice(reasons: list[str]) -> bytes:
     ("gate", b"\xc1"),
 ])  # fmt: skip
 def test_a_poll_takes_no_more_than_the_roles_records(
-    server: RoomServer, role: str, record: bytes
+    server: PeerServer, role: str, record: bytes
 ) -> None:
     sock = peer(server, role)
     taken = put(sock, record, 60)
     while taken > 0:
         before = server.counters[f"malformed_{role}"]
         got = len(server.poll(0)) + server.counters[f"malformed_{role}"] - before
-        assert 0 < got <= ROOM_LIMITS[role].records
+        assert 0 < got <= PEER_LIMITS[role].records
         taken -= got
     sock.close()
 
@@ -330,13 +330,13 @@ def test_a_poll_takes_no_more_than_the_roles_records(
     ("gate", encode(CommandRequest(1, "x" * 5_000))),
 ])  # fmt: skip
 def test_what_is_too_large_is_counted_and_never_decoded(
-    server: RoomServer, role: str, record: bytes, monkeypatch: pytest.MonkeyPatch
+    server: PeerServer, role: str, record: bytes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def decoded(data: bytes) -> None:
         raise AssertionError(f"{len(data)} bytes were decoded")
 
     sock = peer(server, role)
-    monkeypatch.setattr("firmware_py.wire.room_socket.decode", decoded)
+    monkeypatch.setattr("firmware_py.wire.peer_socket.decode", decoded)
     taken = put(sock, record, 62)
     for _ in range(taken):
         assert server.poll(0) == []
@@ -345,15 +345,15 @@ def test_what_is_too_large_is_counted_and_never_decoded(
     sock.close()
 
 
-def test_the_largest_allowed_advice_passes(server: RoomServer) -> None:
+def test_the_largest_allowed_advice_passes(server: PeerServer) -> None:
     sock = peer(server, "brain")
-    record = advice(["x" * (ROOM_LIMITS["brain"].record_bytes - 300)])
+    record = advice(["x" * (PEER_LIMITS["brain"].record_bytes - 300)])
     sock.send(record)
     assert len(server.poll(0)) == 1
     sock.close()
 
 
-def test_a_newcomer_may_say_who_it_is_and_no_more(server: RoomServer) -> None:
+def test_a_newcomer_may_say_who_it_is_and_no_more(server: PeerServer) -> None:
     sock = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     sock.connect(str(server.path))
     sock.send(encode(Hello("brain" + "x" * NEWCOMER.record_bytes, 1)))
@@ -363,7 +363,7 @@ def test_a_newcomer_may_say_who_it_is_and_no_more(server: RoomServer) -> None:
     sock.close()
 
 
-def test_who_connects_without_end_is_let_in_eight_at_a_time(server: RoomServer) -> None:
+def test_who_connects_without_end_is_let_in_eight_at_a_time(server: PeerServer) -> None:
     class Endless:
         def __init__(self, real: socket.socket) -> None:
             self.real, self.made = real, 0

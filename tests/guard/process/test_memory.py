@@ -22,7 +22,7 @@ from firmware_py.guard.process.memory import (
     boot_id,
     complain,
 )
-from firmware_py.guard.process.small_file import BYTES_MAX, Keeper, write_durable
+from firmware_py.guard.process.small_file import BYTES_MAX, FileWriter, write_durable
 from firmware_py.guard.protection.permit import UNREADABLE, Start
 
 S = 1_000_000_000
@@ -36,7 +36,7 @@ def memory(folder: Path, now_s: float = 1000.0, boot: str = BOOT) -> Memory:
 
 def crash(left: Memory) -> None:
     """Killed: what was handed over reaches the disk, nothing says goodbye."""
-    left._keeper.close()
+    left._writer.close()
 
 
 def note(
@@ -265,7 +265,7 @@ def test_running_timers_survive_a_crash_but_not_a_boot_nor_two_minutes(tmp_path:
 def test_timers_go_to_the_disk_at_most_ten_times_a_second(tmp_path: Path) -> None:
     left = memory(tmp_path)
     handed: list[str] = []
-    left._keeper.keep = lambda path, data: handed.append(path.name)  # type: ignore[method-assign]
+    left._writer.keep = lambda path, data: handed.append(path.name)  # type: ignore[method-assign]
     for ms in range(1000):
         note(left, timers={"disp_x_danger": ms}, now_s=1000.0 + ms * 1e-3)
     assert 9 <= handed.count(TIMERS) <= 11
@@ -306,7 +306,7 @@ def test_a_disk_that_refuses_is_a_fault_tried_again_and_never_waited_for(
             raise OSError(cause, os.strerror(cause))
         write_durable(path, data)
 
-    keeper = Keeper(write)
+    keeper = FileWriter(write)
     began = time.monotonic()
     for k in range(1000):
         keeper.keep(tmp_path / TRIPS, b"[%d]" % k)
@@ -340,7 +340,7 @@ def test_a_file_that_somebody_took_away_is_written_again(
 ) -> None:
     monkeypatch.setattr("firmware_py.guard.process.small_file.CHECK_S", 0.05)
     path = tmp_path / TRIPS
-    keeper = Keeper()
+    keeper = FileWriter()
     keeper.keep(path, b'["a"]')
     until(lambda: keeper.kept(path))
     if how == "emptied":
@@ -358,7 +358,7 @@ def test_a_file_that_somebody_took_away_is_written_again(
 
 
 def test_a_keeper_that_was_never_used_has_nothing_to_close() -> None:
-    keeper, threads = Keeper(), threading.active_count()
+    keeper, threads = FileWriter(), threading.active_count()
     keeper.close()
     assert threading.active_count() == threads
     assert (keeper.fault, keeper.failures) == ("", 0)

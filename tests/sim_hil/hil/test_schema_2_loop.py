@@ -32,9 +32,9 @@ from firmware_py.records import (
     GuardState,
     Mode,
     NodeFigures,
+    PeerRecord,
     RawFrame,
     RigReading,
-    RoomRecord,
 )
 from firmware_py.replay.command import _config
 from firmware_py.replay.decisions import DecisionReplay
@@ -53,7 +53,7 @@ UNIX_NS = 1_800_000_000_000_000_000
 class Absent:
     """No brain."""
 
-    def step(self, records: list[RoomRecord], now_ns: int) -> list[RoomRecord]:
+    def step(self, records: list[PeerRecord], now_ns: int) -> list[PeerRecord]:
         return []
 
 
@@ -65,9 +65,9 @@ class Flight:
         config: Config,
         node: Config | None = None,
         brain: Callable[[], object] = Absent,
-        listener: Callable[[RoomRecord, int], object] = lambda record, now_ns: None,
+        listener: Callable[[PeerRecord, int], object] = lambda record, now_ns: None,
     ) -> None:
-        self.told: list[RoomRecord] = []
+        self.told: list[PeerRecord] = []
         self.rig = make_rig(node or config, "bench", 1, nominal=True)
         self.guard = GuardCore(config, codec_for(config), SESSION)
         self.loop = ClosedLoop(
@@ -143,7 +143,7 @@ def test_a_ninth_channel_and_more_readings_go_through_the_whole_device(tmp_path:
     view = View(config)
     recorder = Recorder(tmp_path, "nine", metadata(config, {}), 1 << 26, lambda: UNIX_NS)
 
-    def gate(record: RoomRecord, now_ns: int) -> None:
+    def gate(record: PeerRecord, now_ns: int) -> None:
         view.step(record, now_ns)
         recorder.write(record, now_ns)
 

@@ -28,7 +28,7 @@ NAMES_MAX: Final = 256
 """Names that are remembered: more than there are kinds of notices."""
 
 
-class Told(msgspec.Struct):
+class EventAllowance(msgspec.Struct):
     """One name: how many tellings are free, since when, and what is held back."""
 
     most: int = BURST
@@ -38,11 +38,11 @@ class Told(msgspec.Struct):
     count: int = 0
 
 
-class Telling:
+class EventLimit:
     """Lets notices through, or holds them back and counts them; ``state`` is by name."""
 
     def __init__(self) -> None:
-        self.state: dict[str, Told] = {}
+        self.state: dict[str, EventAllowance] = {}
 
     def step(self, notices: Iterable[Notice], now_ns: int) -> list[tuple[Notice, int]]:
         """What is to be told now, each with how often it happened since it was last told."""
@@ -65,7 +65,7 @@ class Telling:
                 known.waiting, known.count = None, 0
         return told
 
-    def _known(self, notice: Notice, now_ns: int) -> Told:
+    def _known(self, notice: Notice, now_ns: int) -> EventAllowance:
         """Where ``notice`` stands; a command by its verb, which its text begins with."""
         command = notice.name == "command"
         place = f"command {notice.text.partition(' ')[0]}" if command else notice.name
@@ -73,5 +73,5 @@ class Telling:
             if len(self.state) >= NAMES_MAX:
                 del self.state[next(iter(self.state))]
             most = COMMANDS_BURST if command else BURST
-            self.state[place] = Told(most, most, now_ns)
+            self.state[place] = EventAllowance(most, most, now_ns)
         return self.state[place]

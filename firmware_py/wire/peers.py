@@ -1,7 +1,7 @@
 """The links between guard, brain and gate: ``SOCK_SEQPACKET`` Unix sockets that never block.
 
-One packet is one record (:func:`firmware_py.records.encode`).  A room that others talk to owns a
-:class:`RoomServer`; the others hold a :class:`RoomClient` each, which comes back by itself.  One
+One packet is one record (:func:`firmware_py.records.encode`).  A process that others talk to owns a
+:class:`PeerServer`; the others hold a :class:`PeerClient` each, which comes back by itself.  One
 peer per role: the first packet of a peer is a :class:`~firmware_py.records.Hello`, and the kernel
 vouches for its user.  A reader that is too slow loses its own records, counted; nobody waits for
 it.
@@ -20,16 +20,16 @@ from pathlib import Path
 from typing import Final
 
 from firmware_py.machine.values import NAME_PATTERN, WORDS
-from firmware_py.records import Hello, RoomRecord
+from firmware_py.records import Hello, PeerRecord
 from firmware_py.wire.folders import foreign_server, peer_uid, unsafe
 from firmware_py.wire.listener import INSTANCE_MODE, Listener
-from firmware_py.wire.room_socket import (
+from firmware_py.wire.peer_socket import (
     ANY_PEER,
     MAX_WAITING,
     NEWCOMER,
     Limit,
     Peer,
-    RoomError,
+    PeerError,
 )
 
 HELLO_WITHIN_NS: Final = 1_000_000_000
@@ -37,16 +37,16 @@ RECONNECT_AFTER_NS: Final = 200_000_000
 
 
 def runtime_dir(instance: str, base: Path) -> Path:
-    """Runtime directory of ``instance``: made when absent, refused when a stranger could own the
-    sockets.
+    """Runtime directory of ``instance``: made when absent, refused when a foreign user could own
+    the sockets.
 
     Raises
     ------
-    RoomError
+    PeerError
         ``instance`` is no name, the folder cannot be made, or :func:`checked_dir` refuses it.
     """
     if not re.search(NAME_PATTERN, instance):
-        raise RoomError(f"instance {instance[:40]!r}: use {WORDS[NAME_PATTERN]}")
+        raise PeerError(f"instance {instance[:40]!r}: use {WORDS[NAME_PATTERN]}")
     path = base / instance
     try:
         base.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -61,7 +61,7 @@ def checked_dir(path: Path) -> Path:
 
     Raises
     ------
-    RoomError
+    PeerError
         One of them does.
     """
     if (
@@ -75,14 +75,14 @@ def checked_dir(path: Path) -> Path:
     return path
 
 
-def _refused(path: Path, cause: str) -> RoomError:
-    return RoomError(
+def _refused(path: Path, cause: str) -> PeerError:
+    return PeerError(
         f"runtime directory {path}: {cause}; remove what is there or set RUNTIME_DIRECTORY to "
         "a directory of your own"
     )
 
 
-class RoomServer:
+class PeerServer:
     """The listening end.
 
     Parameters
@@ -96,9 +96,9 @@ class RoomServer:
 
     Raises
     ------
-    RoomBusyError
+    PeerBusyError
         Another process serves ``path``.
-    RoomError
+    PeerError
         The path is too long or cannot be bound.
 
     Notes
@@ -131,10 +131,10 @@ class RoomServer:
         """Readable when :meth:`poll` has something to do."""
         return self._epoll.fileno()
 
-    def poll(self, now_ns: int) -> list[tuple[str, RoomRecord]]:
+    def poll(self, now_ns: int) -> list[tuple[str, PeerRecord]]:
         """What is waiting, up to each peer's limit, with its sender's role; also admits and
         dismisses peers."""
-        received: list[tuple[str, RoomRecord]] = []
+        received: list[tuple[str, PeerRecord]] = []
         if self._listener.look(now_ns):
             self._epoll.register(self._listener, select.EPOLLIN)
         ready = [fd for fd, _ in self._epoll.poll(0, 16)]
@@ -149,7 +149,7 @@ class RoomServer:
             self._accept(now_ns)
         return received
 
-    def send(self, role: str, record: RoomRecord) -> bool:
+    def send(self, role: str, record: PeerRecord) -> bool:
         """Send to ``role`` without waiting.
 
         Returns
@@ -177,7 +177,7 @@ class RoomServer:
         self._listener.close()
 
     def _accept(self, now_ns: int) -> None:
-        """Let waiting connections into the hall; they have one second to say who they are."""
+        """Let waiting connections in; they have one second to say who they are."""
         for _ in range(MAX_WAITING):  # who connects in an endless loop must not keep us here
             sock = self._listener.accept()
             if sock is None:
@@ -189,7 +189,8 @@ class RoomServer:
             self._epoll.register(sock, select.EPOLLIN)
 
     def _dismiss_oldest(self) -> None:
-        """Make room in the hall: who crowds it without a word must not keep a peer out."""
+        """Make place among those that wait: who crowds it without a word must not keep a peer
+        out."""
         fd, (oldest, _) = next(iter(self._newcomers.items()))
         del self._newcomers[fd]
         self._epoll.unregister(fd)
@@ -211,7 +212,7 @@ class RoomServer:
                 self._epoll.unregister(fd)
                 peer.sock.close()
 
-    def _refusal(self, first: RoomRecord | None, sock: socket.socket) -> str | None:
+    def _refusal(self, first: PeerRecord | None, sock: socket.socket) -> str | None:
         if not isinstance(first, Hello):
             return "hello"
         if first.role not in self._allowed:
@@ -234,7 +235,7 @@ class RoomServer:
         peer.sock.close()
 
 
-class RoomClient:
+class PeerClient:
     """The calling end: connects, says who it is, and comes back by itself when the server was away.
 
     The server must be this user's or root's (:func:`firmware_py.wire.folders.foreign_server`), or
@@ -259,7 +260,7 @@ class RoomClient:
         """Readable when a record waits; -1 while not connected."""
         return self._peer.sock.fileno() if self._peer else -1
 
-    def poll(self, now_ns: int) -> list[RoomRecord]:
+    def poll(self, now_ns: int) -> list[PeerRecord]:
         """Every record that is waiting; also tries to connect, at most once in 0.2 s."""
         if self._peer is None:
             self._connect(now_ns)
@@ -269,7 +270,7 @@ class RoomClient:
         self._drop_if_dead()
         return records
 
-    def send(self, record: RoomRecord) -> bool:
+    def send(self, record: PeerRecord) -> bool:
         """Send without waiting; False when not connected, or when the server's queue is full
         (counted)."""
         if self._peer is None:

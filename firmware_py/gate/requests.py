@@ -12,8 +12,8 @@ from firmware_py.decoding import SAID_LETTERS, OutsideError, from_json
 from firmware_py.records import (
     BRAIN_VERBS,
     COMMISSION_ACTIONS,
+    REQUEST_ID,
     VERBS,
-    WISH_ID,
     CommandRequest,
     Mode,
     PlannedRamp,
@@ -34,19 +34,19 @@ _EXAMPLES: Final = {
 
 
 class MalformedCommandError(ValueError):
-    """A wish that cannot be put to the guard; the text says what is wrong with it."""
+    """A request that cannot be put to the guard; the text says what is wrong with it."""
 
 
-class Wish(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class ClientRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The payload of a command: ``id`` is any text that the asker has not used before, such as a
     UUID."""
 
-    id: Annotated[str, msgspec.Meta(pattern=WISH_ID)]
+    id: Annotated[str, msgspec.Meta(pattern=REQUEST_ID)]
     value: Any = None
 
 
-def read(verb: str, payload: bytes) -> Wish:
-    """The wish in ``payload``.
+def read(verb: str, payload: bytes) -> ClientRequest:
+    """The request in ``payload``.
 
     Raises
     ------
@@ -61,12 +61,12 @@ def read(verb: str, payload: bytes) -> Wish:
     if not payload:
         raise MalformedCommandError(f"{verb}: the payload is empty; {form}")
     try:
-        return from_json(payload, Wish, PAYLOAD_LIMIT_BYTES)
+        return from_json(payload, ClientRequest, PAYLOAD_LIMIT_BYTES)
     except OutsideError as error:
         raise MalformedCommandError(f"{verb}: the payload is {error}; {form}") from error
 
 
-def parse(seq: int, verb: str, value: object, origin: str, wish_id: str = "") -> CommandRequest:
+def parse(seq: int, verb: str, value: object, origin: str, request_id: str = "") -> CommandRequest:
     """The request that ``verb`` with ``value`` means.
 
     Raises
@@ -78,7 +78,7 @@ def parse(seq: int, verb: str, value: object, origin: str, wish_id: str = "") ->
         raise MalformedCommandError(
             f"verb '{verb}' is unknown; use one of {', '.join((*VERBS, *BRAIN_VERBS))}"
         )
-    request = CommandRequest(seq=seq, verb=verb, origin=origin, id=wish_id)
+    request = CommandRequest(seq=seq, verb=verb, origin=origin, id=request_id)
     if verb == "mode":
         return msgspec.structs.replace(request, mode=_mode(value))
     if verb in UNITS:

@@ -12,26 +12,26 @@ from pathlib import Path
 import pytest
 
 from firmware_py.records import CommandReply, CommandRequest, EventAck, PlannedRamp, decode, encode
-from firmware_py.wire import disarm_room
-from firmware_py.wire.disarm_room import (
+from firmware_py.wire import disarm_socket
+from firmware_py.wire.disarm_socket import (
     ASKING_MAX,
     CALLERS_PER_CYCLE,
-    HALL,
     PERIOD_NS,
+    REQUEST_LIMIT,
     SILENT_NS,
     SOCKET,
-    WISH,
-    DisarmRoom,
+    WAITING_MAX,
+    DisarmSocket,
 )
-from firmware_py.wire.room_socket import RoomBusyError
+from firmware_py.wire.peer_socket import PeerBusyError
 
 MS = 1_000_000
 WELL = encode(CommandRequest(0, "disarm", id="7f3a"))
 
 
 @pytest.fixture
-def room(tmp_path: Path) -> Iterator[DisarmRoom]:
-    made = DisarmRoom(tmp_path / SOCKET)
+def room(tmp_path: Path) -> Iterator[DisarmSocket]:
+    made = DisarmSocket(tmp_path / SOCKET)
     yield made
     made.close()
 
@@ -67,7 +67,7 @@ def test_a_disarm_is_put_with_its_user_and_answered_with_its_id(room, tmp_path) 
     encode(CommandRequest(0, "disarm", ramp=PlannedRamp(1, 2, 3, 4), id="7f3a")),
     encode(EventAck(1)),
     b"\xff",
-    b"x" * (WISH.record_bytes + 1),
+    b"x" * (REQUEST_LIMIT.record_bytes + 1),
     b"x" * 100_000,
 ])  # fmt: skip
 def test_anything_else_executes_nothing_and_is_told_why(room, tmp_path, packet) -> None:
@@ -81,30 +81,32 @@ def test_anything_else_executes_nothing_and_is_told_why(room, tmp_path, packet) 
 
 
 def test_all_who_ask_within_a_period_are_one_request(room, tmp_path) -> None:
-    asked = [caller(tmp_path, encode(CommandRequest(0, "disarm", id=str(k)))) for k in range(HALL)]
+    asked = [
+        caller(tmp_path, encode(CommandRequest(0, "disarm", id=str(k)))) for k in range(WAITING_MAX)
+    ]
     requests = []
     for k in range(PERIOD_NS // MS + 1):
         if request := room.poll(k * MS):
             requests.append(request.seq)
             room.answer(CommandReply(request.seq, True, []))
     assert requests == [-1, -2]
-    assert [decode(sock.recv(4096)).id for sock in asked] == [str(k) for k in range(HALL)]
-    assert room.counters["disarm_asked"] == HALL
+    assert [decode(sock.recv(4096)).id for sock in asked] == [str(k) for k in range(WAITING_MAX)]
+    assert room.counters["disarm_asked"] == WAITING_MAX
 
 
 def test_the_work_of_a_poll_is_bounded_and_the_silent_keep_nobody_out(room, tmp_path) -> None:
     silent = []
-    for k in range(3 * HALL // CALLERS_PER_CYCLE):
+    for k in range(3 * WAITING_MAX // CALLERS_PER_CYCLE):
         silent += [caller(tmp_path) for _ in range(CALLERS_PER_CYCLE)]
         room.poll(k * MS)
-        assert len(room._hall) <= HALL
-    assert room.counters["disarm_crowded_out"] == 2 * HALL
+        assert len(room._waiting) <= WAITING_MAX
+    assert room.counters["disarm_crowded_out"] == 2 * WAITING_MAX
     with caller(tmp_path, WELL):
         assert room.poll(100 * MS).id == "7f3a"
         room.answer(CommandReply(-1, True, []))
     assert room.poll(SILENT_NS + 100 * MS) is None
-    assert room.counters["disarm_silent"] >= HALL - 1
-    assert not room._hall
+    assert room.counters["disarm_silent"] >= WAITING_MAX - 1
+    assert not room._waiting
     for sock in silent:
         sock.close()
 
@@ -119,7 +121,7 @@ def test_nobody_is_let_in_while_as_many_wait_as_one_request_serves(room, tmp_pat
         assert room.poll(k * MS) is None
     asked.append(caller(tmp_path, WELL))
     room.poll(500 * MS)
-    assert (len(room._asking), len(room._hall)) == (ASKING_MAX, 0)
+    assert (len(room._asking), len(room._waiting)) == (ASKING_MAX, 0)
     for sock in asked:
         sock.close()
 
@@ -134,8 +136,8 @@ def test_a_caller_who_leaves_costs_nothing(room, tmp_path) -> None:
 
 
 def test_a_second_guard_does_not_take_the_socket(room, tmp_path) -> None:
-    with pytest.raises(RoomBusyError):
-        DisarmRoom(tmp_path / SOCKET)
+    with pytest.raises(PeerBusyError):
+        DisarmSocket(tmp_path / SOCKET)
 
 
 def test_a_removed_socket_comes_back(room, tmp_path) -> None:
@@ -152,7 +154,7 @@ def test_a_removed_socket_comes_back(room, tmp_path) -> None:
 class Served:
     """A room that is served a thousand times a second."""
 
-    def __init__(self, room: DisarmRoom) -> None:
+    def __init__(self, room: DisarmSocket) -> None:
         self.requests: list[CommandRequest] = []
         self._room, self._stop = room, threading.Event()
         self._thread = threading.Thread(target=self._run)
@@ -178,30 +180,30 @@ def served(room) -> Iterator[Served]:
 
 
 def test_who_asks_is_answered(served, tmp_path) -> None:
-    assert disarm_room.ask(tmp_path, "mine", 2.0) == CommandReply(-1, True, [], "mine")
+    assert disarm_socket.ask(tmp_path, "mine", 2.0) == CommandReply(-1, True, [], "mine")
     assert [request.id for request in served.requests] == ["mine"]
 
 
 def test_without_a_guard_there_is_no_answer_and_no_wait(tmp_path) -> None:
     began = time.monotonic()
-    assert disarm_room.ask(tmp_path, "mine", 2.0) is None
-    DisarmRoom(tmp_path / SOCKET).close()
-    assert disarm_room.ask(tmp_path, "mine", 2.0) is None
+    assert disarm_socket.ask(tmp_path, "mine", 2.0) is None
+    DisarmSocket(tmp_path / SOCKET).close()
+    assert disarm_socket.ask(tmp_path, "mine", 2.0) is None
     with socket.socket(socket.AF_UNIX) as other:
         other.bind(str(tmp_path / SOCKET))
-    assert disarm_room.ask(tmp_path, "mine", 2.0) is None
+    assert disarm_socket.ask(tmp_path, "mine", 2.0) is None
     assert time.monotonic() - began < 0.5
 
 
 def test_a_silent_guard_ends_the_wait(room, tmp_path) -> None:
     began = time.monotonic()
-    assert disarm_room.ask(tmp_path, "mine", 0.6) is None
+    assert disarm_socket.ask(tmp_path, "mine", 0.6) is None
     assert 0.5 < time.monotonic() - began < 1.5
 
 
 def test_a_stranger_is_asked_nothing(room, tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(disarm_room, "foreign_server", lambda sock, path: "a stranger")
-    assert disarm_room.ask(tmp_path, "mine", 1.0) is None
+    monkeypatch.setattr(disarm_socket, "foreign_server", lambda sock, path: "a stranger")
+    assert disarm_socket.ask(tmp_path, "mine", 1.0) is None
     assert room.poll(0) is None
 
 
@@ -218,7 +220,7 @@ def test_an_answer_in_another_tongue_is_none(tmp_path, answer) -> None:
 
         thread = threading.Thread(target=serve)
         thread.start()
-        assert disarm_room.ask(tmp_path, "mine", 2.0) is None
+        assert disarm_socket.ask(tmp_path, "mine", 2.0) is None
         thread.join()
 
 
@@ -243,7 +245,7 @@ def test_a_crowd_at_the_socket_holds_nobody_up(
     try:
         time.sleep(0.1)
         for k in range(20):
-            assert disarm_room.ask(tmp_path, f"id{k}", 2.0).id == f"id{k}"
+            assert disarm_socket.ask(tmp_path, f"id{k}", 2.0).id == f"id{k}"
     finally:
         stop.set()
         thread.join()

@@ -22,16 +22,16 @@ from firmware_py.records import (
     Event,
     EventAck,
     Hello,
-    RoomRecord,
+    PeerRecord,
     Snapshot,
     encode,
 )
-from firmware_py.wire.room_socket import MAX_RECORD_BYTES, RoomBusyError, RoomError
-from firmware_py.wire.rooms import (
+from firmware_py.wire.peer_socket import MAX_RECORD_BYTES, PeerBusyError, PeerError
+from firmware_py.wire.peers import (
     HELLO_WITHIN_NS,
     RECONNECT_AFTER_NS,
-    RoomClient,
-    RoomServer,
+    PeerClient,
+    PeerServer,
     runtime_dir,
 )
 
@@ -52,8 +52,8 @@ BLOCK = Block(
 
 
 @pytest.fixture
-def server(tmp_path: Path) -> Iterator[RoomServer]:
-    room = RoomServer(tmp_path / "guard.sock", {"brain": None, "gate": None})
+def server(tmp_path: Path) -> Iterator[PeerServer]:
+    room = PeerServer(tmp_path / "guard.sock", {"brain": None, "gate": None})
     yield room
     room.close()
 
@@ -67,15 +67,15 @@ def until(condition: Callable[[], bool], what: str) -> None:
     pytest.fail(f"never happened: {what}")
 
 
-def joined(server: RoomServer, role: str) -> RoomClient:
-    client = RoomClient(server.path, role)
+def joined(server: PeerServer, role: str) -> PeerClient:
+    client = PeerClient(server.path, role)
     client.poll(0)
     server.poll(0)
     server.poll(0)
     return client
 
 
-def raw_peer(server: RoomServer, *packets: bytes) -> socket.socket:
+def raw_peer(server: PeerServer, *packets: bytes) -> socket.socket:
     sock = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     sock.connect(str(server.path))
     for packet in packets:
@@ -85,14 +85,14 @@ def raw_peer(server: RoomServer, *packets: bytes) -> socket.socket:
     return sock
 
 
-def process(server: RoomServer, role: str, body: str) -> subprocess.Popen[bytes]:
+def process(server: PeerServer, role: str, body: str) -> subprocess.Popen[bytes]:
     """A peer in a process of its own: ``client`` is connected when ``body`` runs."""
     source = f"""
 import time
 from pathlib import Path
 from firmware_py.records import *
-from firmware_py.wire.rooms import RoomClient
-client = RoomClient(Path({str(server.path)!r}), {role!r})
+from firmware_py.wire.peers import PeerClient
+client = PeerClient(Path({str(server.path)!r}), {role!r})
 client.poll(0)
 """ + textwrap.dedent(body)
     peer = subprocess.Popen(
@@ -106,7 +106,7 @@ def hello(role: str = "brain") -> bytes:
     return encode(Hello(role=role, pid=1))
 
 
-def test_records_cross_both_ways(server: RoomServer) -> None:
+def test_records_cross_both_ways(server: PeerServer) -> None:
     client = joined(server, "brain")
     assert server.connected("brain")
     assert client.connected
@@ -119,11 +119,11 @@ def test_records_cross_both_ways(server: RoomServer) -> None:
     client.close()
 
 
-def test_socket_is_for_owner_and_group_only(server: RoomServer) -> None:
+def test_socket_is_for_owner_and_group_only(server: PeerServer) -> None:
     assert server.path.stat().st_mode & 0o777 == 0o660
 
 
-def test_slow_reader_loses_its_own_records_only(server: RoomServer) -> None:
+def test_slow_reader_loses_its_own_records_only(server: PeerServer) -> None:
     slow = process(server, "brain", "time.sleep(60)")
     gate = joined(server, "gate")
     os.kill(slow.pid, signal.SIGSTOP)
@@ -141,7 +141,7 @@ def test_slow_reader_loses_its_own_records_only(server: RoomServer) -> None:
     gate.close()
 
 
-def test_killed_peer_is_replaced(server: RoomServer) -> None:
+def test_killed_peer_is_replaced(server: PeerServer) -> None:
     first = process(server, "brain", "time.sleep(60)")
     first.kill()
     first.wait()
@@ -153,14 +153,14 @@ def test_killed_peer_is_replaced(server: RoomServer) -> None:
     second.wait()
 
 
-def test_sending_to_a_peer_that_has_gone_frees_its_place(server: RoomServer) -> None:
+def test_sending_to_a_peer_that_has_gone_frees_its_place(server: PeerServer) -> None:
     joined(server, "brain").close()
     assert not server.send("brain", BLOCK)
     assert not server.connected("brain")
     assert server.counters["lost_brain"] == 1
 
 
-def test_second_peer_of_a_role_is_refused(server: RoomServer) -> None:
+def test_second_peer_of_a_role_is_refused(server: PeerServer) -> None:
     first = joined(server, "brain")
     second = joined(server, "brain")
     assert server.counters["refused_second"] == 1
@@ -171,13 +171,13 @@ def test_second_peer_of_a_role_is_refused(server: RoomServer) -> None:
     first.close()
 
 
-def test_unknown_role_is_refused(server: RoomServer) -> None:
+def test_unknown_role_is_refused(server: PeerServer) -> None:
     joined(server, "janitor").close()
     assert server.counters["refused_role"] == 1
 
 
 def test_wrong_user_is_refused(tmp_path: Path) -> None:
-    room = RoomServer(tmp_path / "guard.sock", {"brain": os.getuid() + 1})
+    room = PeerServer(tmp_path / "guard.sock", {"brain": os.getuid() + 1})
     joined(room, "brain").close()
     assert room.counters["refused_uid"] == 1
     assert not room.connected("brain")
@@ -187,12 +187,12 @@ def test_wrong_user_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "packet", [b"\xff" * 40, encode(EventAck(seq=1)), b""], ids=["garbage", "other", "empty"]
 )
-def test_first_packet_must_be_hello(server: RoomServer, packet: bytes) -> None:
+def test_first_packet_must_be_hello(server: PeerServer, packet: bytes) -> None:
     raw_peer(server, packet).close()
     assert server.counters["refused_hello"] == 1
 
 
-def test_silent_newcomer_is_refused_after_one_second(server: RoomServer) -> None:
+def test_silent_newcomer_is_refused_after_one_second(server: PeerServer) -> None:
     silent = raw_peer(server)
     server.poll(HELLO_WITHIN_NS - 1)
     assert server.counters["refused_hello"] == 0
@@ -202,16 +202,16 @@ def test_silent_newcomer_is_refused_after_one_second(server: RoomServer) -> None
     silent.close()
 
 
-def test_crowd_of_newcomers_is_bounded(server: RoomServer) -> None:
+def test_crowd_of_newcomers_is_bounded(server: PeerServer) -> None:
     crowd = [raw_peer(server) for _ in range(12)]
     assert server.counters["refused_crowd"] == 4
     for sock in crowd:
         sock.close()
 
 
-def test_a_crowd_without_a_word_keeps_no_peer_out(server: RoomServer) -> None:
+def test_a_crowd_without_a_word_keeps_no_peer_out(server: PeerServer) -> None:
     crowd = [raw_peer(server) for _ in range(30)]
-    client = RoomClient(server.path, "gate")
+    client = PeerClient(server.path, "gate")
     client.poll(0)
     server.poll(0)
     crowd += [raw_peer(server) for _ in range(3)]
@@ -222,7 +222,7 @@ def test_a_crowd_without_a_word_keeps_no_peer_out(server: RoomServer) -> None:
         sock.close()
 
 
-def test_garbage_is_counted_and_survived(server: RoomServer) -> None:
+def test_garbage_is_counted_and_survived(server: PeerServer) -> None:
     peer = raw_peer(server, hello())
     peer.send(b"\xc1 not a record")
     peer.send(encode(EventAck(seq=3)))
@@ -231,7 +231,7 @@ def test_garbage_is_counted_and_survived(server: RoomServer) -> None:
     peer.close()
 
 
-def test_endless_nesting_is_counted_and_survived(server: RoomServer) -> None:
+def test_endless_nesting_is_counted_and_survived(server: PeerServer) -> None:
     peer = raw_peer(server, hello())
     bomb = encode(EventAck(seq=1))
     peer.send(bytes([bomb[0] + 1]) + bomb[1:] + b"\xa1x" + b"\x91" * 100_000 + b"\x01")
@@ -245,7 +245,7 @@ def test_endless_nesting_is_counted_and_survived(server: RoomServer) -> None:
 @settings(
     suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=200, deadline=None
 )
-def test_any_bytes_are_a_record_or_counted(server: RoomServer, data: bytes) -> None:
+def test_any_bytes_are_a_record_or_counted(server: PeerServer, data: bytes) -> None:
     peer = raw_peer(server, hello())
     before = server.counters["malformed_brain"]
     peer.send(data)
@@ -254,7 +254,7 @@ def test_any_bytes_are_a_record_or_counted(server: RoomServer, data: bytes) -> N
     server.poll(0)
 
 
-def test_oversized_is_refused_at_both_ends(server: RoomServer) -> None:
+def test_oversized_is_refused_at_both_ends(server: PeerServer) -> None:
     client = joined(server, "brain")
     huge = Snapshot(seq=1, now_ns=0, state=bytes(MAX_RECORD_BYTES))
     assert not server.send("brain", huge)
@@ -272,7 +272,7 @@ def test_oversized_is_refused_at_both_ends(server: RoomServer) -> None:
     peer.close()
 
 
-def test_largest_record_passes(server: RoomServer) -> None:
+def test_largest_record_passes(server: PeerServer) -> None:
     client = joined(server, "brain")
     large = Snapshot(seq=1, now_ns=0, state=bytes(MAX_RECORD_BYTES - 100))
     assert server.send("brain", large)
@@ -280,7 +280,7 @@ def test_largest_record_passes(server: RoomServer) -> None:
     client.close()
 
 
-def test_one_poll_takes_a_bounded_number(server: RoomServer) -> None:
+def test_one_poll_takes_a_bounded_number(server: PeerServer) -> None:
     peer = raw_peer(server, hello())
     peer.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4_000_000)
     for seq in range(300):
@@ -291,10 +291,10 @@ def test_one_poll_takes_a_bounded_number(server: RoomServer) -> None:
 
 def test_client_comes_back_after_the_server(tmp_path: Path) -> None:
     path = tmp_path / "guard.sock"
-    client = RoomClient(path, "gate")
+    client = PeerClient(path, "gate")
     assert client.poll(0) == []
     assert not client.connected
-    server = RoomServer(path, {"gate": None})
+    server = PeerServer(path, {"gate": None})
     client.poll(RECONNECT_AFTER_NS - 1)
     assert not client.connected
     client.poll(RECONNECT_AFTER_NS)
@@ -303,7 +303,7 @@ def test_client_comes_back_after_the_server(tmp_path: Path) -> None:
     client.poll(RECONNECT_AFTER_NS + 1)
     assert not client.connected
     assert client.counters["left"] == 1
-    server = RoomServer(path, {"gate": None})
+    server = PeerServer(path, {"gate": None})
     client.poll(2 * RECONNECT_AFTER_NS)
     server.poll(0)
     server.poll(0)
@@ -315,8 +315,8 @@ def test_client_comes_back_after_the_server(tmp_path: Path) -> None:
 def test_socket_left_by_a_killed_server_is_taken_over(tmp_path: Path) -> None:
     path = tmp_path / "guard.sock"
     source = (
-        "import time; from pathlib import Path; from firmware_py.wire.rooms import RoomServer\n"
-        f"room = RoomServer(Path({str(path)!r}), {{}}); print('up', flush=True); time.sleep(60)"
+        "import time; from pathlib import Path; from firmware_py.wire.peers import PeerServer\n"
+        f"server = PeerServer(Path({str(path)!r}), {{}}); print('up', flush=True); time.sleep(60)"
     )
     first = subprocess.Popen(
         [sys.executable, "-c", source],
@@ -325,41 +325,41 @@ def test_socket_left_by_a_killed_server_is_taken_over(tmp_path: Path) -> None:
     )
     assert first.stdout
     assert first.stdout.readline() == b"up\n"
-    with pytest.raises(RoomBusyError, match="served by another process"):
-        RoomServer(path, {})
+    with pytest.raises(PeerBusyError, match="served by another process"):
+        PeerServer(path, {})
     first.kill()
     first.wait()
     first.stdout.close()
-    RoomServer(path, {}).close()
+    PeerServer(path, {}).close()
 
 
 def test_too_long_path_is_named(tmp_path: Path) -> None:
     deep = tmp_path / ("d" * 100)
     deep.mkdir()
-    with pytest.raises(RoomError, match="107 bytes"):
-        RoomServer(deep / "guard.sock", {})
+    with pytest.raises(PeerError, match="107 bytes"):
+        PeerServer(deep / "guard.sock", {})
 
 
 def test_socket_path_that_is_a_directory_is_named(tmp_path: Path) -> None:
     (tmp_path / "guard.sock").mkdir()
-    with pytest.raises(RoomError, match="check the runtime directory"):
-        RoomServer(tmp_path / "guard.sock", {})
+    with pytest.raises(PeerError, match="check the runtime directory"):
+        PeerServer(tmp_path / "guard.sock", {})
 
 
 def test_runtime_directory_is_made_or_refused(tmp_path: Path) -> None:
     assert runtime_dir("a", tmp_path / "base").is_dir()
     assert runtime_dir("a", tmp_path / "base") == tmp_path / "base" / "a"
     (tmp_path / "base").chmod(0o777)
-    with pytest.raises(RoomError, match="everybody may put sockets there"):
+    with pytest.raises(PeerError, match="everybody may put sockets there"):
         runtime_dir("b", tmp_path / "base")
     (tmp_path / "file").write_text("")
-    with pytest.raises(RoomError, match="RUNTIME_DIRECTORY"):
+    with pytest.raises(PeerError, match="RUNTIME_DIRECTORY"):
         runtime_dir("b", tmp_path / "file")
 
 
-def test_records_of_every_size_keep_their_borders(server: RoomServer) -> None:
+def test_records_of_every_size_keep_their_borders(server: PeerServer) -> None:
     client = joined(server, "gate")
-    events: list[RoomRecord] = [
+    events: list[PeerRecord] = [
         Event(seq=n, t_ns=n, severity=0, name="x" * n, text="") for n in range(0, 4000, 97)
     ]
     assert all(server.send("gate", event) for event in events)

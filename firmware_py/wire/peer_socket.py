@@ -1,4 +1,4 @@
-"""Unix ``SOCK_SEQPACKET`` sockets underneath the rooms: one packet is one record, nothing ever
+"""Unix ``SOCK_SEQPACKET`` sockets underneath the processes: one packet is one record, nothing ever
 blocks."""
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 
 from firmware_py.decoding import UNDECODABLE
 from firmware_py.errors import OrbitdError
-from firmware_py.records import RoomRecord, decode, encode
+from firmware_py.records import PeerRecord, decode, encode
 
 MAX_RECORD_BYTES: Final = 128 * 1024
 """A larger record is refused at both ends: it would fill half of a default socket buffer."""
@@ -35,11 +35,11 @@ MAX_WAITING: Final = 8
 _GONE: Final = (errno.EPIPE, errno.ECONNRESET, errno.ENOTCONN)
 
 
-class RoomError(OrbitdError):
-    """A room's socket cannot be set up."""
+class PeerError(OrbitdError):
+    """A process's socket cannot be set up."""
 
 
-class RoomBusyError(RoomError):
+class PeerBusyError(PeerError):
     """Another living process owns the socket."""
 
 
@@ -67,10 +67,10 @@ class Peer:
         self.role, self._limit = role, limit
         self._buffer = memoryview(bytearray(limit.record_bytes))
 
-    def receive(self) -> list[RoomRecord]:
+    def receive(self) -> list[PeerRecord]:
         """What is waiting, up to the peer's limit; ``alive`` turns False at the end of the
         connection."""
-        records: list[RoomRecord] = []
+        records: list[PeerRecord] = []
         for _ in range(self._limit.records):
             try:
                 size = self.sock.recv_into(self._buffer, 0, socket.MSG_TRUNC)
@@ -87,7 +87,7 @@ class Peer:
                 records.append(record)
         return records
 
-    def _decode(self, size: int) -> RoomRecord | None:
+    def _decode(self, size: int) -> PeerRecord | None:
         if size > self._limit.record_bytes:
             self._counters[f"oversized_{self.role}"] += 1
             return None
@@ -97,7 +97,7 @@ class Peer:
             self._counters[f"malformed_{self.role}"] += 1
             return None
 
-    def send(self, record: RoomRecord) -> bool:
+    def send(self, record: PeerRecord) -> bool:
         """Hand ``record`` to the kernel; False: it is lost, and counted."""
         data = encode(record)
         if len(data) > MAX_RECORD_BYTES:

@@ -5,12 +5,18 @@ from __future__ import annotations
 import pytest
 
 from firmware_py.guard.alarms.alarm import Notice
-from firmware_py.guard.alarms.telling import BURST, COMMANDS_BURST, EVERY_NS, NAMES_MAX, Telling
+from firmware_py.guard.alarms.event_limit import (
+    BURST,
+    COMMANDS_BURST,
+    EVERY_NS,
+    NAMES_MAX,
+    EventLimit,
+)
 from firmware_py.records import Severity
 
 
 def told_over(
-    telling: Telling, seconds: int, rate_hz: float, notice: Notice
+    telling: EventLimit, seconds: int, rate_hz: float, notice: Notice
 ) -> list[tuple[Notice, int]]:
     found = []
     for cycle in range(int(seconds * rate_hz)):
@@ -21,7 +27,7 @@ def told_over(
 @pytest.mark.parametrize("rate_hz", [1.0, 10.5, 200.0])
 @pytest.mark.parametrize("severity", [Severity.INFO, Severity.ALERT, Severity.FAULT])
 def test_a_minute_of_fluttering_is_a_handful_of_events_with_counts(rate_hz, severity):
-    telling = Telling()
+    telling = EventLimit()
     found = told_over(telling, 69, rate_hz, Notice(severity, "cycle_gap", "held up"))
     assert len(found) <= BURST + 7
     found += telling.step([], 69 * 10**9 + EVERY_NS)
@@ -29,7 +35,7 @@ def test_a_minute_of_fluttering_is_a_handful_of_events_with_counts(rate_hz, seve
 
 
 def test_the_first_is_told_at_once_and_the_held_back_one_with_its_latest_text():
-    telling = Telling()
+    telling = EventLimit()
     assert telling.step([Notice(Severity.ALERT, "a", "first")], 5) == [
         (Notice(Severity.ALERT, "a", "first"), 1)
     ]
@@ -41,7 +47,7 @@ def test_the_first_is_told_at_once_and_the_held_back_one_with_its_latest_text():
 
 
 def test_danger_is_never_held_back_and_commands_of_a_person_are_not():
-    telling = Telling()
+    telling = EventLimit()
     danger = Notice(Severity.DANGER, "tripped", "x")
     commands = [
         Notice(Severity.INFO, "command", f"{verb} accepted")
@@ -54,7 +60,7 @@ def test_danger_is_never_held_back_and_commands_of_a_person_are_not():
 
 
 def test_names_that_are_remembered_are_bounded():
-    telling = Telling()
+    telling = EventLimit()
     for number in range(3 * NAMES_MAX):
         telling.step([Notice(Severity.INFO, "command", f"{number} accepted")], 1)
         telling.step([Notice(Severity.INFO, f"{number}", "")], 1)
