@@ -71,8 +71,8 @@ FILM_SHARE_MAX: Final = 0.8
 """Of the narrowest bearing: a film limit above leaves the shaft no place to be."""
 
 RETREAT_MAX_S: Final = 10.0
-"""Time to the safe clearance from anywhere.  The guard looks this far ahead in steps of 0.05 to 0.1
-s."""
+"""Time to the retreat clearance from anywhere.  The guard looks this far ahead in steps of 0.05 to
+0.1 s."""
 
 FOLLOWING_SHARE_MAX: Final = 0.5
 """Of the range of the clearance: a following error above is not reached by every actuator that
@@ -222,7 +222,7 @@ def _speed_high(config: Config) -> Iterator[Found]:
 
 
 def _retreat(config: Config) -> Iterator[Found]:
-    """The way back to the safe clearance ends in time."""
+    """The way back to the retreat clearance ends in time."""
     b, a = config.machine.bearing, config.machine.actuator
     safe_um = a.safe_radial_clearance_um
     way_um = max(b.radial_clearance_max_um - safe_um, safe_um - b.radial_clearance_min_um)

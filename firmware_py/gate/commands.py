@@ -79,7 +79,7 @@ class CommandDesk:
     Parameters
     ----------
     send
-        Hands a request to the room that answers its verb without waiting; False when that is
+        Hands a request to the process that answers its verb without waiting; False when that is
         impossible now.
 
     Notes

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Final, NamedTuple
 
 from firmware_py.guard.alarms.alarm import Notice
+from firmware_py.guard.authority.arming import RequestAnswer
 from firmware_py.guard.authority.failsafe import Situation
 from firmware_py.guard.state import Stages
 from firmware_py.records import CommandReply, CommandRequest, Mode, Severity
@@ -48,9 +49,7 @@ def _refused(request: CommandRequest, situation: Situation) -> list[str]:
     return [f"monitor only: {situation.monitor_only}; see `orbitd check`"]
 
 
-def _reset(
-    g: Stages, request: CommandRequest, situation: Situation
-) -> tuple[CommandReply, list[Notice]]:
+def _reset(g: Stages, request: CommandRequest, situation: Situation) -> RequestAnswer:
     """Unlatch what no longer stands."""
     left = (
         g.protection.reset()
@@ -64,18 +63,16 @@ def _reset(
     g.supervision.reset()
     situation.tripped = g.tripped
     text = f"reset from {request.origin}: {len(left)} trips left"
-    return CommandReply(request.seq, not left, left), [
-        *notices,
-        Notice(Severity.INFO, "command", text),
-    ]
+    notices.append(Notice(Severity.INFO, "command", text))
+    return RequestAnswer(CommandReply(request.seq, not left, left), notices)
 
 
-def _announce(g: Stages, request: CommandRequest, now_ns: int) -> tuple[CommandReply, list[Notice]]:
+def _announce(g: Stages, request: CommandRequest, now_ns: int) -> RequestAnswer:
     """Take a ramp that is told ahead."""
     refused = g.announcements.request(request, now_ns)
     reply = CommandReply(request.seq, not refused, refused)
     if refused:
-        return reply, []
+        return RequestAnswer(reply, [])
     ramps = len(g.announcements.state)
     text = f"announce accepted from {request.origin}: {ramps} ramps ahead"
-    return reply, [Notice(Severity.INFO, "command", text)]
+    return RequestAnswer(reply, [Notice(Severity.INFO, "command", text)])

@@ -3,7 +3,7 @@
 ``python -m sim_hil.demo.reaction --config FILE --runtime-dir DIR`` is a signal generator in the
 place of rig, node and gate.  Each trial arms the guard at a wide clearance, lets the shaft
 displacement move past the danger limit within one frame, and waits for the command that carries the
-safe clearance.  The time counts from the frame's own sending, just before it reaches the guard's
+retreat clearance.  The time counts from the frame's own sending, just before it reaches the guard's
 socket, to the command's arrival here; the configured danger delay is part of it.
 """
 

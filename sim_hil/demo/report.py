@@ -15,7 +15,7 @@ from sim_hil.demo.scores import FaultScore, FilmScore, ForecastScore, KillScore
 from sim_hil.demo.story import Story
 
 TARGET_SAFE_MS: Final = 1000.0
-"""A killed brain must leave the node's target at the safe value within this."""
+"""A killed brain must leave the node's target at the retreat value within this."""
 
 POWER_FORECAST_PCT: Final = 10.0
 

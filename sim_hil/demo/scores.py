@@ -176,7 +176,7 @@ def score_film(
 
 @dataclass(frozen=True)
 class KillScore:
-    """A process that was killed: node target at the safe value, arrival there, and the process
+    """A process that was killed: node target at the retreat value, arrival there, and the process
     back."""
 
     process: str

@@ -18,7 +18,7 @@ _CHECK_REASONS: Final = ("length", "crc")
 
 @dataclass(frozen=True)
 class NodeLimits:
-    """What the node was built with; boot values are the safe values."""
+    """What the node was built with; boot values are the retreat values."""
 
     boot_clearance_um: float
     boot_pressure_bar: float

@@ -59,7 +59,7 @@ _POWER: Final = TRUTH_COLUMNS.index("shaft_power_W")
 
 
 def node_limits(rig: RigData, config: Config) -> NodeLimits:
-    """The node that belongs to ``rig``, set up for the safe value of ``config``."""
+    """The node that belongs to ``rig``, set up for the retreat value of ``config``."""
     return NodeLimits(
         boot_clearance_um=config.machine.actuator.safe_radial_clearance_um,
         boot_pressure_bar=config.machine.actuator.safe_pressure_bar,

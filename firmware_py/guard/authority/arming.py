@@ -7,7 +7,7 @@ decides; disarm is never refused; every other refusal lists all its reasons.
 from __future__ import annotations
 
 from math import isfinite
-from typing import Final
+from typing import Final, NamedTuple
 
 import msgspec
 
@@ -43,6 +43,20 @@ latched it."""
 ALSO_ALARMS: Final = ("foreign_heartbeat", "mark_lost")
 """Faults that take authority alone; the other conditions of that kind are operating states or have
 alarms of their own."""
+
+
+class RequestAnswer(NamedTuple):
+    """What one request is answered, and what is told of it."""
+
+    reply: CommandReply
+    notices: list[Notice]
+
+
+class Chosen(NamedTuple):
+    """Where the actuator is sent in this cycle, and what has changed."""
+
+    target: Target
+    notices: list[Notice]
 
 
 class ArmingState(msgspec.Struct):
@@ -96,7 +110,7 @@ class Arming:
 
     # ------------------------------------------------------------------ one cycle
 
-    def step(self, situation: Situation, advice: Advice | None) -> tuple[Target, list[Notice]]:
+    def step(self, situation: Situation, advice: Advice | None) -> Chosen:
         """Follow the failsafes, judge authority, and choose the target."""
         failsafes = active(situation)
         notices = self._transition(failsafes, situation)
@@ -114,7 +128,7 @@ class Arming:
         target = self._target(situation, advice, not reasons)
         if s.commanding and s.mode != Mode.MONITOR:
             notices += self._slew.watch(situation.now_ns)
-        return target, notices
+        return Chosen(target, notices)
 
     def _transition(self, failsafes: list[Failsafe], situation: Situation) -> list[Notice]:
         """Move to the state that the worst failsafe asks for."""
@@ -241,9 +255,7 @@ class Arming:
 
     # ------------------------------------------------------------------ requests
 
-    def request(
-        self, request: CommandRequest, situation: Situation
-    ) -> tuple[CommandReply, list[Notice]]:
+    def request(self, request: CommandRequest, situation: Situation) -> RequestAnswer:
         """Answer any verb but ``reset`` (which is protection's to judge first)."""
         handler = {
             "mode": self._set_mode,
@@ -257,7 +269,7 @@ class Arming:
         else:
             reasons = handler(request, situation)
         if reasons:
-            return CommandReply(request.seq, False, reasons), []
+            return RequestAnswer(CommandReply(request.seq, False, reasons), [])
         shown = "" if request.value is None else f" {request.value:g}"
         shown = (
             f" {Mode(request.mode).name.lower()}"
@@ -267,7 +279,7 @@ class Arming:
         notice = Notice(
             Severity.INFO, "command", f"{request.verb}{shown} accepted from {request.origin}"
         )
-        return CommandReply(request.seq, True, []), [notice]
+        return RequestAnswer(CommandReply(request.seq, True, []), [notice])
 
     def reset(self, left: list[str]) -> None:
         """A person asks to start anew; ``left`` are the trips that cannot be cleared yet."""

@@ -1,5 +1,5 @@
-"""The way back to the safe clearance: what speed and load may become meanwhile, and how far whirl
-grows."""
+"""The way back to the retreat clearance: what speed and load may become meanwhile, and how far
+whirl grows."""
 
 from __future__ import annotations
 

@@ -14,11 +14,11 @@ Three laws bound the clearance ``c``:
   bearing narrowing before the limit.  Where it does not follow, narrowing ends short of the limit.
 
 The minimum film is not monotone in clearance, so film admits the connected run of clearances around
-the safe one.  **Reachability**: a clearance is admissible only if the actuator can still run back
-to the safe clearance ahead of the film, and before whirl has grown, while speed and load go the
-worst way that the declared range lets them: the fastest *unannounced* ramps from where the machine
-is, and each ramp that was announced.  An announcement narrows what is admissible before its ramp,
-and never widens it.
+the retreat clearance.  **Reachability**: a clearance is admissible only if the actuator can still
+run back to the retreat clearance ahead of the film, and before whirl has grown, while speed and
+load go the worst way that the declared range lets them: the fastest *unannounced* ramps from where
+the machine is, and each ramp that was announced.  An announcement narrows what is admissible before
+its ramp, and never widens it.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ mass, coupling, clearance and load: with a third of it 2 of 120 machines whirl a
 ramps that may come unannounced, with two fifths none."""
 
 VIBRATION_MARGIN: Final = 0.77
-"""Part of the share that vibration may fill in a clearance wider than the safe one."""
+"""Part of the share that vibration may fill in a clearance wider than the retreat clearance."""
 
 FITTING_MARGIN: Final = 0.95
 """Part of the share that vibration may fill where narrowing does not make it smaller: that of an
@@ -120,7 +120,7 @@ class Shield:
         self._below = self._capacities(self._min_m)
 
     def _even_ends(self) -> list[float]:
-        """Ends of the even steps of the run to the safe clearance, s; the first is where it
+        """Ends of the even steps of the run to the retreat clearance, s; the first is where it
         begins."""
         way_s, ends = self.lead_s - self._delay_s, [0.0]
         while ends[-1] < way_s:
@@ -144,7 +144,7 @@ class Shield:
 
     @property
     def lead_s(self) -> float:
-        """An announced ramp must start this much later: time to run to the safe clearance from
+        """An announced ramp must start this much later: time to run to the retreat clearance from
         anywhere."""
         return (
             max(self._max_m - self._safe_m, self._safe_m - self._min_m) / self._rate_m_s
@@ -177,7 +177,8 @@ class Shield:
             Oil outlet temperature.
         peak_to_peak_m, clearance_m
             Measured vibration, larger axis, and the clearance in which it was measured; no
-            vibration is no bound. The safe clearance stays whatever it is: protection watches it.
+            vibration is no bound. The retreat clearance stays whatever it is: protection watches
+            it.
         announced
             Ramps to come or under way, in the order of their starts.
         oil
@@ -209,7 +210,7 @@ class Shield:
         for end_s in self._ends(present):
             run_m = self._rate_m_s * (start_s if announced else end_s)
             if low_m >= self._safe_m - run_m and high_m <= self._safe_m + run_m:
-                break  # back at the safe clearance by then, from all that is left
+                break  # back at the retreat clearance by then, from all that is left
             box = self._box_after(self._delay_s + end_s, present, announced)
             low_t, high_t, whirl_m = self._bounds(box, temperature_C, slow_rad_s, oil[0], oils)
             low_m = max(low_m, min(low_t, self._safe_m) - run_m)
@@ -302,7 +303,7 @@ class Shield:
         return smallest
 
     def _capacities(self, end_m: float) -> list[float]:
-        """Running minimum of capacity from the safe clearance to ``end_m`` in :data:`GRID_M`,
+        """Running minimum of capacity from the retreat clearance to ``end_m`` in :data:`GRID_M`,
         negated.
 
         Negated, so that it rises and :func:`bisect.bisect_right` finds how far a need is met.
@@ -316,7 +317,8 @@ class Shield:
         return falling
 
     def _film_bounds(self, need: float) -> tuple[float, float]:
-        """Connected run of clearances around the safe one whose capacity is at least ``need``."""
+        """Connected run of clearances around the retreat clearance whose capacity is at least
+        ``need``."""
         up = bisect_right(self._above, -need)
         down = bisect_right(self._below, -need)
         if not up or not down:
@@ -338,7 +340,7 @@ class Shield:
 
         Film heating goes with speed (friction power with its square, side flow with itself), so the
         excess of the outlet over the warmest inlet is scaled to the slow end, where the film is
-        judged. The safe clearance is proven for the declared loads in oil as the law has it: no
+        judged. The retreat clearance is proven for the declared loads in oil as the law has it: no
         thinner batch asks for more.
         """
         inlet_C = min(temperature_C, self._oil.inlet_max_C)

@@ -13,7 +13,7 @@ from firmware_py.machine.parts import monitor_only
 def check_safe(config: Config) -> Iterator[tuple[str, object, str]]:
     """What the guard's laws have against the machine: key, value, and cause with the next step.
 
-    No fixed clearance admissible over the declared range, or the safe one not among them.
+    No fixed clearance admissible over the declared range, or the retreat clearance not among them.
     A machine that is monitor only has no envelope to prove.
     """
     if monitor_only(config.machine):

@@ -16,7 +16,7 @@ The keys are those of ``[readings]``; *frozen*: it stays the same while what dri
 from __future__ import annotations
 
 from math import inf, pi
-from typing import Final
+from typing import Final, NamedTuple
 
 import msgspec
 
@@ -49,6 +49,13 @@ class ReadingRow(msgspec.Struct, frozen=True):
     high: float
     rate: float = inf
     noise: float = inf
+
+
+class Doubt(NamedTuple):
+    """Why a reading cannot be (empty: it can), and the limit that it passed."""
+
+    cause: str
+    limit: float
 
 
 def reading_rows(config: Config) -> dict[str, ReadingRow]:
@@ -88,7 +95,7 @@ def reading_rows(config: Config) -> dict[str, ReadingRow]:
 
 def implausible(
     row: ReadingRow, before: float, value: float, passed_s: float | None, target: float | None
-) -> tuple[str, float]:  # fmt: skip
+) -> Doubt:
     """Why ``value`` cannot be, after ``before`` so long ago, and the limit; an empty reason when it
     can.
 
@@ -96,16 +103,16 @@ def implausible(
     """
     if not row.low <= value <= row.high:
         limit = row.low if value < row.low else row.high
-        return f"is outside {row.low:g} .. {row.high:g} ({row.place})", limit
+        return Doubt(f"is outside {row.low:g} .. {row.high:g} ({row.place})", limit)
     if passed_s is None:
-        return "", row.high
+        return Doubt("", row.high)
     most, moved = row.noise + row.rate * passed_s, abs(value - before)
     arrived = target is not None and (
         min(before, target) - row.noise <= value <= max(before, target) + row.noise
     )
     if moved > most and not arrived:
-        return f"moved by {moved:.4g} in {passed_s:.3g} s, more than {most:.4g}", most
-    return "", row.high
+        return Doubt(f"moved by {moved:.4g} in {passed_s:.3g} s, more than {most:.4g}", most)
+    return Doubt("", row.high)
 
 
 def _power_limit_W(config: Config) -> float:
