@@ -29,7 +29,9 @@ from sim_hil.rotor.parameters import TRUTH_COLUMNS
 
 rig = load_rig("bench")
 for faults in ({}, {"thin_oil": 1.0}):
-    machine = SimulatedMachine(rig, Build.nominal(rig), 1, faults=faults)
+    machine = SimulatedMachine(rig, Build.nominal(rig), 1)
+    for name, severity in faults.items():
+        machine.inject(name, severity)
     truth = run(machine, Duty.hold(6000.0, 60.0), 0.5, clearance=60e-6).truth
     print(truth[-1000:, TRUTH_COLUMNS.index("min_film_m")].mean())
 """
