@@ -120,7 +120,7 @@ def test_who_speaks_to_a_running_device_needs_its_name_alone(command: str, tmp_p
 
 def test_every_fault_is_told_by_every_process_alike(tmp_path: Path) -> None:
     text = BENCH.replace("film_max_C = 60.0", "film_max_C = nan")
-    text = text.replace("length_m = 0.02", "length_m = 0.05").replace(
+    text = text.replace("load_max_N = 300.0", "load_max_N = 20.0").replace(
         "angle_deg = 135.0", "angle_deg = 45.0"
     )
     wrong = tmp_path / "rotor.toml"
@@ -130,7 +130,7 @@ def test_every_fault_is_told_by_every_process_alike(tmp_path: Path) -> None:
     told["check"] = orbitd("check", str(wrong)).stderr
     assert len(set(told.values())) == 1
     keys = [line.split(": ")[-2].split(" = ")[0] for line in told["check"].splitlines()]
-    assert keys == ["oil.film_max_C", "channel[1].angle_deg", "bearing.length_m"]
+    assert keys == ["oil.film_max_C", "operating.load_max_N", "channel[1].angle_deg"]
     done = orbitd("check", str(wrong), "--json")
     faults = json.loads(done.stdout)["faults"]
     assert (done.returncode, [fault["key"] for fault in faults]) == (2, keys)

@@ -94,7 +94,7 @@ def test_run_stops_at_wrong_input_with_the_process_own_message(tmp_path):
     broken = tmp_path / "rig.toml"
     broken.write_text(
         "\n".join(
-            "safe_radial_clearance_um = 149.0" if line.startswith("safe_radial_clear") else line
+            "safe_radial_clearance_um = 100.0" if line.startswith("safe_radial_clear") else line
             for line in text.splitlines()
         )
     )

@@ -9,7 +9,8 @@ from firmware_py.brain.measurement import Errors
 from firmware_py.brain.unbalance import ImbalanceFilter
 from firmware_py.config import SHIPPED, Config, load
 from firmware_py.guard.envelope.load_estimate import LoadEstimator
-from firmware_py.guard.plausibility.pair import PairCheck
+from firmware_py.guard.plausibility.pair_verdicts import PairVerdicts
+from firmware_py.guard.plausibility.pair_window import PairSums
 from firmware_py.guard.plausibility.readings import Readings
 from firmware_py.machine import FastChannel
 from firmware_py.machine.lubricant import CredibleOil, coldest_outlet_C
@@ -68,9 +69,10 @@ def test_the_guard_takes_the_errors_of_the_probes() -> None:
     for zeroed, before in ((False, ""), (True, "zeroed_")):
         figures = {f"{before}zero_error": 3e-7, f"{before}gain_error_share": 0.007}
         config = probes(zeroed=zeroed, slow_roll_um=4.0, **figures, **{f"{before}runout_m": 4e-7})
-        for stage in (LoadEstimator(config), PairCheck(config)):
+        verdicts = PairVerdicts(config, PairSums(config).to_xy)
+        for stage in (LoadEstimator(config), verdicts):
             assert (stage._zero_m, stage._gain) == (3e-7, 0.007)
-        assert PairCheck(config)._runout_m == (4e-6 + 4e-7 if zeroed else 4e-7)
+        assert verdicts._runout_m == (4e-6 + 4e-7 if zeroed else 4e-7)
 
 
 def test_the_brain_takes_the_errors_of_probes_and_readings() -> None:
