@@ -113,7 +113,7 @@ def test_mdf4(tmp_path):
     with MDF(version="4.10") as file:
         stamps = np.arange(N) / RATE
         file.append([Signal(VALUES[:, i], stamps, name=f"acc{i}", unit="m/s^2") for i in range(2)])
-        file.append([Signal(np.arange(8.0), np.cumsum(np.arange(8.0)), name="event", unit="")])
+        file.append([Signal(np.arange(8.0) ** 2, np.cumsum(np.arange(8.0)), name="event", unit="")])
         file.save(tmp_path / "a.mf4")
     file = readers.read(tmp_path / "a.mf4", FileRules())
     assert [c.name for c in file.channels] == ["acc0", "acc1", "event"]
