@@ -207,7 +207,10 @@ def read_file(path: Path, label: str = "") -> ConfigFile:
     except (OSError, ValueError) as error:
         said = getattr(error, "strerror", None) or str(error)
         raise source.error(
-            "", None, f"cannot be read ({said}); name a readable TOML file"
+            "",
+            None,
+            f"cannot be read ({said}); name a rig folder with machine.toml and device.toml "
+            f"(`orbitd rig new FOLDER` writes one), a shipped rig, or a readable TOML file",
         ) from error
     if len(data) > MAX_BYTES:
         raise source.error(

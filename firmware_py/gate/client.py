@@ -80,8 +80,8 @@ class Client:
                     "orbitd that the gate runs"
                 ) from error
         raise NoAnswerError(
-            f"no answer on {self._prefix}/{name} within {TIMEOUT_S:g} s; check that the gate "
-            "runs for this site and rig ('orbitd gate', same configuration)"
+            f"no answer on {self._prefix}/{name}, waited for at most {TIMEOUT_S:g} s; check that "
+            "the gate runs for this site and rig: name the rig that it was started with (--rig)"
         )
 
     def subscribe(

@@ -12,6 +12,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Final
 
+from firmware_py.records import ReadingsFrame
 from firmware_py.wire.codec import CanCodec, frames
 from firmware_py.wire.dbc_layout import described
 from firmware_py.wire.dbc_messages import DEVICE, NODE, Described, Signal
@@ -85,6 +86,7 @@ def _messages(layout: WireLayout) -> list[_DbcMessage]:
             codec.encode(told[kind].example).data,
         )
         for kind, frame in frames(layout).items()
+        if layout.pages or kind is not ReadingsFrame  # a rig without readings sends none
     ]
     return sorted(found, key=lambda message: message.frame_id)
 

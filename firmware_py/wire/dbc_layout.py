@@ -167,7 +167,7 @@ def _readings(layout: WireLayout) -> Described:
     return Described(
         "READINGS",
         NODE,
-        50_000 // layout.pages,
+        50_000 // max(1, layout.pages),
         f"Slow readings, {layout.pages} page(s) in turn, all of them every 50 ms.",
         f"counter 9, tick 5000000 us, page 0, layout {layout.tag}; raw values 1000, 2000 .., ages "
         "10 ms, OK",

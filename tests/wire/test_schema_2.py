@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 
 import firmware_py
 from firmware_py import signals
+from firmware_py.config import SHIPPED, load
 from firmware_py.records import (
     DriveState,
     NodeInfo,
@@ -182,6 +183,14 @@ def test_what_does_not_fit_the_layout_is_not_sent() -> None:
     ):
         with pytest.raises(ValueError, match=words):
             nine.encode(message)
+
+
+def test_a_rig_without_readings_has_a_dbc_without_them() -> None:
+    layout = WireLayout.of(load(SHIPPED / "kit")[0])
+    assert layout.pages == 0
+    names = [message.name for message in database(layout).messages]
+    assert "SAMPLES" in " ".join(names)
+    assert "READINGS" not in names
 
 
 def test_calibration_does_not_change_the_layout_but_what_crosses_the_wire_does() -> None:
