@@ -26,7 +26,7 @@ test: $(VENV)/.dev   ## the default tests (about 6 minutes on two cores)
 # Without the tests that fly a rig, but for wire schema 2: they reach no branch that the others do not.
 COVERED := tests/config tests/machine tests/monitor tests/acquire tests/guard tests/faults/test_guard_faults.py \
            tests/faults/test_two_senders.py tests/wire/test_can_codec.py tests/wire/test_can_link.py \
-           tests/wire/test_schema_2.py tests/test_signals.py tests/sim_hil/hil/test_schema_2_loop.py \
+           tests/wire/test_schema_2.py tests/test_signals.py tests/sim_hil/hil/test_schema_2_loop.py tests/cli/test_rig_new.py \
            --ignore-glob=*on_rig.py
 
 coverage: $(VENV)/.dev   ## every branch that may trip, take authority or believe an input is tested (about 10 minutes)
