@@ -37,8 +37,8 @@ RIG = "etc/orbitd/rig"
 FIRST = "etc/orbitd/orbitd.toml"
 """Place of the rig folder, and of the one file of older installations, which is kept."""
 
-HIDDEN = ("/home/", "/root/", "/run/user/", "/tmp/", "/var/tmp/")
-"""What ``ProtectHome=`` and ``PrivateTmp=`` hide from the services."""
+HIDDEN = ("home", "root", "run/user", "tmp", "var/tmp")
+"""Folders of the root that ``ProtectHome=`` and ``PrivateTmp=`` hide from the services."""
 
 RELOAD = ("systemctl", "daemon-reload")
 HOST_STEPS = (
@@ -149,11 +149,11 @@ def _texts(wanted: Path) -> dict[str, str]:
 def _check_python(python: Path) -> None:
     """Refuse an interpreter that the services could not see."""
     for path in (python.absolute(), python.resolve()):
-        if str(path).startswith(HIDDEN):
+        hidden = [Path(path.anchor, name) for name in HIDDEN]
+        if any(map(path.is_relative_to, hidden)):
             raise InstallError(
-                f"python = {path}: the services do not see {', '.join(HIDDEN)}; make the "
-                f"environment "
-                "elsewhere (python3 -m venv /opt/orbitd) and install from there"
+                f"python = {path}: the services do not see {', '.join(map(str, hidden))}; make "
+                "the environment elsewhere (python3 -m venv /opt/orbitd) and install from there"
             )
 
 

@@ -16,7 +16,4 @@ def test_the_reaction_to_danger_is_measured() -> None:
     assert "failed" not in reaction, reaction
     assert reaction["trials"] == 3
     assert 0.0 < reaction["p50"] < 50.0
-    echo = found["echo"]
-    assert echo["answered"] >= 0.95 * echo["sent"], (
-        "a busy host may lose one, a broken bus loses all"
-    )
+    assert found["echo"]["answered"] == found["echo"]["sent"]
