@@ -68,13 +68,13 @@ class Plant:
 
     def __init__(self) -> None:
         self.database = cantools.database.load_string(DBC, "dbc")
-        self.sample = 0
+        self.sample, self.radius_um = 0, 10.0
         self.random = np.random.default_rng(2)
 
     def frame(self) -> list[RawFrame]:
         turned = self.sample * PERIOD_S * RPM / 60.0
         a = 2 * pi * turned
-        x, y = -20 + 10 * cos(a), -40 + 10 * sin(a)
+        x, y = -20 + self.radius_um * cos(a), -40 + self.radius_um * sin(a)
         probes = [x * cos(radians(d)) + y * sin(radians(d)) for d in (45, 135)]
         noise = 0.1 * self.random.standard_normal(2)
         since_us = (turned % 1.0) * 60e6 / RPM

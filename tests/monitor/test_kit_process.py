@@ -2,30 +2,20 @@
 
 from __future__ import annotations
 
-import os
 import shutil
-import signal
-import subprocess
-import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TypeVar
 
 import pytest
 
-from firmware_py import config, replay
+from firmware_py import config
 from firmware_py.gate import keys
 from firmware_py.gate.client import Client
-from firmware_py.gate.session import SessionError
-from firmware_py.gate.view import DeviceState
 from firmware_py.wire.can_link import CanLink, bus_opener
 from tests.monitor.generator import MeasuringNode
-
-ROOT = Path(__file__).resolve().parents[2]
-PATIENCE_S = 90.0
-T = TypeVar("T")
+from tests.monitor.processes import device, state
 
 
 class Playing(threading.Thread):
@@ -50,49 +40,20 @@ class Playing(threading.Thread):
 def running(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Playing, Client]]:
     monkeypatch.setenv("ORBITD_BUS_DIR", str(tmp_path / "bus"))
     rig = Path(shutil.copytree(config.SHIPPED / "kit", tmp_path / "kit"))
-    device = rig / "device.toml"
-    text = device.read_text().replace("rate_hz = 5000", "rate_hz = 2000")
-    device.write_text(f'{text}\n[recorder]\ndirectory = "{tmp_path / "recorded"}"\n')
+    settings = rig / "device.toml"
+    text = settings.read_text().replace("rate_hz = 5000", "rate_hz = 2000")
+    settings.write_text(f'{text}\n[recorder]\ndirectory = "{tmp_path / "recorded"}"\n')
     machine = rig / "machine.toml"
     machine.write_text(machine.read_text().replace("max_rpm = 9000.0", "max_rpm = 6000.0"))
     loaded, _ = config.load(rig)
     playing = Playing(MeasuringNode(loaded), loaded.bus.channel)
     playing.start()
-    folder = tmp_path / "run"
-    with (tmp_path / "log").open("wb") as log:
-        process = subprocess.Popen(
-            [sys.executable, "-m", "firmware_py", "run", "--rig", str(rig),
-             "--runtime-dir", str(folder)],
-            cwd=ROOT, stdout=log, stderr=log, env={**os.environ, "XDG_STATE_HOME": str(tmp_path)},
-        )  # fmt: skip
     try:
-        client = until(lambda: Client(folder, keys.prefix("lab", "kit")))
-        yield playing, client
+        with device(rig, keys.prefix("lab", "kit"), tmp_path) as client:
+            yield playing, client
     finally:
-        process.send_signal(signal.SIGINT)
-        process.wait(20)
         playing.stopped.set()
         playing.join()
-    (recording,) = (tmp_path / "recorded").glob("*.mcap")
-    assert replay.main([str(recording)]) == 0, "a replay decides and diagnoses the same"
-
-
-def until(ask: Callable[[], T | None]) -> T:
-    """What ``ask`` gives, once it gives anything."""
-    end_s = time.monotonic() + PATIENCE_S
-    while time.monotonic() < end_s:
-        try:
-            found = ask()
-        except (SessionError, OSError):
-            found = None
-        if found:
-            return found
-        time.sleep(0.2)
-    raise AssertionError("nothing within the patience of this test")
-
-
-def state(client: Client, holds: Callable[[DeviceState], object]) -> DeviceState:
-    return until(lambda: found if holds(found := client.status()) else None)
 
 
 @pytest.mark.slow
