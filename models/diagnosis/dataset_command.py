@@ -19,11 +19,12 @@ from models.diagnosis.dataset import DatasetError
 from models.diagnosis.dataset_folder import (
     MeasuredRecording,
     listed,
+    named_normal,
     plan_of,
-    read_folder,
     scan_folder,
 )
 from models.diagnosis.folder_table import DEFAULT_GROUP, TABLE, signal_files
+from models.diagnosis.measured_features import too_short
 from models.readers.assemble import roles
 from models.readers.channel_map import FILE_NAME, FileMap, FileRules
 from models.readers.signal_file import SignalFile, SignalFileError
@@ -56,18 +57,16 @@ def main(argv: Sequence[str] | None = None) -> int:
         if args.write:
             return _write(args.folder, args.channels)
         found, problems = scan_folder(args.folder, args.group, args.channels)
-        if not problems:
-            found = read_folder(args.folder, args.group, args.channels)
     except DatasetError as error:
         print(f"orbitd dataset: {error}", file=sys.stderr)
         return EXIT_BAD_INPUT
-    _show(found, as_json=args.json)
-    if problems:
+    _show(named_normal(found), problems, as_json=args.json)
+    if problems and not args.json:
         print(f"orbitd dataset: {args.folder}: {listed(problems)}", file=sys.stderr)
     return EXIT_BAD_INPUT if problems else 0
 
 
-def _show(found: Sequence[MeasuredRecording], *, as_json: bool) -> None:
+def _show(found: Sequence[MeasuredRecording], problems: Sequence[str], *, as_json: bool) -> None:
     rows = [
         {
             "recording": each.name,
@@ -80,12 +79,12 @@ def _show(found: Sequence[MeasuredRecording], *, as_json: bool) -> None:
                 for name, unit in zip(each.channels, each.units, strict=True)
             ),
             "turns": "" if each.turns is None else round(float(each.turns[-1] - each.turns[0]), 1),
-            "notes": "; ".join(each.notes),
+            "notes": "; ".join([*each.notes, *filter(None, [too_short(each)])]),
         }
         for each in found
     ]
     if as_json:
-        print(json.dumps(rows, indent=2))
+        print(json.dumps({"recordings": rows, "problems": problems}, indent=2))
         return
     table = Table()
     for name in rows[0] if rows else ():

@@ -75,7 +75,6 @@ def read_folder(
         Every problem at once, each with file, place, cause and next step.
     """
     found, problems = scan_folder(folder, group, channels)
-    problems = problems or list(_disagreements(found, group))
     if problems:
         raise DatasetError(listed(problems))
     return named_normal(found)
@@ -84,14 +83,16 @@ def read_folder(
 def scan_folder(
     folder: Path, group: str = DEFAULT_GROUP, channels: Path | None = None
 ) -> tuple[list[MeasuredRecording], list[str]]:
-    """What can be read, and what is wrong with the rest; as :func:`read_folder`, which refuses the
-    folder then."""
+    """What can be read, and all that is wrong, with a file or between files; as
+    :func:`read_folder`, which refuses the folder then."""
     plan = plan_of(folder, channels)
     if parquet.is_dataset(folder):
-        return _all(_stored(folder, group, plan))
-    rows, problems = rows_of(folder, group)
-    found, more = _all((row, _reading(folder, row, plan)) for row in rows)
-    return found, [*problems, *more]
+        found, problems = _all(_stored(folder, group, plan))
+    else:
+        rows, problems = rows_of(folder, group)
+        found, more = _all((row, _reading(folder, row, plan)) for row in rows)
+        problems = [*problems, *more]
+    return found, [*problems, *_disagreements(found, group, whole=not problems)]
 
 
 def plan_of(folder: Path, channels: Path | None) -> FileMap:
@@ -131,10 +132,16 @@ def _all(
             try:
                 found.append(_recording(row, make()))
             except SignalFileError as error:
-                problems += [f"{row.place}: {line}" for line in str(error).splitlines()]
+                problems += [_placed(row, line) for line in str(error).splitlines()]
     except SignalFileError as error:
         problems.append(str(error))
     return found, problems
+
+
+def _placed(row: AnnouncedRecording, line: str) -> str:
+    """``line`` with the place of its recording; where that ends in the file's name, once."""
+    name = Path(row.file).name
+    return f"{row.place}: {line.removeprefix(f'{name}: ') if row.place.endswith(name) else line}"
 
 
 def _reading(folder: Path, row: AnnouncedRecording, plan: FileMap) -> Callable[[], EvenSamples]:
@@ -199,14 +206,12 @@ def _recording(row: AnnouncedRecording, samples: EvenSamples) -> MeasuredRecordi
     )
 
 
-def _disagreements(found: list[MeasuredRecording], group: str) -> Iterator[str]:
-    """What does not fit together, first things first."""
-    checks = (_alike, _spelling, _labels, _copies)
-    for check in checks:
-        problems = list(check(found, group))
-        yield from problems
-        if problems:
-            return
+def _disagreements(found: list[MeasuredRecording], group: str, *, whole: bool) -> Iterator[str]:
+    """What does not fit together; ``whole``: nothing is missing, so that labels can be counted."""
+    for check in (_alike, _spelling, _copies, _rows_of_files):
+        yield from check(found, group)
+    if whole:
+        yield from _labels(found, group)
 
 
 def _alike(found: list[MeasuredRecording], group: str) -> Iterator[str]:
@@ -264,7 +269,8 @@ def _copies(found: list[MeasuredRecording], group: str) -> Iterator[str]:
             )
 
 
-def _labels(found: list[MeasuredRecording], group: str) -> Iterator[str]:
+def _rows_of_files(found: list[MeasuredRecording], group: str) -> Iterator[str]:
+    """Files that stand twice, or on both sides of a split."""
     for name, count in Counter(recording.name for recording in found).items():
         if count > 1:
             yield f"{name}: stands {count} times in the table; each file once, with one label"
@@ -276,6 +282,10 @@ def _labels(found: list[MeasuredRecording], group: str) -> Iterator[str]:
                 f"{each.file}: parts of it stand in the groups {other} and {each.group}, on both "
                 "sides of a split; give all parts of a file one group"
             )
+
+
+def _labels(found: list[MeasuredRecording], group: str) -> Iterator[str]:
+    """Too few classes, recordings or groups to learn and judge."""
     labels = Counter(recording.label for recording in found)
     if len(labels) < 2 and found[0].label.casefold() != NORMAL:
         yield (

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import floor
 
 import numpy as np
 from numpy.typing import NDArray
@@ -102,21 +103,21 @@ def windows(recording: MeasuredRecording, window_s: float) -> list[tuple[Floats,
     ]
 
 
+def too_short(recording: MeasuredRecording, window_s: float = WINDOW_S) -> str:
+    """Why no window of a recording can be taken, and what to do; empty where one can."""
+    have, rate_hz = len(recording.samples), recording.rate_hz
+    n, seconds = window_samples(rate_hz, window_s), have / rate_hz
+    if have >= n:
+        return ""
+    shorter = f"give --window-s {floor(1e4 * seconds) / 1e4:g}, " if have >= WINDOW_SAMPLES else ""
+    return (
+        f"{have} samples ({seconds:.3g} s), a window has {n} ({n / rate_hz:.3g} s); {shorter}"
+        "record longer, or leave it out"
+    )
+
+
 def _check_length(found: Sequence[MeasuredRecording], window_s: float) -> None:
-    short = []
-    for each in found:
-        n = window_samples(each.rate_hz, window_s)
-        if len(each.samples) < n:
-            seconds = len(each.samples) / each.rate_hz
-            way = (
-                f"give --window-s {max(seconds, WINDOW_SAMPLES / each.rate_hz):.3g}, record longer,"
-                if len(each.samples) >= WINDOW_SAMPLES
-                else "record longer,"
-            )
-            short.append(
-                f"{each.name}: {len(each.samples)} samples ({seconds:.3g} s), a window has {n} "
-                f"({n / each.rate_hz:.3g} s); {way} or leave it out"
-            )
+    short = [f"{each.name}: {why}" for each in found if (why := too_short(each, window_s))]
     if short:
         raise DatasetError(listed(short))
 

@@ -83,7 +83,11 @@ def assemble(
     if not file.channels:
         raise SignalFileError(f"{who}: no channel of numbers in it; {'; '.join(file.notes)}")
     stamps, speed, mark = roles(file, plan)
-    timed, notes = _timed(file, plan, rate_hz, stamps)
+    timed, notes = list(file.channels), list[str]()
+    try:
+        timed, notes = _timed(file, plan, rate_hz, stamps)
+    except SignalFileError as error:
+        problems += str(error).splitlines()
     rest = [i for i in range(len(timed)) if i not in (stamps, speed, mark)]
     if not plan.channel:
         counting = [i for i in rest if _counts(timed[i].values)]
@@ -102,7 +106,7 @@ def assemble(
         try:
             made.append(_channel(who, timed[index], row, span_s))
         except SignalFileError as error:
-            problems.append(str(error))
+            problems += [line for line in str(error).splitlines() if line not in problems]
     if problems:
         raise SignalFileError("\n".join(problems))
     rate = _one_rate(who, made, plan.file.resample_hz)
@@ -254,44 +258,61 @@ def _channel(
     who: str, channel: Channel, row: ChannelRow, span_s: tuple[float, float]
 ) -> tuple[str, Floats, float, str]:
     """Name, values in SI, rate and SI unit of one channel; every reason to refuse it at once."""
-    name = row.name or channel.name
-    here = channel.name if name == channel.name else f"{channel.name} ({name})"
     if channel.fault:
         raise SignalFileError(f"{channel.fault}; or choose other channels in channels.toml")
-    if channel.rate_hz is None:
-        raise SignalFileError(f"{who}: {channel.name}: no sampling rate; give rate_hz")
-    first = round(span_s[0] * channel.rate_hz)
-    last = len(channel.values) if span_s[1] == math.inf else round(span_s[1] * channel.rate_hz)
-    if not 0 <= first < last <= len(channel.values):
-        raise SignalFileError(
-            f"{who}: from {span_s[0]:g} s to {span_s[1]:g} s of "
-            f"{len(channel.values) / channel.rate_hz:.3f} s; correct start_s and end_s"
-        )
+    name = row.name or channel.name
+    named = replace(channel, name=name if name == channel.name else f"{channel.name} ({name})")
+    first, last = 0, len(channel.values)
+    problems: list[str] = []
+    if channel.rate_hz is not None:
+        first = round(span_s[0] * channel.rate_hz)
+        last = last if span_s[1] == math.inf else round(span_s[1] * channel.rate_hz)
+        if not 0 <= first < last <= len(channel.values):
+            problems.append(
+                f"{who}: from {span_s[0]:g} s to {span_s[1]:g} s of "
+                f"{len(channel.values) / channel.rate_hz:.3f} s; correct start_s and end_s"
+            )
+            first, last = 0, len(channel.values)
     raw = channel.values[first:last]
-    bad = np.flatnonzero(~np.isfinite(raw))
-    if len(bad):
+    values, si, more = _in_si(who, named, row, raw, first)
+    problems += more
+    if problems:
+        raise SignalFileError("\n".join(problems))
+    if channel.rate_hz is None:
+        raise SignalFileError(f"{who}: no sampling rate of {channel.name}; give rate_hz")
+    return name, values, channel.rate_hz, si
+
+
+def _in_si(
+    who: str, channel: Channel, row: ChannelRow, raw: Floats, first: int
+) -> tuple[Floats, str, list[str]]:
+    """Values in SI, their unit, and all that is wrong with them; ``raw`` begins at sample
+    ``first``."""
+    here, problems = f"{who}: {channel.name}", list[str]()
+    good = np.isfinite(raw)
+    if not good.all():
+        bad = np.flatnonzero(~good)
         what = "missing or no number" if np.isnan(raw[bad[0]]) else "infinite"
-        raise SignalFileError(
-            f"{who}: {replace(channel, name=here).where(first + int(bad[0]))}: {what} ({len(bad)} "
-            "such values, the first of them); cut them out (start_s, end_s), or leave the file out"
+        problems.append(
+            f"{who}: {channel.where(first + int(bad[0]))}: {what} ({len(bad)} such values, the "
+            "first of them); cut them out (start_s, end_s), or leave the file out"
         )
     text = row.unit or channel.unit
     known = units.unit(text) if text else None
     if text and known is None:
-        raise SignalFileError(
-            f"{who}: {here}: unit {text!r} is not known; give one of {units.known()} as "
-            "unit of this channel in channels.toml"
+        problems.append(
+            f"{here}: unit {text!r} is not known; give one of {units.known()} as unit of this "
+            "channel in channels.toml"
         )
     values = (raw * row.scale + row.offset) * row.polarity
     if known is not None:
         values = values * known.factor + known.offset
-    if np.ptp(values) == 0.0:
-        raise SignalFileError(f"{who}: {here}: {STUCK}; leave it out in channels.toml")
-    if known is not None and (odd := units.implausible(float(values.std()), known)):
-        raise SignalFileError(
-            f"{who}: {here}: {odd} Say unit and scale of this channel in channels.toml"
-        )
-    return name, values, channel.rate_hz, known.si if known else ""
+    whole = values[good]
+    if len(whole) and np.ptp(whole) == 0.0:
+        problems.append(f"{here}: {STUCK}; leave it out in channels.toml")
+    elif len(whole) and known and (odd := units.implausible(float(whole.std()), known)):
+        problems.append(f"{here}: {odd} Say unit and scale of this channel in channels.toml")
+    return values, known.si if known else "", problems
 
 
 def _one_rate(

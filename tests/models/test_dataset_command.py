@@ -35,7 +35,10 @@ def test_a_folder_without_a_table_gets_drafts_that_can_be_used(folder, capsys):
     assert plan["speed"] == {"column": "Drehzahl", "unit": "1/min"}
     assert [row["column"] for row in plan["channel"]] == ["KANAL A", "KANAL B"]
     assert main([str(folder), "--json"]) == 0
-    rows = json.loads(capsys.readouterr().out)
+    said = json.loads(capsys.readouterr().out)
+    rows = said["recordings"]
+    assert said["problems"] == []
+    assert "give --window-s 0.15" in rows[0]["notes"]
     assert [row["label"] for row in rows] == ["normal", "normal", "Unwucht", "Unwucht"]
     assert rows[0]["channels"] == "KANAL A (m/s2), KANAL B (m/s2)"
     assert rows[0]["rate_hz"] == 2000.0
@@ -70,3 +73,39 @@ def test_a_first_file_that_cannot_be_read_is_named_in_the_draft(tmp_path, capsys
     assert "could not be read as it is:" in draft
     assert "line 5: no row of numbers" in draft
     assert "file" in tomllib.loads(draft)
+
+
+def test_every_fault_of_a_file_is_named_with_those_between_files(folder, capsys):
+    main([str(folder), "--write"])
+    (folder / "channels.toml").unlink()
+    path = folder / "Unwucht 2.csv"
+    lines = path.read_text(encoding="cp1252").splitlines()
+    lines[1] = lines[1].replace("KANAL A [g]", "KANAL A [furlong]")
+    for k in range(2, len(lines)):
+        cells = lines[k].split(";")
+        lines[k] = ";".join([cells[0], "" if k == 20 else cells[1], "1,0", cells[3]])
+    path.write_text("\n".join(lines), encoding="cp1252")
+    (folder / "Normal 2.csv").write_bytes((folder / "Normal 1.csv").read_bytes())
+    capsys.readouterr()
+    assert main([str(folder), "--json"]) == 2
+    said = json.loads(capsys.readouterr().out)
+    text = "\n".join(said["problems"])
+    assert [row["recording"] for row in said["recordings"]] == [
+        "Normal 1.csv", "Normal 2.csv", "Unwucht 1.csv",
+    ]  # fmt: skip
+    assert "recordings.csv:5: Unwucht 2.csv: line 21, KANAL A: missing" in text
+    assert "KANAL A: unit 'furlong' is not known" in text
+    assert "KANAL B: never moves" in text
+    assert "Normal 2.csv: the same samples as Normal 1.csv" in text
+
+
+def test_the_name_of_a_file_stands_once_where_its_place_is_told(tmp_path, capsys):
+    for label in ("good", "bad"):
+        (tmp_path / label).mkdir()
+        for k in range(2):
+            (tmp_path / label / f"{k}.csv").write_text("a,b\n" + "1,2\n" * 400)
+    assert main([str(tmp_path)]) == 2
+    line = next(
+        x for x in capsys.readouterr().err.splitlines() if "bad/0.csv" in x.replace("\\", "/")
+    )
+    assert line.count("0.csv") == 1
