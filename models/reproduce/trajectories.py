@@ -4,7 +4,7 @@ and dampers."""
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -22,7 +22,7 @@ from models.reproduce.report import ClaimRow, Series
 from sim_hil.film import equilibrium, film_force
 from sim_hil.plant.build import Build
 from sim_hil.plant.duty import RAD_S_PER_RPM, Duty
-from sim_hil.plant.response import Force, simulate
+from sim_hil.plant.response import Force, RunDiverged, simulate
 from sim_hil.plots.style import BLUE, GREEN, GREY, ORANGE, new_figure, plain
 from sim_hil.rigs import RigData, load_rig
 
@@ -78,23 +78,26 @@ def run(quick: bool, rng: np.random.Generator, out: Path) -> Series:
     measured: dict[str, object] = {"paper_network": paper.report(), "load_N": LOAD_N}
     drawings: list[tuple[Figure, str]] = []
     factors: dict[str, list[float]] = {}
-    errors: dict[str, dict[str, float]] = {name: {} for name in films}
+    errors: dict[str, dict[str, float | str]] = {name: {} for name in films}
     for case in CASES:
         truth, factor = reynolds(rig, case, turns)
         factors.setdefault(REYNOLDS, []).append(factor)
         orbits = {REYNOLDS: truth}
         for name, film in films.items():
-            orbits[name], factor = compiled(rig, case, turns, film)
-            factors.setdefault(name, []).append(factor)
-            apart = np.hypot(*(orbits[name] - truth).T).max() / rig.bearing.clearance_nominal_m
-            errors[name][case.name] = round(100.0 * float(apart), 2)
+            orbit, factor, errors[name][case.name] = apart(rig, case, turns, film, truth)
+            if orbit is not None:
+                orbits[name] = orbit
+                factors.setdefault(name, []).append(factor)
         drawings.append(
             (
                 _draw(rig, case, orbits),
                 f"{case.name}, {turns} turns, journal centre over the clearance",
             )
         )
-    speed = {name: round(float(np.mean(values)), 2) for name, values in factors.items()}
+    speed = {
+        name: round(float(np.mean(factors[name])), 2) if name in factors else None
+        for name in (REYNOLDS, *films)
+    }
     measured |= {
         "times_faster_than_real_time": speed,
         "largest_distance_percent_of_clearance": errors,
@@ -103,8 +106,26 @@ def run(quick: bool, rng: np.random.Generator, out: Path) -> Series:
     return Series("Trajectories", _rows(speed, errors), measured, drawings)
 
 
-def _rows(speed: dict[str, float], errors: dict[str, dict[str, float]]) -> list[ClaimRow]:
-    apart = {
+def apart(
+    rig: RigData, case: TrajectoryCase, turns: int, film: Force, truth: Floats
+) -> tuple[Floats | None, float, float | str]:
+    """Orbit, its speed as :func:`compiled` says, and its largest distance from ``truth`` in percent
+    of the clearance; no orbit, and why, where the run left the finite numbers."""
+    try:
+        orbit, factor = compiled(rig, case, turns, film)
+    except RunDiverged as error:
+        return None, 0.0, str(error)
+    distance = np.hypot(*(orbit - truth).T).max() / rig.bearing.clearance_nominal_m
+    return orbit, factor, round(100.0 * float(distance), 2)
+
+
+def _rows(
+    speed: Mapping[str, float | None], errors: Mapping[str, Mapping[str, float | str]]
+) -> list[ClaimRow]:
+    factor = {
+        name: "diverged" if value is None else f"{value:g} times" for name, value in speed.items()
+    }
+    distance = {
         name: ", ".join(f"{case} {_told(e)}" for case, e in by_case.items())
         for name, by_case in errors.items()
     }
@@ -112,10 +133,9 @@ def _rows(speed: dict[str, float], errors: dict[str, dict[str, float]]) -> list[
         ClaimRow(
             "trajectories",
             SPEED,
-            f"{speed[PAPER]:g} times faster than real time",
-            f"reduced network {speed[OURS]:g} times; Reynolds solved at every step "
-            f"{speed[REYNOLDS]:g} times; springs "
-            f"and dampers {speed[LINEAR]:g} times",
+            f"faster than real time: {factor[PAPER]}",
+            f"reduced network {factor[OURS]}; Reynolds solved at every step {factor[REYNOLDS]}; "
+            f"springs and dampers {factor[LINEAR]}",
             "Processor time of one core of the machine that made this report. Rotor and networks "
             "are compiled, the "
             "Reynolds film is called from Python.",
@@ -124,9 +144,9 @@ def _rows(speed: dict[str, float], errors: dict[str, dict[str, float]]) -> list[
         ClaimRow(
             "trajectories",
             TRANSIENTS,
-            f"largest distance from the Reynolds orbit over the clearance: {apart[PAPER]}",
-            f"reduced network (the shipped one): {apart[OURS]}; springs and dampers: "
-            f"{apart[LINEAR]}",
+            f"largest distance from the Reynolds orbit over the clearance: {distance[PAPER]}",
+            f"reduced network (the shipped one): {distance[OURS]}; springs and dampers: "
+            f"{distance[LINEAR]}",
             f"Unfed film under {LOAD_N:g} N, about the shaft's weight on this bearing; the real "
             f"rig is fed. Speed is "
             f"not among the printed network's inputs: it was trained at {SPEED_RPM:g} rpm, at "
@@ -137,8 +157,11 @@ def _rows(speed: dict[str, float], errors: dict[str, dict[str, float]]) -> list[
     ]
 
 
-def _told(error_percent: float) -> str:
-    """A distance; two journals inside one clearance are never further than two clearances apart."""
+def _told(error_percent: float | str) -> str:
+    """A distance, or why there is none; two journals inside one clearance are never further than
+    two clearances apart."""
+    if isinstance(error_percent, str):
+        return f"diverged ({error_percent})"
     return f"{error_percent:g} %" if error_percent <= 200.0 else "out of the bearing"
 
 
@@ -266,8 +289,9 @@ def _draw(rig: RigData, case: TrajectoryCase, orbits: dict[str, Floats]) -> Figu
         (9.0, 4.2), case.name, f"rig seed, {case.start_rpm:g} to {case.end_rpm:g} rpm, {LOAD_N} N"
     )
     panes = figure.subplots(1, 2, width_ratios=(1.0, 1.6))
-    for (name, orbit), colour in zip(orbits.items(), (GREY, ORANGE, BLUE, GREEN), strict=True):
-        e = orbit / rig.bearing.clearance_nominal_m
+    colours = {REYNOLDS: GREY, PAPER: ORANGE, OURS: BLUE, LINEAR: GREEN}
+    for name, orbit in orbits.items():
+        e, colour = orbit / rig.bearing.clearance_nominal_m, colours[name]
         style = {"color": colour, "linewidth": 2.4 if name == REYNOLDS else 1.0, "label": name}
         panes[0].plot(e[:, 0], e[:, 1], **style)
         panes[1].plot(np.arange(1, len(e) + 1) / RATE_HZ, e[:, 0], **style)

@@ -12,8 +12,11 @@ from firmware_py.errors import OrbitdError
 from sim_hil.faults import FaultSet, apply_machine_faults, check_fault, sensor_fault
 from sim_hil.film.table_kernel import table_force
 from sim_hil.plant.build import Build
+from sim_hil.plant.response import on_the_wall
+from sim_hil.plant.validity import refusal, step_for
 from sim_hil.rigs import RigData
 from sim_hil.rotor.assembly import assemble, rig_film
+from sim_hil.rotor.kernel import GRAVITY
 from sim_hil.rotor.parameters import (
     CLEARANCE,
     N_SENSORS,
@@ -109,7 +112,8 @@ class SimulatedMachine:
         Whether the supply pressure acts in the film: the rig's groove, instead of the unfed
         periodic film.
     max_step_s
-        Longest integration step, at most :data:`LONGEST_STEP_S`.
+        Longest integration step, at most :data:`LONGEST_STEP_S`; shorter where the rig's greatest
+        speed asks for it (:mod:`sim_hil.plant.validity`).
 
     Raises
     ------
@@ -142,7 +146,7 @@ class SimulatedMachine:
         pressure_Pa = rig.supply.nominal_Pa if pressure_Pa is None else pressure_Pa
         self._check_targets(clearance_m, pressure_Pa)
         self.period_s = 1.0 / rate_hz
-        self._substeps = max(1, math.ceil(self.period_s / max_step_s - 1e-9))
+        self._substeps = max(1, math.ceil(self.period_s / step_for(rig, max_step_s) - 1e-9))
         step_s = self.period_s / self._substeps
         self._kept_steps = max(1, round(SLOPES_KEPT_S / step_s))
         self._healthy = assemble(rig, build, step_s, inlet_C=inlet_C, thermal=thermal)
@@ -230,12 +234,14 @@ class SimulatedMachine:
         Raises
         ------
         MachineError
-            A target outside the actuator's range, a speed or load that is not finite, or no finite
-            answer.
+            A target outside the actuator's range, a speed or load that is not finite, a speed far
+            beyond the rig's or with too few steps a turn, or no finite answer.
         """
         drive = np.ascontiguousarray(drive, dtype=np.float64)
         self._check_drive(drive)
         self._check_targets(clearance_m, pressure_Pa)
+        if self._instants == 0 and drive[0, 0] == 0.0:
+            self._lie_down(float(drive[0, 1]))
         n = len(drive) - 1
         normal = self._rng.standard_normal((n, N_SENSORS + _N_AMBIENT))
         signals, truth, marks = np.empty((n, N_SENSORS)), np.empty((n, N_TRUTH)), np.empty(n)
@@ -292,6 +298,15 @@ class SimulatedMachine:
         )
         return math.hypot(fx, fy)
 
+    def _lie_down(self, load_N: float) -> None:
+        """A machine that begins at standstill lies on the wall, in a pedestal that has settled."""
+        shaft, pedestal, q = self._healthy.shaft, self._healthy.pedestal, self._state.q
+        c = float(self._state.scalar[CLEARANCE]) + self.wear_m
+        q[5] = -(pedestal.mass * GRAVITY + load_N) / sum(pedestal.stiffness)
+        place = on_the_wall(c, load_N).position_m + np.array([0.0, q[5]])
+        q[2:4] = place / (shaft.to_bearing + shaft.to_coupling)
+        q[:2] = shaft.to_coupling * q[2:4]
+
     def _check_drive(self, drive: Floats) -> None:
         if drive.ndim != 2 or drive.shape[1] != 2 or len(drive) < 2:
             raise MachineError(
@@ -301,6 +316,9 @@ class SimulatedMachine:
             raise MachineError(
                 f"speed or load at {self.time_s:.3f} s is not finite: {drive[0]} to {drive[-1]}"
             )
+        fastest = max(abs(float(drive[0, 0])), abs(float(drive[-1, 0])))
+        if why := refusal(self.rig, fastest, self.period_s / self._substeps):
+            raise MachineError(why)
 
     def _check_targets(self, clearance_m: float, pressure_Pa: float) -> None:
         """Refuse what no actuator could follow."""

@@ -14,11 +14,15 @@ from sim_hil.rotor.parameters import Floats
 
 @dataclass(frozen=True)
 class PowerMap:
-    """Steady figures over speed x load x clearance: shape (rpm, load, clearance) each."""
+    """Steady figures over speed x load x clearance: shape (rpm, load, clearance) each.
+
+    ``warnings`` says what of any point is not proven.
+    """
 
     power_W: Floats
     min_film_m: Floats
     peak_to_peak_m: Floats
+    warnings: tuple[str, ...] = ()
 
 
 def power_map(
@@ -47,6 +51,7 @@ def power_map(
     )
     shape = (rpm.size, load_N.size, clearance_m.size)
     figures = np.empty((3, *shape))
+    unproven: list[str] = []
     for i, j, k in np.ndindex(shape):
         duty = Duty.hold(float(rpm[i]), float(load_N[j]), seconds)
         rate_hz = max(5000.0, SAMPLES_PER_TURN * abs(float(rpm[i])) / 60)
@@ -60,10 +65,12 @@ def power_map(
             pressure=pressure_Pa,
             fed=pressure_Pa is not None,
         ).last(seconds / 2)
+        unproven += run.warnings
         pumped = 0.0 if pressure_Pa is None else run.pump_power_W(rig.supply.pump_efficiency).mean()
         figures[:, i, j, k] = (
             run.power_W.mean() + pumped,
             run.min_film_m.min(),
             run.peak_to_peak_m(),
         )
-    return PowerMap(*figures)
+    power_W, film_m, swing_m = figures
+    return PowerMap(power_W, film_m, swing_m, tuple(dict.fromkeys(unproven)))

@@ -15,11 +15,16 @@ from typing import Literal
 import numpy as np
 
 from firmware_py.errors import OrbitdError
-from sim_hil.film import FilmError, equilibrium
+from sim_hil.film import FilmError, FilmNotConverged
+from sim_hil.film.balance import position_of_load
+from sim_hil.film.bearing import Bearing
+from sim_hil.film.equilibrium import linear_coefficients
 from sim_hil.film.model import FilmModel, load_model, tabulate
 from sim_hil.film.table import FilmTable
+from sim_hil.film.table_kernel import CONTACT_STIFFNESS_N_M, EPS_TABLE
 from sim_hil.plant.build import Build
 from sim_hil.plant.duty import Duty
+from sim_hil.plant.validity import doubts, refusal
 from sim_hil.rigs import RigData
 from sim_hil.rotor.assembly import assemble, rig_film
 from sim_hil.rotor.film_law import DirectLaw, Law, LinearLaw
@@ -55,6 +60,10 @@ class SimulationError(OrbitdError, ValueError):
     exit_code = 2
 
 
+class RunDiverged(SimulationError):
+    """A run that left the finite numbers."""
+
+
 @dataclass(frozen=True)
 class FilmEvent:
     """What happened at a time: `contact` (asperities touch) or `release`."""
@@ -78,11 +87,14 @@ class Trajectory:
         (n, 11).
     events
         Contacts and releases.
+    warnings
+        What is not proven of it (:mod:`sim_hil.plant.validity`), with value and limit.
     """
 
     time_s: Floats
     rows: Floats
     events: tuple[FilmEvent, ...]
+    warnings: tuple[str, ...] = ()
 
     def column(self, name: str) -> Floats:
         """One column by name."""
@@ -135,7 +147,7 @@ def simulate(
     fed: bool = False,
 ) -> Trajectory:
     """Follow `duty` (to its end when `seconds` is None) with the journal starting at rest at its
-    equilibrium.
+    equilibrium; on the wall where it does not turn.
 
     Parameters
     ----------
@@ -164,8 +176,10 @@ def simulate(
     Raises
     ------
     SimulationError
-        A clearance outside the rig's range, a pressure that no supply has, a step too long, or a
-        run that left the finite numbers.
+        A clearance outside the rig's range, a pressure that no supply has, a step too long, too
+        few of them a turn, or a speed far beyond the rig's.
+    RunDiverged
+        It left the finite numbers.
     """
     if not (0 < dt_s <= LONGEST_STEP_S and rate_hz > 0):
         raise SimulationError(
@@ -184,11 +198,14 @@ def simulate(
         rig, Build.nominal(rig) if build is None else build, dt_s, inlet_C=inlet_C, thermal=thermal
     )
     drive = duty.at(time_s)
+    steps = max(1, math.ceil(period / dt_s - 1e-9))
+    fastest = float(np.abs(drive[:, 0]).max())
+    if why := refusal(rig, fastest, period / steps):
+        raise SimulationError(why)
     start = equilibrium_at(rig, plant, float(drive[0, 0]), float(drive[0, 1]), float(target[0, 0]))
     law = _fed_law(rig, force) if fed else _law(rig, plant, force, start)
     w, state = _at_rest(plant, start, target[0], seed)
     rows = np.empty((total, len(COLUMNS)))
-    steps = max(1, math.ceil(period / dt_s - 1e-9))
     advance_rotor(
         plant.shaft,
         plant.film,
@@ -205,10 +222,13 @@ def simulate(
     )
     if not np.all(np.isfinite(rows)):
         lost_s = time_s[int(np.argmax(~np.isfinite(rows).all(axis=1)))]
-        raise SimulationError(
+        raise RunDiverged(
             f"dt_s = {dt_s}: the run left the finite numbers at {lost_s:.4f} s; take a shorter step"
         )
-    return Trajectory(time_s[1:], rows, _events(time_s[1:], rows))
+    widest = float(target[:, 0].max()) + plant.film.wear
+    thinnest = _viscosity(plant, float(rows[:, COLUMNS.index("oil_C")].max()))
+    unproven = doubts(rig, fastest, widest, thinnest, period / steps)
+    return Trajectory(time_s[1:], rows, _events(time_s[1:], rows), unproven)
 
 
 @dataclass(frozen=True)
@@ -224,27 +244,43 @@ class StaticStart:
 def equilibrium_at(
     rig: RigData, plant: Plant, speed_rad_s: float, load_N: float, clearance_m: float
 ) -> StaticStart:
-    """Where the journal rests, with K and C along x and y; the middle for a machine that does not
-    turn."""
+    """Where the journal rests, with K and C along x and y; the load may point upwards (below zero).
+
+    Without speed, and under more than the film carries, it lies on the wall; without load it stands
+    in the middle.
+    """
     film = plant.film
+    c = clearance_m + film.wear
     if speed_rad_s == 0.0:
-        return StaticStart(np.zeros(2), np.zeros((2, 2)), np.zeros((2, 2)), load_N)
-    found = equilibrium(
-        load_N=load_N,
-        radius_m=film.radius,
-        length_m=film.length,
-        clearance_m=clearance_m + film.wear,
-        viscosity_Pa_s=film.viscosity
-        * math.exp(-film.viscosity_slope * (film.inlet_C - film.reference_C)),
-        speed_rad_s=speed_rad_s,
+        return on_the_wall(c, load_N)
+    bearing = Bearing(
+        film.radius,
+        film.length,
+        c,
+        _viscosity(plant, film.inlet_C),
+        speed_rad_s,
         grid=(96, 12),
     )
-    sense = math.copysign(1.0, speed_rad_s)
-    axes = np.array(
-        [[0.0, -1.0], [sense, 0.0]]
-    )  # along the load, and 90 degrees on in the sense of rotation
-    turned = [axes.T @ m @ axes for m in (found.stiffness_N_m, found.damping_N_s_m)]
-    return StaticStart(found.position_m, turned[0], turned[1], load_N)
+    try:
+        place = position_of_load(bearing, np.array([0.0, -load_N])) if load_N else np.zeros(2)
+    except FilmNotConverged:
+        return on_the_wall(c, load_N)
+    if np.hypot(*place) >= EPS_TABLE * c:
+        return on_the_wall(c, load_N)
+    return StaticStart(place, *linear_coefficients(bearing, place, np.eye(2)), load_N)
+
+
+def _viscosity(plant: Plant, oil_C: float) -> float:
+    film = plant.film
+    return film.viscosity * math.exp(-film.viscosity_slope * (oil_C - film.reference_C))
+
+
+def on_the_wall(clearance_m: float, load_N: float) -> StaticStart:
+    """A journal that lies on the asperities in the direction of its load, in the middle without
+    one."""
+    depth = EPS_TABLE * clearance_m + abs(load_N) / CONTACT_STIFFNESS_N_M if load_N else 0.0
+    place = np.array([0.0, -math.copysign(depth, load_N)])
+    return StaticStart(place, np.zeros((2, 2)), np.zeros((2, 2)), load_N)
 
 
 def _over(schedule: PlayedSchedule, time_s: Floats) -> Floats:

@@ -131,6 +131,7 @@ def power_and_limits(options: argparse.Namespace) -> Figure:
         f"{limits.min_film_m * 1e6:g} µm or "
     )
     caption += f"peak to peak above {ORBIT_SHARE:g} of the clearance"
+    caption += "".join(f"; somewhere {text}" for text in found.warnings)
     figure = new_figure((13, 3.7 * loads.size), "Power, film and vibration", caption)
     all_axes = figure.subplots(loads.size, 3, sharex=True, sharey=True, squeeze=False)
     share = found.peak_to_peak_m / clearance

@@ -248,7 +248,7 @@ def duty(options: argparse.Namespace) -> Figure:
     published = Duty.published(rig)
     clearance = options.clearance * 1e-6
     run = simulate(
-        rig, published, clearance=clearance, rate_hz=_RATE_HZ, dt_s=1e-4, force=options.film
+        rig, published, clearance=clearance, rate_hz=_RATE_HZ, dt_s=7e-5, force=options.film
     )
     caption = (
         f"rig {options.rig}, fixed radial clearance {options.clearance:g} µm, {options.film} film, "
@@ -288,5 +288,5 @@ def _summary(run: Trajectory) -> str:
     film, share = run.min_film_m.min() * UM, 100 * float(orbit_share(run).max())
     return (
         f"mean power {run.power_W.mean():.1f} W, thinnest film {film:.1f} µm, largest orbit "
-        f"{share:.0f} % of c"
+        f"{share:.0f} % of c" + "".join(f"; {text}" for text in run.warnings)
     )

@@ -76,3 +76,27 @@ def test_equation_2_integrated_apart_follows_the_compiled_rotor():
     for case in CASES:
         apart = np.hypot(*(reynolds(rig, case, 1)[0] - compiled(rig, case, 1, "table")[0]).T)
         assert apart.max() < 0.002 * rig.bearing.clearance_nominal_m
+
+
+@pytest.mark.slow
+def test_a_network_that_diverges_is_a_row():
+    """A force that grows with the velocity, in its direction, throws the shaft out of all
+    numbers."""
+    from models.reproduce.trajectories import CASES, LINEAR, OURS, PAPER, REYNOLDS, _rows, apart
+    from sim_hil.rigs import load_rig
+    from sim_hil.rotor.network_law import Perceptron, RawNetworkLaw
+
+    forwards = np.zeros((5, 2))
+    forwards[3:] = 1e200 * np.eye(2)
+    law = RawNetworkLaw(Perceptron.make(forwards.ravel(), (4, 2)), 1e-4, 1e-3, 1e3)
+    truth = np.zeros((1, 2))
+    orbit, _, why = apart(load_rig("seed"), CASES[0], 1, law, truth)
+    assert orbit is None
+    assert "left the finite numbers" in str(why)
+    speed = {REYNOLDS: 0.1, PAPER: None, OURS: 2.0, LINEAR: 3.0}
+    errors = {PAPER: {"case": why}, OURS: {"case": 0.5}, LINEAR: {"case": 300.0}}
+    first, second = _rows(speed, errors)
+    assert "diverged" in first.paper_method
+    assert "case diverged" in second.paper_method
+    assert "0.5 %" in second.our_method
+    assert "out of the bearing" in second.our_method

@@ -93,6 +93,22 @@ def test_standstill_ends_on_the_asperities_at_rest(seed: int, load_N: float) -> 
         assert truth.beyond_film_m() == pytest.approx(load_N / CONTACT_STIFFNESS_N_M, rel=0.15)
 
 
+def test_a_machine_that_begins_at_standstill_lies_on_the_wall() -> None:
+    machine = SimulatedMachine(RIG, Build.nominal(RIG), 1)
+    truth = drive_through(
+        machine, 0.02, 300.0, lambda _: 0.0, lambda _: RIG.bearing.clearance_nominal_m
+    )
+    assert truth.beyond_film_m() == pytest.approx(300.0 / CONTACT_STIFFNESS_N_M, rel=0.5)
+    assert truth.eccentricity_m.min() > 0.95 * truth.clearance_m.min()
+
+
+def test_a_fast_rig_has_steps_enough_a_turn() -> None:
+    fast = dataclasses.replace(RIG, speed_max_rpm=30_000.0)
+    machine = SimulatedMachine(fast, Build.nominal(fast), 1, rate_hz=10_000)
+    assert machine._substeps == 3
+    assert SimulatedMachine(RIG, Build.nominal(RIG), 1, rate_hz=10_000)._substeps == 3
+
+
 def test_standstill_carries_the_load_at_any_step() -> None:
     depth = []
     for step_s in (40e-6, 10e-6):
@@ -166,7 +182,8 @@ def test_whirl_and_the_worst_unbalance_stay_bounded(seed: int) -> None:
 def test_faults_at_their_worst_under_three_times_the_load(faults: FaultSet, rpm: float) -> None:
     truth = hold(rpm, 3 * MAX_LOAD_N, 40e-6, faults=faults)
     assert truth.beyond_film_m() <= 2 * 3 * MAX_LOAD_N / CONTACT_STIFFNESS_N_M
-    assert -1.0 < truth.power_W.min() <= truth.power_W.max() < 1000.0
+    # asperities give back what they stored when a loose pedestal yields
+    assert -2.0 < truth.power_W.min() <= truth.power_W.max() < 1000.0
 
 
 def test_clearance_steps_at_the_rate_limit() -> None:
@@ -232,7 +249,9 @@ def test_the_rig_survives_a_trip_to_standstill_and_a_new_start() -> None:
         (600.0, 100.0, math.nan, 1e5, "clearance"),
         (600.0, 100.0, 200e-6, 1e5, "clearance"),
         (600.0, 100.0, 60e-6, math.nan, "pressure"),
-        (1e200, 100.0, 60e-6, 1e5, "no finite answer"),
+        (1e200, 100.0, 60e-6, 1e5, "times the greatest declared speed"),
+        (1e5, 100.0, 60e-6, 1e5, "times the greatest declared speed"),
+        (600.0, 1e200, 60e-6, 1e5, "no finite answer"),
     ],
 )
 def test_bad_input_is_refused_by_name(

@@ -6,7 +6,7 @@ import pytest
 
 from sim_hil.film.table_kernel import CONTACT_STIFFNESS_N_M, EPS_TABLE
 from sim_hil.plant.duty import Duty
-from sim_hil.plant.response import Trajectory, simulate
+from sim_hil.plant.response import SimulationError, Trajectory, simulate
 from sim_hil.rigs import load_rig
 
 RIG = load_rig("bench")
@@ -64,3 +64,71 @@ def test_reversal_passes_through_zero() -> None:
     assert run.position_m[-1, 0] < -20e-6
     assert run.min_film_m.min() > 0
     assert run.power_W.min() > -1.0
+
+
+def test_a_start_from_rest_lies_on_the_wall_and_rubs() -> None:
+    duty = Duty((0.0, 1.0), (0.0, 3000.0), (300.0, 300.0))
+    run = simulate(RIG, duty, clearance=NOMINAL_M, thermal=False)
+    depth_m = 300.0 / CONTACT_STIFFNESS_N_M
+    assert np.hypot(*run.position_m[0]) == pytest.approx(
+        EPS_TABLE * NOMINAL_M + depth_m, abs=0.01e-6
+    )
+    assert [event.name for event in run.events] == ["contact", "release"]
+    assert run.events[0].time_s == run.time_s[0]
+    assert run.events[1].time_s > 0.05
+    rubbing = run.time_s < 0.9 * run.events[1].time_s
+    speed = run.time_s * 3000.0 * np.pi / 30.0
+    friction_N = run.power_W[rubbing][1:] / (speed[rubbing][1:] * RIG.bearing.radius_m)
+    assert 5.0 < friction_N.max() < 60.0  # Coulomb of a tenth, the film carries the more the faster
+
+
+def test_a_stop_ends_on_the_wall() -> None:
+    duty = Duty((0.0, 0.5, 2.5), (3000.0, 0.0, 0.0), (300.0,) * 3)
+    run = simulate(RIG, duty, clearance=NOMINAL_M, thermal=False)
+    assert [event.name for event in run.events] == ["contact"]
+    assert beyond_film_m(run.last(0.1)) == pytest.approx(300.0 / CONTACT_STIFFNESS_N_M, rel=0.1)
+    assert run.position_m[-1, 1] < 0
+    assert abs(run.position_m[-1, 0]) < 0.2 * NOMINAL_M
+
+
+@pytest.mark.parametrize("rpm", [0.0, 3000.0])
+def test_a_load_upwards_is_the_mirror_image(rpm: float) -> None:
+    down, up = (
+        simulate(RIG, Duty.hold(rpm, load_N, 0.2), clearance=NOMINAL_M, thermal=False)
+        for load_N in (100.0, -100.0)
+    )
+    np.testing.assert_allclose(up.position_m[0], -down.position_m[0], atol=0.05e-6)
+    np.testing.assert_allclose(
+        up.last(0.1).position_m.mean(axis=0), -down.last(0.1).position_m.mean(axis=0), atol=0.1e-6
+    )
+
+
+def test_without_load_it_stands_in_the_middle() -> None:
+    for rpm in (0.0, 3000.0):
+        run = simulate(RIG, Duty.hold(rpm, 0.0, 0.01), clearance=NOMINAL_M, thermal=False)
+        assert np.hypot(*run.position_m[0]) < 0.01 * NOMINAL_M
+
+
+def test_more_load_than_the_film_carries_begins_on_the_wall() -> None:
+    run = simulate(RIG, Duty.hold(30.0, 3000.0, 0.1), clearance=NOMINAL_M, thermal=False)
+    assert (run.min_film_m < (1.0 - EPS_TABLE) * NOMINAL_M).all()
+
+
+@pytest.mark.parametrize(
+    ("rpm", "dt_s", "named"),
+    [(1e6, 50e-6, r"above 36000, 3 times"), (1e6, 1e-6, "above 36000"), (3e4, 2e-4, "10 steps a")],
+)
+def test_a_duty_beyond_the_rig_is_refused(rpm: float, dt_s: float, named: str) -> None:
+    with pytest.raises(SimulationError, match=named):
+        simulate(RIG, Duty.hold(rpm, 100.0, 0.1), clearance=NOMINAL_M, dt_s=dt_s)
+
+
+def test_a_run_outside_the_domain_says_so() -> None:
+    inside = simulate(RIG, Duty.hold(3000.0, 100.0, 0.05), clearance=NOMINAL_M)
+    assert inside.warnings == ()
+    fast = simulate(RIG, Duty.hold(30000.0, 100.0, 0.05), clearance=160e-6)
+    assert [text.split(":")[0] for text in fast.warnings] == [
+        "not laminar",
+        "oil inertia counts",
+        "few steps",
+    ]
