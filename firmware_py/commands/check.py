@@ -10,6 +10,8 @@ import argparse
 import os
 from math import isinf
 from pathlib import Path
+from textwrap import shorten
+from typing import Final
 
 import msgspec
 
@@ -37,6 +39,10 @@ from firmware_py.machine.probes import probe_errors
 from firmware_py.machine.static import shaft_beyond_m
 from firmware_py.machine.values import MachineTable
 
+REASON_SHOWN: Final = 300
+"""Characters of a refusal that names many figures; ``--all`` shows it whole."""
+MORE: Final = " .. and more: --all shows them"
+
 
 def main(argv: list[str]) -> int:
     """Verify the configuration as the processes do, build what they build, and look at what they
@@ -51,9 +57,12 @@ def main(argv: list[str]) -> int:
     parser.add_argument(
         "--json", action="store_true", help="the effective configuration, or the faults, as JSON"
     )
+    parser.add_argument(
+        "--all", action="store_true", help="also every key at its default, and refusals in full"
+    )
     options = parser.parse_args(argv)
     try:
-        return _check(options.rig, options.json)
+        return _check(options.rig, options.json, options.all)
     except ConfigError as error:
         if options.json:
             print(msgspec.json.encode({"good": False, "faults": error.faults}).decode())
@@ -78,7 +87,7 @@ def _read(path: Path) -> tuple[Config, Source]:
     return read
 
 
-def _check(path: Path, as_json: bool) -> int:
+def _check(path: Path, as_json: bool, whole: bool) -> int:
     config, source = _read(path)
     missing = [
         source.fault(*found) for found in surroundings(config, launch.folder_of(config), os.environ)
@@ -112,15 +121,19 @@ def _check(path: Path, as_json: bool) -> int:
         for model in _used(built.models):
             print(f"  model {model.described}")
         for kind, reason in refused.items():
-            print(f"  REFUSED {kind}: {reason}")
+            said = reason if whole else shorten(reason, REASON_SHOWN, placeholder=MORE)
+            print(f"  REFUSED {kind}: {said}")
         if path.is_file():
             print("  first schema: `orbitd migrate OLD.toml FOLDER` makes a rig folder of it")
         for line in [*_film(config), sampling.described(config)]:
             print(f"  {line}")
         for line in [*derived(config), *provenance(config)]:
             print(f"  {line}")
-        for line in _defaults(config, source):
-            print(f"  default {line}")
+        defaults = _defaults(config, source)
+        if whole:
+            print("\n".join(f"  default {line}" for line in defaults))
+        else:
+            print(f"  {len(defaults)} keys at their default: --all shows them")
     shipped_for_others = why and not config.models.directory
     return 1 if refused and not shipped_for_others else 0
 

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import radians, sin
 from typing import Final
 
 from firmware_py.config.bearings import probes_of
-from firmware_py.config.checks_channel import DISPLACEMENTS, PROBES_APART_DEG
+from firmware_py.config.checks_channel import DISPLACEMENTS, too_near
 from firmware_py.config.convert import Found
 from firmware_py.config.schema import Config
 
@@ -58,15 +57,7 @@ def _probes(config: Config) -> Iterator[Found]:
                 f"{cause}orbit; correct the channels",
             )
         elif found:
-            first, second = (machine.channel[k].angle_deg for k in found)
-            if abs(sin(radians(second - first))) < sin(radians(PROBES_APART_DEG)) - 1e-9:
-                yield (
-                    f"machine.channel[{found[1]}].angle_deg",
-                    second,
-                    f"less than {PROBES_APART_DEG:g} degrees from the axis of "
-                    f"machine.channel[{found[0]}].angle_deg = {first:g}; mount the probes 90 "
-                    "degrees apart",
-                )
+            yield from too_near(config, *found)
 
 
 def _loads(config: Config) -> Iterator[Found]:

@@ -4,7 +4,6 @@ watches."""
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import radians, sin
 from typing import Final
 
 from firmware_py import signals
@@ -150,17 +149,21 @@ def _ok_ranges(config: Config) -> Iterator[Found]:
 
 
 def _probes(config: Config) -> Iterator[Found]:
-    if len(config.machine.channel) <= DISPLACEMENTS[1]:
-        return
-    first, second = (config.machine.channel[i].angle_deg for i in DISPLACEMENTS)
-    if abs(sin(radians(second - first))) < sin(radians(PROBES_APART_DEG)) - 1e-9:
+    if len(config.machine.channel) > DISPLACEMENTS[1]:
+        yield from too_near(config, *DISPLACEMENTS)
+
+
+def too_near(config: Config, i: int, k: int) -> Iterator[Found]:
+    """The axes of channels ``i`` and ``k``, the probes of one bearing, are hardly two."""
+    first, second = (config.machine.channel[n].angle_deg for n in (i, k))
+    between = abs((second - first + 90.0) % 180.0 - 90.0)
+    if between < PROBES_APART_DEG - 1e-9:
         yield (
-            "machine.channel[1].angle_deg",
+            f"machine.channel[{k}].angle_deg",
             second,
-            (
-                f"less than {PROBES_APART_DEG:g} degrees from the axis of "
-                f"machine.channel[0].angle_deg = {first:g}; mount the probes 90 degrees apart"
-            ),
+            f"its axis lies {between:g} degrees from that of machine.channel[{i}].angle_deg = "
+            f"{first:g} (180 degrees more is the same axis), least {PROBES_APART_DEG:g}; mount the "
+            "probes 90 degrees apart",
         )
 
 

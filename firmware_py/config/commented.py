@@ -12,15 +12,15 @@ from typing import Any, Final, cast
 import msgspec
 from msgspec import inspect
 
-from firmware_py.config.convert import not_none
 from firmware_py.config.limits import with_limits
+from firmware_py.config.meaning import meaning, not_none
 from firmware_py.config.schema import Config
 from firmware_py.config.written import toml_value
 from firmware_py.machine import Machine
 from firmware_py.machine.folder import DEVICE, MACHINE, SIMULATION
 from firmware_py.machine.parts import stand_ins
 from firmware_py.machine.simulation import Simulation
-from firmware_py.machine.texts import head_of, texts_of, unit_of
+from firmware_py.machine.texts import head_of
 from firmware_py.machine.values import MachineTable, Section
 
 COLUMNS: Final = 98
@@ -129,7 +129,7 @@ def _table(
             continue
         usual = value is None or (not field.required and value == _default(field))
         if first:
-            yield from _remark(_said(cls, field))
+            yield from _remark(meaning(cls, field))
         elif usual:
             continue
         row = f"{field.name} = {'?' if value is None else toml_value(value)}"
@@ -149,19 +149,6 @@ def _is_table(kind: inspect.Type) -> bool:
     return isinstance(kind, inspect.StructType) or (
         isinstance(kind, inspect.ListType) and isinstance(kind.item_type, inspect.StructType)
     )
-
-
-def _said(cls: type[Section], field: inspect.Field) -> str:
-    """Meaning, source, unit and ends of one key."""
-    text = texts_of(cls).get(field.name, "")
-    kind = not_none(field.type)
-    if isinstance(kind, inspect.IntType | inspect.FloatType):
-        allowed = f"{kind.ge:g} .. {kind.le:g}"
-        unit = unit_of(field.name)
-        return f"{text} ({unit}, {allowed})" if unit else f"{text} ({allowed})"
-    if isinstance(kind, inspect.LiteralType):
-        return f"{text} ({', '.join(map(toml_value, kind.values))})"
-    return f"{text} (true, false)" if isinstance(kind, inspect.BoolType) else text
 
 
 def _remark(text: str) -> list[str]:

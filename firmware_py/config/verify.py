@@ -6,7 +6,7 @@ import re
 import tomllib
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import msgspec
 
@@ -214,6 +214,21 @@ def toml_table(source: ConfigFile) -> dict[str, Any]:
         cause, _, place = str(error).partition(" (at ")
         found = re.search(r"line (\d+)", place)
         line = int(found.group(1)) if found else len(source.text.splitlines()) if place else 0
+        text = source.text.splitlines()[line - 1] if line else ""
+        step = _next_step(text)
         raise ConfigError(
-            [source.fault("", None, f"not valid TOML: {cause}; correct the line", line)]
+            [source.fault("", None, f"not valid TOML: {cause}; {step}", line)]
         ) from error
+
+
+_DECIMAL_COMMA: Final = re.compile(r"=\s*([+-]?\d+),(\d+)\s*(?:#.*)?$")
+_BARE_WORD: Final = re.compile(r"=\s*([A-Za-z_][\w .-]*?)\s*(?:#.*)?$")
+
+
+def _next_step(line: str) -> str:
+    """What to do about a line that is no TOML: the two that people write most have their own."""
+    if comma := _DECIMAL_COMMA.search(line):
+        return f"decimals stand behind a point: write {comma[1]}.{comma[2]}"
+    if word := _BARE_WORD.search(line):
+        return f'text stands in quotes: write "{word[1]}"'
+    return "correct the line"

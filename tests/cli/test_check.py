@@ -30,12 +30,12 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def said(place: Path, extra: str) -> dict[str, str]:
+def said(place: Path, extra: str, *options: str) -> dict[str, str]:
     """What is wrong by key with the shipped configuration and ``extra``."""
     path = place / "rotor.toml"
     path.write_text(f"{BENCH}\n{extra}\n")
     try:
-        assert check.main([str(path)]) == 0
+        assert check.main([str(path), *options]) == 0
     except ConfigError as error:
         return {fault.key: fault.cause for fault in error.faults}
     return {}
@@ -45,6 +45,8 @@ def test_good_is_told_with_what_holds_and_what_is_default(
     place: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert said(place, "[metrics]\nport = 0") == {}
+    assert "keys at their default: --all shows them" in capsys.readouterr().out
+    assert said(place, "[metrics]\nport = 0", "--all") == {}
     out = capsys.readouterr().out
     assert "rotor.toml: good\n" in out
     assert "default device.instance = 'default'" in out

@@ -55,8 +55,8 @@ def test_what_editors_write_is_read(data: bytes, tmp_path: Path) -> None:
         ),
         (BENCH.encode() + b"\0\0\0", "a NUL byte"),
         (b"\0" * 4096, "rotor.toml:1: a NUL byte"),
-        (b"", "device: missing; set it"),
-        (b"\xef\xbb\xbf", "device: missing; set it"),
+        (b"", "device: missing (Who this device is, and how it starts)"),
+        (b"\xef\xbb\xbf", "device: missing (Who this device is, and how it starts)"),
         (b"# " + b"x" * MAX_LINE, "rotor.toml:1: a line of more than"),
         (b"x = 1\n" * MAX_BYTES, f"more than {MAX_BYTES} bytes"),
         (b"a = " + b"[" * 1990, "nested deeper"),
@@ -143,7 +143,7 @@ def test_the_name_of_a_device_is_read_from_a_file_with_faults(tmp_path: Path) ->
         config.read_device(path)
     assert [fault.key for fault in caught.value.faults] == ["device.site", "device.rig"]
     path.write_text("film_max_C = 60.0\n")
-    with pytest.raises(config.ConfigError, match="device: missing; set it"):
+    with pytest.raises(config.ConfigError, match="device: missing .Who this device is"):
         config.read_device(path)
 
 
@@ -154,3 +154,34 @@ def test_a_fault_shows_its_value_shortly_and_has_a_next_step() -> None:
     )
     assert source.fault("a", "x" * 500, "b; c").value == "x" * 60 + ".. (500 characters)"
     assert source.fault("a", [{"b": 1}], "b; c").value == ""
+
+
+@pytest.mark.parametrize(
+    ("line", "step"),
+    [
+        ("film_max_C = 60,5 # warm", "decimals stand behind a point: write 60.5"),
+        ("film_max_C = -0,25", "decimals stand behind a point: write -0.25"),
+        ("rig = my rig", 'text stands in quotes: write "my rig"'),
+        ("film_max_C = 60.0.1", "correct the line"),
+    ],
+)
+def test_a_line_that_is_no_toml_says_how_it_is_written(line: str, step: str) -> None:
+    with pytest.raises(config.ConfigError) as caught:
+        config.parse(f"[device]\n{line}\n")
+    (fault,) = caught.value.faults
+    assert (fault.line, fault.next_step) == (2, step)
+    assert fault.cause.startswith("not valid TOML: ")
+
+
+def test_what_is_missing_says_what_it_is_and_how_it_is_written(tmp_path: Path) -> None:
+    (tmp_path / "machine.toml").write_text('name = "a"\n')
+    (tmp_path / "device.toml").write_text('[device]\nsite = "x"\nrig = "a"\n')
+    with pytest.raises(config.ConfigError) as caught:
+        config.load(tmp_path)
+    found = {fault.key: (fault.cause, fault.next_step) for fault in caught.value.faults}
+    assert found["operating.speed_max_rpm"] == (
+        "missing (Fastest speed in service (rpm, 60 .. 60000))",
+        "write speed_max_rpm = .. under [operating]",
+    )
+    assert found["channel"][1] == "write [[channel]] with name, unit, scale, ok_low, ok_high"
+    assert found["limits"][1].startswith("write [limits] with ")

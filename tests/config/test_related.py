@@ -110,7 +110,7 @@ def test_shipped_configurations_load(name: str) -> None:
         (
             "angle_deg = 135.0",
             "angle_deg = 45.0",
-            "channel[1].angle_deg = 45.0: less than 30 degrees",
+            "channel[1].angle_deg = 45.0: its axis lies 0 degrees from",
         ),
         ("angle_deg = 135.0", "angle_deg = 225.0", "channel[1].angle_deg"),
         ("angle_deg = 135.0", "angle_deg = 20.0", "channel[1].angle_deg"),
