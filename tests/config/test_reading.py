@@ -143,7 +143,7 @@ def test_the_name_of_a_device_is_read_from_a_file_with_faults(tmp_path: Path) ->
         config.read_device(path)
     assert [fault.key for fault in caught.value.faults] == ["device.site", "device.rig"]
     path.write_text("film_max_C = 60.0\n")
-    with pytest.raises(config.ConfigError, match="device: missing .Who this device is"):
+    with pytest.raises(config.ConfigError, match=r"device: missing \(Who this device is"):
         config.read_device(path)
 
 
