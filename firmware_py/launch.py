@@ -36,6 +36,8 @@ from firmware_py.wire.peer_socket import PeerError
 from firmware_py.wire.peers import checked_dir, runtime_dir
 
 SERVICE_RUNTIME: Final = Path("/run/orbitd")
+SERVICE_STATE: Final = Path("/var/lib/orbitd")
+"""State folder of the gate of the service, which is in the sockets' group."""
 SERVICE_RIGS: Final = (Path("/etc/orbitd/rig"), Path("/etc/orbitd/orbitd.toml"))
 """Where `orbitd install` puts the rig of the system service, and where it once did."""
 
@@ -185,6 +187,36 @@ def place(options: argparse.Namespace) -> Place:
     )
 
 
+def shelf_folder(config: Config, state: Path) -> Path:
+    """Where the sets of models of this device lie (:mod:`firmware_py.model_sets.shelf`)."""
+    return state / "models" / config.device.rig
+
+
+@dataclass(frozen=True)
+class ShelfPlace:
+    """A device's configuration, what it was read from, and its shelf of models."""
+
+    config: Config
+    source: Source
+    folder: Path
+
+
+def shelf_place(options: argparse.Namespace) -> ShelfPlace:
+    """As :func:`from_options`, for whoever deals with the models of a device, running or not.
+
+    Raises
+    ------
+    ConfigError
+        The configuration is wrong.
+    """
+    path, service = _chosen(options)
+    loaded, source = verified(path)
+    if options.instance:
+        loaded = as_instance(loaded, options.instance)
+    state = SERVICE_STATE if service else state_dir(loaded, os.environ)
+    return ShelfPlace(loaded, source, shelf_folder(loaded, state))
+
+
 def _chosen(options: argparse.Namespace) -> tuple[Path, bool]:
     """The configuration that the options mean, and whether the system service is meant."""
     chosen = options.instance or options.runtime_dir or "RUNTIME_DIRECTORY" in os.environ
@@ -238,3 +270,11 @@ def runtime_base() -> Path:
     if session := os.environ.get("XDG_RUNTIME_DIR"):
         return Path(session) / "orbitd"
     return Path(f"/tmp/orbitd-{os.getuid()}")
+
+
+def state_dir(config: Config, environment: Mapping[str, str]) -> Path:
+    """The one folder that the device writes to: the service's, else the user's."""
+    if state := environment.get("STATE_DIRECTORY", "").partition(":")[0]:
+        return Path(state)
+    home = environment.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
+    return Path(home) / "orbitd" / config.device.instance

@@ -1,26 +1,18 @@
-"""The manifest that trusts the shipped models: SHA-256 and size of each."""
+"""The manifest of a set of models, and what it is written with."""
 
 from __future__ import annotations
 
-import hashlib
-import json
 import subprocess
 from pathlib import Path
 
+from firmware_py.model_sets.manifest import MANIFEST, manifest_of
 from sim_hil.whole_file import whole_file
 
 
 def write_manifest(folder: Path) -> None:
     """Renew ``manifest.json`` from every file in ``folder`` that the device loads."""
-    files = {
-        path.name: {
-            "sha256": hashlib.sha256(path.read_bytes()).hexdigest(),
-            "bytes": path.stat().st_size,
-        }
-        for path in sorted([*folder.glob("*.onnx"), *folder.glob("predictor.json")])
-    }
-    text = json.dumps({"schema": 1, "files": files}, indent=2, sort_keys=True) + "\n"
-    write_whole(folder / "manifest.json", text.encode())
+    paths = sorted([*folder.glob("*.onnx"), *folder.glob("predictor.json")])
+    write_whole(folder / MANIFEST, manifest_of((p.name, p.read_bytes()) for p in paths))
 
 
 def commit() -> str:

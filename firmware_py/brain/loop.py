@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import gc
+import os
 import signal
 import sys
 from collections.abc import Callable
@@ -18,6 +19,9 @@ from firmware_py.brain.core import BrainCore
 from firmware_py.brain.errors import ModelAnswerError
 from firmware_py.brain.store import Models, load_models
 from firmware_py.clock import Clock, MonotonicClock
+from firmware_py.config import Config
+from firmware_py.model_sets.errors import SetError
+from firmware_py.model_sets.shelf import Shelf
 from firmware_py.records import Advice
 from firmware_py.routing import BRAIN_PERIOD_NS, Stage, in_order, receivers
 from firmware_py.wire.peers import PeerClient
@@ -30,7 +34,7 @@ def main(argv: list[str]) -> int:
     parser = argparse.ArgumentParser(prog="orbitd brain", description=__doc__)
     launch.add_options(parser)
     start = launch.from_options(parser.parse_args(argv))
-    models = load_models(start.config)
+    models = in_use(start.config)
     for kind, text in models.off.items():
         print(f"orbitd brain: {kind} is off: {text}", file=sys.stderr, flush=True)
     for kind, text in models.refusals.items():
@@ -43,6 +47,18 @@ def main(argv: list[str]) -> int:
     gc.freeze()
     run(core, start.runtime, MonotonicClock(), notify.from_environment(), lambda: bool(stopped))
     return 0
+
+
+def in_use(config: Config) -> Models:
+    """The models that the pointer names; where it cannot be followed the device's own, and nothing
+    is advised."""
+    shelf = Shelf(launch.shelf_folder(config, launch.state_dir(config, os.environ)))
+    try:
+        return load_models(config, shelf.folders(list(shelf.pointer().active)))
+    except SetError as error:
+        own = load_models(config)
+        own.refusals["set"] = str(error)
+        return own
 
 
 def run(

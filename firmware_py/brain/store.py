@@ -1,13 +1,10 @@
 """The model store: reads each ONNX file once, checks whose it is and whether it fits, and only then
 runs it.
 
-The models that ship with the package are vouched for by their manifest (SHA-256).  In a directory
-of the user's, each ``NAME.onnx`` needs ``NAME.onnx.sig``, an Ed25519 signature of the file by one
-of ``models.public_keys``::
-
-    openssl genpkey -algorithm ed25519 -out key.pem
-    openssl pkey -in key.pem -pubout   # the middle line goes into models.public_keys
-    openssl pkeyutl -sign -rawin -inkey key.pem -in actor.onnx -out actor.onnx.sig
+The models that ship with the package are vouched for by their manifest (SHA-256), those of a
+person by a signature of the manifest of their folder, or of each file, where signatures are
+required (:mod:`~firmware_py.brain.trust`).  A device may use sets on top of its directory: the
+files of the last one go first.
 
 Hash, signature, metadata and session all see the same bytes, read once: nothing can be swapped in
 between.
@@ -15,11 +12,9 @@ between.
 
 from __future__ import annotations
 
-import base64
-import binascii
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, Literal
@@ -28,13 +23,15 @@ import msgspec
 
 from firmware_py.acquire.features import FEATURE_NAMES, RATE_HZ
 from firmware_py.acquire.windows import WINDOW_LAYOUT
-from firmware_py.brain.errors import ModelError, ModelMissingError, ModelTrustError, ModelUnfitError
+from firmware_py.brain.errors import ModelError, ModelMissingError, ModelUnfitError
 from firmware_py.brain.intervals import FactorsCard, IntervalFactors
 from firmware_py.brain.made_for import Figures, machines_of, misfit, outside_domain
 from firmware_py.brain.own_card import KIND, OUTPUTS, misfits
 from firmware_py.brain.session import Session
+from firmware_py.brain.trust import Vouched, packaged, vouched
 from firmware_py.config import Config
 from firmware_py.machine.parts import monitor_only
+from firmware_py.model_sets.manifest import FACTORS, KINDS, OWN
 from firmware_py.records import CHANNELS
 
 SHIPPED: Final = Path(__file__).resolve().parents[2] / "models" / "artifacts"
@@ -42,8 +39,6 @@ SHIPPED: Final = Path(__file__).resolve().parents[2] / "models" / "artifacts"
 
 PHYSICS_VERSIONS: Final = ("1", "2")
 """Versions of film, rotor and sensor physics whose models this brain understands."""
-
-MAX_BYTES: Final = 64 * 2**20
 
 HEADS: Final = ("pedestal bolt A", "pedestal bolt B", "motor bolt", "unbalance")
 OBSERVATION: Final = (
@@ -120,6 +115,7 @@ class Model:
     card: Card
     session: Session
     sha256: str
+    vouched_by: str = ""
 
     @property
     def label(self) -> str:
@@ -130,7 +126,8 @@ class Model:
     def described(self) -> str:
         """The same for people."""
         about = STATUS_TEXT[self.card.status]
-        return f"{self.card.kind} {self.card.version} ({about}) {self.sha256[:12]}"
+        by = f", {self.vouched_by}" if self.vouched_by else ""
+        return f"{self.card.kind} {self.card.version} ({about}) {self.sha256[:12]}{by}"
 
     @property
     def qualified(self) -> bool:
@@ -170,25 +167,33 @@ ADVISING: Final = ("actor", "surrogate")
 """Policy and predictor: a forecast is one of what a command would do."""
 
 
-def load_models(config: Config) -> Models:
-    """Load the models of the configured directory; a refused one is absent, with its reason."""
+def load_models(config: Config, layers: Sequence[Path] = ()) -> Models:
+    """Load the models of the configured directory; a refused one is absent, with its reason.
+
+    Parameters
+    ----------
+    layers
+        Folders of sets (:mod:`firmware_py.model_sets.shelf`) whose files go before those of the
+        directory, the last one first.
+    """
     found: dict[str, Model] = {}
     refusals: dict[str, str] = {}
     why = monitor_only(config.machine)
     off = dict.fromkeys(ADVISING, f"monitor only: {why[0]}") if why else {}
     for kind in (each for each in _INTERFACES if each not in off):
         try:
-            found[kind] = load_model(kind, config)
+            found[kind] = load_model(kind, config, layers)
         except ModelError as error:
             refusals[kind] = str(error)
-    if config.models.shadow:
+    own = own_file(config, layers)
+    if own is not None:
         try:
-            found["shadow"] = load_shadow(config)
+            found["shadow"] = load_shadow(config, own)
         except ModelError as error:
             refusals["shadow"] = str(error)
     factors = IntervalFactors()
     try:
-        factors = factors if "surrogate" in off else load_factors(config)
+        factors = factors if "surrogate" in off else load_factors(config, layers)
     except ModelError as error:
         refusals["predictor"] = str(error)
     return Models(
@@ -202,7 +207,7 @@ def load_models(config: Config) -> Models:
     )
 
 
-def load_factors(config: Config) -> IntervalFactors:
+def load_factors(config: Config, layers: Sequence[Path] = ()) -> IntervalFactors:
     """``predictor.json`` of the configured directory, vouched for and matched like a model; without
     one the Gaussian factors.
 
@@ -211,26 +216,26 @@ def load_factors(config: Config) -> IntervalFactors:
     ModelTrustError, ModelUnfitError
         Changed after packaging, unsigned, or of the wrong form.
     """
-    path = _directory(config) / "predictor.json"
-    if not path.is_file():
+    try:
+        data = _file(config, layers, FACTORS).data
+    except ModelMissingError:
         return IntervalFactors()
-    data = _trusted(path, config)
     try:
         card = msgspec.json.decode(data, type=FactorsCard)
         factors = msgspec.json.decode(data, type=IntervalFactors)
     except msgspec.DecodeError as error:
         raise ModelUnfitError(
-            f"{path.name}: {error}; fit it again with `orbitd train predictor`"
+            f"{FACTORS}: {error}; fit it again with `orbitd train predictor`"
         ) from error
     if wrong := card.misfit(config, PHYSICS_VERSIONS):
         raise ModelUnfitError(
-            f"{path.name}: {wrong}: the forecasts' intervals are the Gaussian's; fit it for this "
+            f"{FACTORS}: {wrong}: the forecasts' intervals are the Gaussian's; fit it for this "
             "machine with `orbitd train predictor`"
         )
     return factors
 
 
-def load_model(kind: str, config: Config) -> Model:
+def load_model(kind: str, config: Config, layers: Sequence[Path] = ()) -> Model:
     """Read, vouch for, and fit the model ``kind`` (``classifier``, ``actor`` or ``surrogate``).
 
     Raises
@@ -238,15 +243,24 @@ def load_model(kind: str, config: Config) -> Model:
     ModelMissingError, ModelTrustError, ModelUnfitError
         See their docstrings.
     """
-    path = _directory(config) / f"{kind}.onnx"
-    data = _trusted(path, config)
-    session = Session(path.name, data)
-    card = read_card(path.name, session.metadata)
-    _check_fit(kind, path.name, card, session, config)
-    return Model(card, session, hashlib.sha256(data).hexdigest())
+    name = KINDS[kind]
+    data, by = _file(config, layers, name)
+    session = Session(name, data)
+    card = read_card(name, session.metadata)
+    _check_fit(kind, name, card, session, config)
+    return Model(card, session, hashlib.sha256(data).hexdigest(), by)
 
 
-def load_shadow(config: Config) -> Model:
+def own_file(config: Config, layers: Sequence[Path] = ()) -> Path | None:
+    """The classifier of one's own recordings that shall run in shadow: that of the last layer that
+    has one, else ``models.shadow``."""
+    for layer in reversed(layers):
+        if (layer / OWN).is_file():
+            return layer / OWN
+    return Path(config.models.shadow) if config.models.shadow else None
+
+
+def load_shadow(config: Config, path: Path) -> Model:
     """Read, vouch for, and fit the classifier of one's own recordings that shall run in shadow.
 
     Raises
@@ -254,9 +268,7 @@ def load_shadow(config: Config) -> Model:
     ModelMissingError, ModelTrustError, ModelUnfitError
         See their docstrings.
     """
-    path = Path(config.models.shadow)
-    data = _read(path)
-    _check_signature(path, data, config.models.public_keys)
+    data, by = vouched(path, config.models)
     session = Session(path.name, data)
     card = read_card(path.name, session.metadata)
     wrong = misfits(card.settings, card.channels, card.units, session.columns, config)
@@ -264,89 +276,18 @@ def load_shadow(config: Config) -> Model:
         wrong = [f"kind {card.kind!r} that gives {session.outputs}, expected {KIND!r}, {OUTPUTS}"]
     if wrong:
         raise ModelUnfitError(f"{path.name}: {'; '.join(wrong)}")
-    return Model(card, session, hashlib.sha256(data).hexdigest())
+    return Model(card, session, hashlib.sha256(data).hexdigest(), by)
 
 
-def _directory(config: Config) -> Path:
-    return Path(config.models.directory) if config.models.directory else SHIPPED
-
-
-def _trusted(path: Path, config: Config) -> bytes:
-    """The file's bytes, vouched for by manifest or signature."""
-    data = _read(path)
+def _file(config: Config, layers: Sequence[Path], name: str) -> Vouched:
+    """File ``name`` of the last layer that has it, else of the configured directory, vouched
+    for."""
+    for layer in reversed(layers):
+        if (layer / name).is_file():
+            return vouched(layer / name, config.models)
     if config.models.directory:
-        _check_signature(path, data, config.models.public_keys)
-    else:
-        _check_manifest(path, data, hashlib.sha256(data).hexdigest())
-    return data
-
-
-def _read(path: Path) -> bytes:
-    try:
-        with path.open("rb") as file:
-            data = file.read(MAX_BYTES + 1)
-    except OSError as error:
-        raise ModelMissingError(
-            f"{path}: cannot be read ({error.strerror}); train and export it, or set "
-            f"models.directory"
-        ) from error
-    if len(data) > MAX_BYTES:
-        raise ModelUnfitError(
-            f"{path.name}: larger than {MAX_BYTES} bytes; this device loads small models only"
-        )
-    return data
-
-
-def _check_manifest(path: Path, data: bytes, digest: str) -> None:
-    manifest = path.with_name("manifest.json")
-    try:
-        entry = json.loads(_read(manifest))["files"][path.name]
-        size, expected = int(entry["bytes"]), str(entry["sha256"])
-    except (KeyError, TypeError, ValueError) as error:
-        raise ModelTrustError(
-            f"{path.name}: not in {manifest.name}; reinstall the package"
-        ) from error
-    if len(data) != size:
-        raise ModelTrustError(
-            f"{path.name}: {len(data)} bytes, the manifest says {size}; reinstall the package"
-        )
-    if digest != expected:
-        raise ModelTrustError(
-            f"{path.name}: SHA-256 {digest[:12]}.., the manifest says {expected[:12]}..: changed "
-            f"after "
-            "packaging; reinstall the package, or sign it and set models.directory and "
-            "models.public_keys"
-        )
-
-
-def _check_signature(path: Path, data: bytes, public_keys: list[str]) -> None:
-    # Imported here: the device with shipped models needs no cryptography at start.
-    from cryptography.exceptions import InvalidSignature, UnsupportedAlgorithm
-    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
-    from cryptography.hazmat.primitives.serialization import load_der_public_key
-
-    signature = _read(path.with_name(path.name + ".sig"))
-    for number, text in enumerate(public_keys):
-        try:
-            key = load_der_public_key(base64.b64decode(text, validate=True))
-        except (binascii.Error, ValueError, UnsupportedAlgorithm) as error:
-            raise ModelTrustError(
-                f"models.public_keys[{number}]: not the base64 of a public key; "
-                "take the middle line of `openssl pkey -pubout`"
-            ) from error
-        if not isinstance(key, Ed25519PublicKey):
-            raise ModelTrustError(
-                f"models.public_keys[{number}]: not an Ed25519 key; make one with openssl genpkey"
-            )
-        try:
-            key.verify(signature, data)
-        except InvalidSignature:
-            continue
-        return
-    raise ModelTrustError(
-        f"{path.name}: signed by none of the {len(public_keys)} models.public_keys; "
-        "sign the file again, or add its maker's key"
-    )
+        return vouched(Path(config.models.directory) / name, config.models)
+    return packaged(SHIPPED / name)
 
 
 def read_card(name: str, metadata: dict[str, str]) -> Card:

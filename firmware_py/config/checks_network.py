@@ -150,13 +150,13 @@ def _certificates(config: Config) -> Iterator[Found]:
 
 def _keys(config: Config) -> Iterator[Found]:
     models = config.models
-    if (models.directory or models.shadow) and not models.public_keys:
+    if models.require_signature and not models.public_keys:
         yield (
             "models.public_keys",
             "[]",
             (
-                "models of models.directory and models.shadow must be signed by one of these; add "
-                "the key, `openssl pkey -pubout`"
+                "models.require_signature wants each set signed by one of these; add a key with "
+                "`orbitd keys trust`"
             ),
         )
     for i, text in enumerate(models.public_keys):

@@ -171,10 +171,11 @@ class AuthorityConfig(Section, frozen=True):
 
 
 class ModelsConfig(Section, frozen=True):
-    """Where the ONNX files lie; empty means the ones shipped with the package."""
+    """Which models the device uses, and what it does with one that goes wrong."""
 
     directory: FilePath = ""
-    """Folder of the ONNX files; empty: the ones shipped with the package."""
+    """Folder of the ONNX files; empty: ``models`` in the rig folder where that holds a set, else
+    the ones shipped with the package."""
     shadow: FilePath = ""
     """File of a classifier of one's own recordings that says beside the active one what it would
     say; nothing follows from it."""
@@ -182,6 +183,18 @@ class ModelsConfig(Section, frozen=True):
         default_factory=list
     )
     """Keys of which one must have signed the models."""
+    require_signature: bool | None = None
+    """Whether models that none of ``public_keys`` has signed are refused, not only named; left
+    away: where there are any keys."""
+    deadline_ms: Annotated[float, Meta(ge=1.0, le=100.0)] = 20.0
+    """Longest answer of a model; a set that is slower is not taken, one that comes to be slower is
+    rolled back."""
+
+    @property
+    def signed_only(self) -> bool:
+        """Whether models must be signed."""
+        listed = bool(self.public_keys)
+        return listed if self.require_signature is None else self.require_signature
 
 
 class Drive(Section, frozen=True):

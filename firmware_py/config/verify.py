@@ -24,9 +24,10 @@ from firmware_py.config.source import (
     two_files,
 )
 from firmware_py.machine import Machine
-from firmware_py.machine.folder import DEVICE, MACHINE, find
+from firmware_py.machine.folder import DEVICE, MACHINE, MODELS, find
 from firmware_py.machine.migrate import is_first, upgrade, without_retired
 from firmware_py.machine.parts import completed, stand_in_keys
+from firmware_py.model_sets.manifest import MANIFEST
 
 Check = Callable[[Config], Iterator[Found]]
 """Yields key, value and cause; reads only what it needs, and is left out where that has a fault of
@@ -179,8 +180,17 @@ def _folder(path: Path) -> tuple[dict[str, Any], Source]:
     if "absent" in machine:
         cause = "found by what the file leaves out, never written; remove it"
         raise machine_file.error("absent", machine["absent"], cause)
+    device = _with_own_models(folder=path, device=device)
     whole = with_limits({**device, "machine": completed(without_retired(machine))})
     return whole, two_files(path, machine_file, device_file)
+
+
+def _with_own_models(folder: Path, device: dict[str, Any]) -> dict[str, Any]:
+    """``device`` with the models that lie in the rig folder itself, where it names no others."""
+    models, own = device.get("models", {}), folder.resolve() / MODELS
+    if not isinstance(models, dict) or models.get("directory") or not (own / MANIFEST).is_file():
+        return device
+    return {**device, "models": {**models, "directory": str(own)}}
 
 
 def _part(folder: Path, name: str) -> ConfigFile:

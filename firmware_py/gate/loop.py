@@ -28,7 +28,7 @@ from firmware_py.gate.page import Page
 from firmware_py.gate.recorder import Recorder
 from firmware_py.gate.station import GroundStation
 from firmware_py.gate.telemetry import Telemetry
-from firmware_py.launch import Launch
+from firmware_py.launch import Launch, state_dir
 from firmware_py.options import port
 from firmware_py.routing import GATE_PERIOD_NS
 from firmware_py.wire.peers import PeerClient, PeerServer
@@ -205,11 +205,3 @@ def recordings_dir(config: Config, environment: Mapping[str, str]) -> Path:
         if config.recorder.directory
         else state_dir(config, environment)
     )
-
-
-def state_dir(config: Config, environment: Mapping[str, str]) -> Path:
-    """The one folder that the device writes to: the service's, else the user's."""
-    if state := environment.get("STATE_DIRECTORY", "").partition(":")[0]:
-        return Path(state)
-    home = environment.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
-    return Path(home) / "orbitd" / config.device.instance

@@ -4,6 +4,7 @@ my_rig/
   machine.toml      what the machine is
   device.toml       how the device runs there
   simulation.toml   what only a simulator needs besides; optional
+  models/           a set of models that was trained for it; optional
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from typing import Final
 MACHINE: Final = "machine.toml"
 DEVICE: Final = "device.toml"
 SIMULATION: Final = "simulation.toml"
+MODELS: Final = "models"
 
 SHIPPED: Final = Path(__file__).resolve().parent.parent / "rigs"
 """Folder of the rig folders that come with the package."""

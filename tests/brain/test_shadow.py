@@ -15,7 +15,6 @@ from firmware_py.acquire.channel_features import VIEWS, angle_at
 from firmware_py.brain.core import BrainCore
 from firmware_py.brain.shadow import Shadow, decide
 from firmware_py.brain.store import Model, Models, load_models
-from firmware_py.config import checks_network
 from firmware_py.records import Block, Diagnosis, Quality, ShadowDiagnosis
 
 from .machine import CONFIG, RATE, Machine, model
@@ -196,5 +195,6 @@ def test_an_unsigned_or_absent_one_is_refused(tmp_path):
     assert "signed by none of the 1 models.public_keys" in found.refusals["shadow"]
     absent = load_models(configured(tmp_path / "none.onnx"))
     assert "none.onnx: cannot be read" in absent.refusals["shadow"]
-    faults = list(checks_network._keys(configured(tmp_path / "own.onnx", ())))
-    assert [place for place, *_ in faults] == ["models.public_keys"]
+    unsigned = load_models(configured(tmp_path / "own.onnx", ()))
+    assert unsigned.shadow is not None
+    assert unsigned.shadow.vouched_by == "signed by none of the 0 models.public_keys"

@@ -20,7 +20,7 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
 from onnx import TensorProto, helper
 
-from firmware_py.brain import made_for, store
+from firmware_py.brain import made_for, store, trust
 from firmware_py.brain.errors import (
     ModelAnswerError,
     ModelError,
@@ -130,7 +130,7 @@ def test_manifest_missing_entry_or_broken(shipped: Path) -> None:
     (shipped / "manifest.json").write_text("no json")
     assert refusal("actor")[0] is ModelTrustError
     (shipped / "manifest.json").unlink()
-    assert refusal("actor")[0] is ModelMissingError
+    assert refusal("actor")[0] is ModelTrustError
 
 
 @pytest.mark.parametrize("data", [b"", b"not onnx", b"\x08" * 200])
@@ -142,7 +142,7 @@ def test_not_a_model(shipped: Path, data: bytes) -> None:
 
 
 def test_too_large(shipped: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(store, "MAX_BYTES", 1000)
+    monkeypatch.setattr(trust, "MAX_BYTES", 1000)
     assert refusal("surrogate")[0] is ModelUnfitError
 
 
@@ -307,18 +307,60 @@ def test_signed_models_of_the_user(tmp_path: Path) -> None:
     data = actor(8e-5)
     (tmp_path / "actor.onnx").write_bytes(data)
     config = with_models(directory=str(tmp_path), public_keys=[public(OTHER), public(KEY)])
-    assert refusal("actor", config)[0] is ModelMissingError
+    assert refusal("actor", config)[0] is ModelTrustError
     (tmp_path / "actor.onnx.sig").write_bytes(KEY.sign(data))
     assert store.load_model("actor", config).card.kind == "actor"
     (tmp_path / "actor.onnx.sig").write_bytes(KEY.sign(data + b" "))
     kind, text = refusal("actor", config)
     assert kind is ModelTrustError
     assert "signed by none of the 2 models.public_keys" in text
-    assert refusal("actor", with_models(directory=str(tmp_path)))[0] is ModelTrustError
+    needed = with_models(directory=str(tmp_path), require_signature=True)
+    assert refusal("actor", needed)[0] is ModelTrustError
+    named = store.load_model("actor", with_models(directory=str(tmp_path)))
+    assert named.vouched_by == "signed by none of the 0 models.public_keys"
+    lenient = msgspec.structs.replace(config.models, require_signature=False)
+    assert "none of the 2" in store.load_model("actor", config.replaced(models=lenient)).described
 
 
-def test_a_manifest_does_not_vouch_for_the_users_folder(shipped: Path) -> None:
-    assert refusal("actor", with_models(directory=str(shipped)))[0] is ModelMissingError
+def test_an_unsigned_set_is_named_and_refused_where_a_signature_is_required(shipped: Path) -> None:
+    found = store.load_models(with_models(directory=str(shipped)))
+    assert found.refusals == {}
+    assert found.actor is not None
+    assert found.actor.vouched_by == "unsigned"
+    kind, text = refusal("actor", with_models(directory=str(shipped), require_signature=True))
+    assert kind is ModelTrustError
+    assert "actor.onnx: unsigned, and a signature is required" in text
+
+
+def test_the_signature_of_a_manifest_covers_every_file_of_the_set(shipped: Path) -> None:
+    manifest = (shipped / "manifest.json").read_bytes()
+    (shipped / "manifest.json.sig").write_bytes(KEY.sign(manifest))
+    config = with_models(directory=str(shipped), public_keys=[public(OTHER), public(KEY)])
+    found = store.load_models(config)
+    assert found.refusals == {}
+    assert found.surrogate is not None
+    assert found.surrogate.vouched_by.startswith("key ")
+    (shipped / "actor.onnx").write_bytes(actor(7e-5))
+    assert "changed after packaging" in store.load_models(config).refusals["actor"]
+    put(shipped, "actor", actor(7e-5))  # with a manifest that nobody has signed
+    assert all("signed by none" in text for text in store.load_models(config).refusals.values())
+
+
+def test_the_last_layer_that_has_a_file_goes_first(shipped: Path, tmp_path: Path) -> None:
+    for number, clearance_m in enumerate((7e-5, 6e-5)):
+        (tmp_path / str(number)).mkdir()
+        put(tmp_path / str(number), "actor", actor(clearance_m))
+    (tmp_path / "2").mkdir()
+    put(tmp_path / "2", "classifier", classifier(score=0.5))
+    layers = [tmp_path / str(number) for number in range(3)]
+    found = store.load_models(CONFIG, layers)
+    assert found.actor is not None
+    assert found.classifier is not None
+    said = found.actor.session.run(np.zeros((1, 11)))["clearance"]
+    assert said == pytest.approx(6e-5)
+    assert found.classifier.vouched_by == "unsigned"
+    assert found.surrogate is not None
+    assert found.surrogate.vouched_by == "the package"
 
 
 @pytest.mark.parametrize(

@@ -164,8 +164,11 @@ def test_a_key_is_an_ed25519_key(key: str) -> None:
     assert list(found) == ["models.public_keys[1]"]
 
 
-def test_models_of_a_folder_need_a_key() -> None:
-    assert list(said('[models]\ndirectory = "/srv/models"')) == ["models.public_keys"]
+def test_required_signatures_need_a_key() -> None:
+    required = '[models]\ndirectory = "/srv/models"\nrequire_signature = true'
+    assert list(said(required)) == ["models.public_keys"]
+    assert said('[models]\ndirectory = "/srv/models"') == {}
+    assert said(f'{required}\npublic_keys = ["{KEY}"]') == {}
     assert said(f'[models]\ndirectory = "/srv/models"\npublic_keys = ["{KEY}"]') == {}
 
 

@@ -9,7 +9,6 @@ ms per write, and writes at most ten times a second.
 
 from __future__ import annotations
 
-import contextlib
 import os
 import stat
 import threading
@@ -18,6 +17,8 @@ from collections.abc import Callable
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Final
+
+from firmware_py.durable import write_durable
 
 BYTES_MAX: Final = 16 * 1024
 """Larger files are not ours."""
@@ -62,45 +63,6 @@ def read_small(path: Path) -> bytes | None:
         raise SmallFileError(f"{path}: {error.strerror}") from error
     finally:
         os.close(handle)
-
-
-def write_durable(path: Path, data: bytes) -> None:
-    """Replace ``path`` by ``data``: after a power cut either the old or the new content is there.
-
-    Raises
-    ------
-    OSError
-        Disk full, read-only, folder away, no permission.
-    """
-    fresh = path.with_name(f".{path.name}.{os.getpid()}.new")
-    with contextlib.suppress(FileNotFoundError):
-        fresh.unlink()
-    try:
-        handle = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
-        try:
-            os.write(handle, data)
-            os.fsync(handle)
-        finally:
-            os.close(handle)
-        _put(fresh, path)
-    except OSError:
-        with contextlib.suppress(OSError):
-            fresh.unlink()
-        raise
-    folder = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-    try:
-        os.fsync(folder)
-    finally:
-        os.close(folder)
-
-
-def _put(fresh: Path, path: Path) -> None:
-    """Rename, past a folder that stands in the way (it is kept under another name)."""
-    try:
-        fresh.replace(path)
-    except IsADirectoryError:
-        path.replace(path.with_name(f"{path.name}.folder.{time.time_ns()}"))
-        fresh.replace(path)
 
 
 class FileWriter:
