@@ -131,10 +131,19 @@ def table(rows: list[Row], scenarios: int) -> list[str]:
 
 
 def _named(rows: list[Row], scenarios: int) -> list[str]:
-    """What the classifier said, class by class."""
+    """What the classifier said, class by class.
+
+    A machine that the guard tripped coasts and stands: what is said of it then is no word on a
+    running machine, so that these flights are counted apart.
+    """
     if not rows:
         return []
-    lines = [f"classifier: {len(rows)}/{scenarios} flights, share of decisions"]
+    tripped = [row for row in rows if row["tripped"]]
+    rows = [row for row in rows if not row["tripped"]]
+    lines = [
+        f"classifier: {len(rows) + len(tripped)}/{scenarios} flights, {len(tripped)} of them "
+        "tripped by the guard (not counted below); share of decisions"
+    ]
     recall = []
     for name in CLASSES:
         words: Counter[str] = Counter()

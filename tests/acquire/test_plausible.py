@@ -91,3 +91,13 @@ def test_without_two_marks_no_line_is_blamed_on_the_mains() -> None:
     assert ok(values) == ALL & ~1
     for marks in ([], [100.0]):
         assert plausible(values, scale, offset, RATE, np.array(marks)) == ALL
+
+
+def test_metal_on_metal_at_a_standstill_is_no_loose_plug() -> None:
+    values = counts(0.0)
+    rng = np.random.default_rng(1)
+    volt = np.clip(rng.normal(0.0, 0.005, N), 0.0, None)  # an amplifier that ends at zero
+    values[:, 7] = np.rint(volt / WIRE_SCALES[7])
+    scale, marks = np.array(WIRE_SCALES), np.arange(0.0, N, RATE / 70.0)
+    assert plausible(values, scale, np.zeros(8), RATE, np.zeros(0)) == ALL
+    assert plausible(values, scale, np.zeros(8), RATE, marks) == ALL & ~(1 << 7)

@@ -71,8 +71,9 @@ def test_the_table_pairs_flights_and_says_how_many_there_are():
 
 
 def test_a_class_is_right_by_share_of_decisions_and_real_figures_stand_beside():
-    def named(number, name, words, confirmed):
-        return row(number, CLASSIFIER, words=words, confirmed=confirmed) | {"class": name}
+    def named(number, name, words, confirmed, tripped=0.0):
+        told = row(number, CLASSIFIER, words=words, confirmed=confirmed, tripped=tripped)
+        return told | {"class": name}
 
     text = "\n".join(
         table(
@@ -80,10 +81,12 @@ def test_a_class_is_right_by_share_of_decisions_and_real_figures_stand_beside():
                 named(0, "normal", {"normal": 20}, ["normal"]),
                 named(4, "unbalance", {"unbalance": 15, "doubt": 5}, ["unbalance"]),
                 named(10, "unbalance", {"normal": 20}, ["normal"]),
+                named(16, "unbalance", {"none": 20}, [], tripped=1.0),
             ],
             50,
         )
     )
+    assert "4/50 flights, 1 of them tripped" in text
     assert "0.38 right, confirmed alone in 1 of 2; doubt 0.12, normal 0.50" in text
     assert f"mean over classes {0.5 * (1.0 + 0.375):.3f}" in text
     assert "0.28 over four classes" in text
