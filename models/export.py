@@ -5,12 +5,13 @@ from __future__ import annotations
 import hashlib
 import io
 import json
+import re
 import time
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import onnx
@@ -25,6 +26,7 @@ from models import PHYSICS_VERSION
 from models.manifest import commit, write_whole
 
 OPSET = 17
+_TIMED: Final = re.compile(r"seconds(_until_judged)?$|(milli|micro)seconds")
 
 
 class ExportError(ValueError):
@@ -33,7 +35,12 @@ class ExportError(ValueError):
 
 @dataclass(frozen=True)
 class Metadata:
-    """What a model file says about itself (DESIGN rule 7); lists and maps travel as JSON."""
+    """What a model file says about itself (DESIGN rule 7); lists and maps travel as JSON.
+
+    ``rigs``: the machines that it was made for, shipped names or rig folders; the file carries
+    their names and figures.  Of ``metrics`` what was timed stays out: the same training gives the
+    same bytes.
+    """
 
     kind: str
     version: str
@@ -56,11 +63,20 @@ class Metadata:
         commit that made the file."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         machines = [read_machine(rig) for rig in self.rigs]
+        values["rigs"] = [machine.name for machine in machines]
         values["machines"] = {machine.name: figures_of(machine) for machine in machines}
+        values["metrics"] = untimed(self.metrics)
         texts = {
             k: v if isinstance(v, str) else json.dumps(v, sort_keys=True) for k, v in values.items()
         }
         return {**texts, "commit": commit()}
+
+
+def untimed(report: object) -> object:
+    """``report`` without what a clock gave, by the names of its keys."""
+    if not isinstance(report, Mapping):
+        return report
+    return {key: untimed(item) for key, item in report.items() if not _TIMED.match(str(key))}
 
 
 def export(

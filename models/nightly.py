@@ -25,7 +25,6 @@ from firmware_py.brain.verdict import CLASSES
 from firmware_py.config import Config
 from firmware_py.options import count, seed
 from models import PHYSICS_VERSION
-from models.control.shielded import shipped_config
 from models.diagnosis.real_figures import REAL_SENTENCE
 from models.diagnosis.recordings import FAULT_OF_CLASS
 from models.whole_device import Scenario, fly, power_figures
@@ -178,7 +177,8 @@ def main() -> int:
     parser.add_argument("--out", type=Path, default=Path("nightly.jsonl"))
     parser.add_argument("--table", action="store_true", help="print the table of what is there")
     args = parser.parse_args()
-    rig, config = load_rig(args.rig), shipped_config(args.rig)
+    rig = load_rig(args.rig)
+    config = rig.config
     models = load_models(config)
     key = key_of(models, args.seed)
     rows = read(args.out, key)

@@ -17,7 +17,7 @@ from firmware_py.config import Bus
 from firmware_py.config.foreign import read_dbc
 from firmware_py.config.written import write_rig
 from firmware_py.errors import OrbitdError
-from firmware_py.machine.folder import SHIPPED, add_option
+from firmware_py.machine.folder import SHIPPED, add_option, own_set
 
 UNITS = "usr/lib/systemd/system"
 DROP_INS = f"{UNITS}/orbitd-.service.d"
@@ -131,7 +131,7 @@ def _install(target: InstallPlace, wanted: Path) -> int:
         _write(target.prefix / path, _render(text, words))
     if not kept:
         place.parent.mkdir(parents=True, exist_ok=True)
-        write_rig(_texts(wanted), place)
+        write_rig(_texts(wanted), place, own_set(wanted))
     _host_steps(target)
     print(f"installed under {target.prefix}; rig {place}{' (kept as it was)' if kept else ''}")
     print(f"next: orbitd check /{name} && systemctl enable --now orbitd.target")

@@ -16,10 +16,11 @@ from firmware_py import launch
 from firmware_py.config import Config
 from firmware_py.config.commented import commented
 from firmware_py.config.limits import with_limits
+from firmware_py.config.schema import ModelsConfig
 from firmware_py.config.simulation import load_simulation
 from firmware_py.config.source import shown
 from firmware_py.config.written import FolderError, write_rig
-from firmware_py.machine.folder import METAVAR, SIMULATION, find, shipped_names
+from firmware_py.machine.folder import METAVAR, SIMULATION, find, own_set, shipped_names
 from firmware_py.machine.parts import ACTUATOR, FEED, OTHERS, READINGS
 from firmware_py.machine.probes import PROBES
 from firmware_py.machine.values import NAME_PATTERN, WORDS, MachineTable
@@ -93,11 +94,19 @@ def texts_for(source: str, name: str, *, monitor: bool = False) -> dict[str, str
         config, simulation = watched(config), None
     config = config.replaced(
         machine=msgspec.structs.replace(config.machine, name=name),
+        models=of_no_other(config, path),
         device=msgspec.structs.replace(
             config.device, rig=name, instance="default", mode_at_start="monitor"
         ),
     )
     return commented(config, simulation, source)
+
+
+def of_no_other(config: Config, rig: Path) -> ModelsConfig:
+    """What ``config`` says of models, without the set that lies in the folder ``rig`` itself."""
+    own = own_set(rig)
+    theirs = own is not None and config.models.directory == str(own)
+    return msgspec.structs.replace(config.models, directory="") if theirs else config.models
 
 
 def watched(config: Config) -> Config:

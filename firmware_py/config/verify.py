@@ -24,10 +24,9 @@ from firmware_py.config.source import (
     two_files,
 )
 from firmware_py.machine import Machine
-from firmware_py.machine.folder import DEVICE, MACHINE, MODELS, find
+from firmware_py.machine.folder import DEVICE, MACHINE, find, own_set
 from firmware_py.machine.migrate import is_first, upgrade, without_retired
 from firmware_py.machine.parts import completed, stand_in_keys
-from firmware_py.model_sets.manifest import MANIFEST
 
 Check = Callable[[Config], Iterator[Found]]
 """Yields key, value and cause; reads only what it needs, and is left out where that has a fault of
@@ -187,8 +186,8 @@ def _folder(path: Path) -> tuple[dict[str, Any], Source]:
 
 def _with_own_models(folder: Path, device: dict[str, Any]) -> dict[str, Any]:
     """``device`` with the models that lie in the rig folder itself, where it names no others."""
-    models, own = device.get("models", {}), folder.resolve() / MODELS
-    if not isinstance(models, dict) or models.get("directory") or not (own / MANIFEST).is_file():
+    models, own = device.get("models", {}), own_set(folder)
+    if not isinstance(models, dict) or models.get("directory") or own is None:
         return device
     return {**device, "models": {**models, "directory": str(own)}}
 

@@ -19,7 +19,7 @@ from firmware_py.config.schema import Config
 from firmware_py.config.source import ConfigFile
 from firmware_py.errors import OrbitdError
 from firmware_py.machine import Machine
-from firmware_py.machine.folder import DEVICE, MACHINE
+from firmware_py.machine.folder import DEVICE, MACHINE, MODELS
 from firmware_py.machine.migrate import first_key
 from firmware_py.machine.values import MachineTable, Section
 
@@ -98,8 +98,9 @@ def rig_texts(config: Config, file: ConfigFile | None = None) -> dict[str, str]:
     }
 
 
-def write_rig(texts: Mapping[str, str], folder: Path) -> None:
-    """Make ``folder`` with the files ``texts``: whole, or not at all.
+def write_rig(texts: Mapping[str, str], folder: Path, models: Path | None = None) -> None:
+    """Make ``folder`` with the files ``texts``, and a copy of the set ``models``: whole, or not at
+    all.
 
     Raises
     ------
@@ -119,6 +120,8 @@ def write_rig(texts: Mapping[str, str], folder: Path) -> None:
                 file.write(text)
                 file.flush()
                 os.fsync(file.fileno())
+        if models is not None:
+            shutil.copytree(models, part / MODELS)
         part.chmod(0o755)
         part.rename(folder)
     except OSError as error:

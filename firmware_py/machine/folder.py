@@ -13,6 +13,8 @@ import argparse
 from pathlib import Path
 from typing import Final
 
+from firmware_py.model_sets.manifest import MANIFEST
+
 MACHINE: Final = "machine.toml"
 DEVICE: Final = "device.toml"
 SIMULATION: Final = "simulation.toml"
@@ -27,6 +29,12 @@ METAVAR: Final = "NAME_OR_FOLDER"
 def shipped_names() -> list[str]:
     """Names of the rigs that come with the package."""
     return sorted(path.parent.name for path in SHIPPED.glob(f"*/{MACHINE}"))
+
+
+def own_set(rig: Path) -> Path | None:
+    """The set of models in the rig folder ``rig`` itself; None without a whole one."""
+    models = rig.resolve() / MODELS
+    return models if (models / MANIFEST).is_file() else None
 
 
 def simulated_names() -> list[str]:

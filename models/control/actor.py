@@ -21,7 +21,14 @@ from models import card, export, figures
 from models.control.episodes import Board, SettingPolicy
 from models.control.judge import Bench, beats
 from models.control.learners import ActorSettings, LearnedActor, board_name, learn_all
-from models.control.policies import OUTPUTS, RANGES, Columns, OfFile, OfModule, random_observations
+from models.control.policies import (
+    OUTPUTS,
+    Columns,
+    OfFile,
+    OfModule,
+    random_observations,
+    ranges_of,
+)
 from models.control.scoreboard import as_drawn, directly, judge, on_machine, predictive, rivals
 from models.runs import TrainingRun
 from sim_hil.gym.control_task import OBSERVATIONS
@@ -167,7 +174,7 @@ def _export(
         channels=(),
         units=units,
         rigs=(board.rig,),
-        domain={name: RANGES[name] for name in names},
+        domain=ranges_of(board.data),
         data_hash=export.data_hash(np.array([run.seed])),
         settings={"policy": policy},
         metrics={"policies": report["policies"], "reproduce": run.command},
@@ -181,4 +188,4 @@ def _export(
         output_names=outputs,
         metadata=metadata,
     )
-    return export.parity(columns, path, random_observations(10_000, run.seed))
+    return export.parity(columns, path, random_observations(board.data, 10_000, run.seed))

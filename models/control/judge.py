@@ -19,9 +19,10 @@ from models.runs import progress_bar
 Floats = NDArray[np.float64]
 Numbers = NDArray[np.intp]
 
-FIXED_UM = (44, 140, 12)
-FINER_UM = (4, 1)
-"""Fixed clearances that are tried: from, to, how far apart at first, and then beside the best."""
+FIXED = (1, 25, 3)
+FINER = (3, 4)
+"""Fixed clearances that are tried, in thirtieths of the range above its narrow end: from, to, how
+far apart at first; then how many times closer beside the best."""
 
 RESAMPLES = 500
 
@@ -194,18 +195,20 @@ def _fixed_settings(
 ) -> list[tuple[FixedSetting, Score]]:
     """Settings of a coarse grid, and clearances ever closer beside the best of them, with their
     scores."""
-    low, high, apart = FIXED_UM
+    (narrow_m, wide_m), (low, high, apart) = board.reach[:, 0].tolist(), FIXED
+    step_m = (wide_m - narrow_m) / 30.0
     grid = [
-        FixedSetting(1e-6 * um, pressure)
+        FixedSetting(narrow_m + k * step_m, pressure)
         for pressure in pressures(board)
-        for um in range(low, high + 1, apart)
+        for k in range(low, high + 1, apart)
     ]
-    tried = _tried(board, seeds, grid, workers)
-    for step in FINER_UM:
+    tried, apart_m = _tried(board, seeds, grid, workers), apart * step_m
+    for closer in FINER:
         best = tried[_best(tried, counted)][0]
-        near = [best.clearance_m + um * 1e-6 for um in range(step - apart, apart, step) if um]
+        between = apart_m / closer * np.array([k for k in range(1 - closer, closer) if k])
+        near = np.clip(best.clearance_m + between, narrow_m, wide_m).tolist()
         tried += _tried(board, seeds, [FixedSetting(c, best.pressure_Pa) for c in near], workers)
-        apart = step
+        apart_m /= closer
     return tried
 
 

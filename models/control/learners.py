@@ -104,7 +104,7 @@ def learn(
     curve: Curve = []
     actor = train_ddpg(
         _environment(settings, board, shielded),
-        scale(),
+        scale(board.data),
         settings.ddpg,
         seed,
         on_step,
@@ -169,7 +169,9 @@ def _logged(
 def _values(settings: ActorSettings, board: Board, seed: int) -> Values:
     with progress_bar(f"{board_name(board)}: DQN", settings.ddpg.steps) as bar:
         actions = actions_of_choices(board, settings.dqn_clearances)
-        return train_dqn(_environment(settings, board), scale(), settings.ddpg, actions, seed, bar)
+        return train_dqn(
+            _environment(settings, board), scale(board.data), settings.ddpg, actions, seed, bar
+        )
 
 
 def _choose(agents: list[BoundedSettings], settings: ActorSettings, board: Board, seed: int) -> int:

@@ -14,6 +14,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
+from firmware_py.guard.plausibility.reading_rows import power_max_W
 from models import export
 from models.control.episodes import Board
 from models.control.rivals import pressures
@@ -21,30 +22,42 @@ from models.control.shielded import Observation
 from models.learning.ddpg import Actor, Scale
 from models.learning.dqn import Values
 from sim_hil.gym.control_task import OBSERVATIONS, actions_of
+from sim_hil.plant.duty import RAD_S_PER_RPM
+from sim_hil.rigs import RigData
 
 Floats = NDArray[np.float64]
-
-RANGES: Final = {
-    "speed_rad_s": (100.0, 1400.0),
-    "eccentricity_x_m": (-1.2e-4, 1.2e-4),
-    "eccentricity_y_m": (-1.2e-4, 1.2e-4),
-    "peak_to_peak_x_m": (0.0, 1e-4),
-    "peak_to_peak_y_m": (0.0, 1e-4),
-    "clearance_m": (3e-5, 1.7e-4),
-    "supply_pressure_bar": (0.0, 4.0),
-    "shaft_power_W": (-10.0, 500.0),
-    "oil_outlet_C": (20.0, 80.0),
-    "load_estimate_N": (0.0, 500.0),
-    "subsync_share": (0.0, 1.0),
-}
-"""What a working machine shows: the scale of the network's inputs, and the model's domain."""
 
 OUTPUTS: Final = ("clearance", "pressure")
 
 
-def scale() -> Scale:
+def ranges_of(rig: RigData) -> dict[str, tuple[float, float]]:
+    """What a working machine shows: the scale of the network's inputs, and the model's domain."""
+    o, b, oil = rig.config.machine.operating, rig.bearing, rig.config.machine.lubricant
+    most_m = b.clearance_max_m
+    readings = rig.config.machine.readings
+    most_W = readings.shaft_power_max_W or power_max_W(rig.config)
+    return {
+        "speed_rad_s": (
+            0.6 * o.speed_min_rpm * RAD_S_PER_RPM,
+            1.1 * o.speed_max_rpm * RAD_S_PER_RPM,
+        ),
+        "eccentricity_x_m": (-0.75 * most_m, 0.75 * most_m),
+        "eccentricity_y_m": (-0.75 * most_m, 0.75 * most_m),
+        "peak_to_peak_x_m": (0.0, 0.6 * most_m),
+        "peak_to_peak_y_m": (0.0, 0.6 * most_m),
+        "clearance_m": (0.75 * b.clearance_min_m, 1.06 * most_m),
+        "supply_pressure_bar": (0.0, 1e-5 * rig.supply.max_Pa + 1.0),
+        "shaft_power_W": (-2.0 * rig.errors.shaft_power_W, most_W),
+        "oil_outlet_C": (oil.inlet_min_C - 15.0, oil.film_max_C + 20.0),
+        "load_estimate_N": (0.0, 1.7 * rig.load_max_N),
+        "subsync_share": (0.0, 1.0),
+    }
+
+
+def scale(rig: RigData) -> Scale:
     """Of the network's inputs."""
-    low, high = np.array([RANGES[name] for name in OBSERVATIONS], np.float32).T
+    ranges = ranges_of(rig)
+    low, high = np.array([ranges[name] for name in OBSERVATIONS], np.float32).T
     return Scale(low, high)
 
 
@@ -148,9 +161,9 @@ def actions_of_choices(board: Board, clearances: int) -> Observation:
     return actions_of(board.data, choices(board, clearances))
 
 
-def random_observations(count: int, seed: int) -> NDArray[np.float32]:
+def random_observations(rig: RigData, count: int, seed: int) -> NDArray[np.float32]:
     """Observations over the ranges and beyond, corners first."""
-    low, high = np.array(list(RANGES.values())).T
+    low, high = np.array(list(ranges_of(rig).values())).T
     rng = np.random.default_rng(seed)
     corners = rng.integers(0, 2, (min(count, 2 ** min(len(low), 10)), len(low)))
     spread = rng.uniform(-0.5, 1.5, (count - len(corners), len(low)))

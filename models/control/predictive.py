@@ -18,8 +18,9 @@ from firmware_py.brain.measurement import Measured
 from firmware_py.brain.overrule import OverruleLimits, good
 from firmware_py.brain.prediction import HELD, Future, Predictor
 from firmware_py.brain.store import load_factors, load_model
-from models.control.shielded import Observation, column, shipped_config
+from models.control.shielded import Observation, column
 from sim_hil.gym.control_task import CONTROL_S
+from sim_hil.rigs import load_rig
 
 Floats = NDArray[np.float64]
 
@@ -46,7 +47,7 @@ class ModelPredictive:
 
     def start(self, count: int) -> None:
         """Predictors that know nothing yet."""
-        config = shipped_config(self._rig)
+        config = load_rig(self._rig).config
         model = load_model("surrogate", config)
         self._config, self._limits = config, OverruleLimits.of(config)
         self._predictors = [Predictor(model, config, load_factors(config)) for _ in range(count)]

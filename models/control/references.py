@@ -18,9 +18,9 @@ from models.manifest import write_whole
 from models.workers import map_in_order
 from sim_hil.bound import ReferenceRun, episode_references
 
-SPACING_UM = 12
-"""Clearances of the map that are run: half the time of the standard spacing, and every schedule is
-judged in time."""
+SPACING = 0.1
+"""Clearances of the map that are run, apart by this share of the range: half the time of
+the standard spacing, and every schedule is judged in time."""
 
 Floats = NDArray[np.float64]
 
@@ -39,7 +39,8 @@ def reference_powers(
 
     Some 5 s an episode on one core the first time, 20 s where the pressure may be set.
     """
-    name = f"{board.rig}-{board.seconds:g}s{'-pair-supplied' if board.pressure else ''}"
+    rig = board.data
+    name = f"{rig.name}-{rig.digest}-{board.seconds:g}s{'-pair-supplied' if board.pressure else ''}"
     folder = out / f"references-{name}-physics{PHYSICS_VERSION}"
     folder.mkdir(parents=True, exist_ok=True)
     found = []
@@ -58,7 +59,7 @@ def _kept(folder: Path, board: Board, seed: int) -> ReferencePower:
         seed,
         rig=board.rig,
         episode_s=board.seconds,
-        spacing_um=SPACING_UM,
+        spacing_um=max(1, round(1e6 * SPACING * float(np.ptp(board.reach[:, 0])))),
         pressures_Pa=settings_Pa(board.data) if board.pressure else None,
     )
     power = ReferencePower(_power(found.preview), _power(found.causal))

@@ -10,7 +10,6 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_py import config as configuration
 from firmware_py.config import Config
 from firmware_py.guard.envelope.admissible import Envelope, EnvelopeInput, Known
 from firmware_py.guard.envelope.retreat import Ramp
@@ -52,18 +51,14 @@ def column(name: str) -> int:
     return _COLUMNS[name]
 
 
-def shipped_config(rig: str) -> Config:
-    """The configuration that ships for ``rig``."""
-    return configuration.load(configuration.SHIPPED / rig)[0]
-
-
-def config_of(rig: str, *, fed: bool) -> Config:
-    """That configuration; where the film is fed from its groove, with what that adds to the load.
+def config_of(rig: RigData, *, fed: bool) -> Config:
+    """What the device of ``rig`` is told; where the film is fed from its groove, with what that
+    adds to the load.
 
     Errors of the film are those of the unfed one under that load, as
     :mod:`sim_hil.film.groove_load` measures them; of its friction nothing is claimed.
     """
-    config = shipped_config(rig)
+    config = rig.config
     if not fed:
         return config
     bearing = msgspec.structs.replace(
@@ -188,7 +183,7 @@ class ShieldedRotors(gymnasium.vector.VectorWrapper[Observation, Observation, ND
     ) -> None:
         super().__init__(rotors)
         self.rotors, self._commissioned = rotors, commissioned
-        self._shielded, self._config = shielded, config_of(rotors.rig.name, fed=rotors.pressure)
+        self._shielded, self._config = shielded, config_of(rotors.rig, fed=rotors.pressure)
         self._time_s = np.zeros(rotors.num_envs)
 
     def reset(
@@ -247,7 +242,7 @@ class ShieldedRotor(gymnasium.Wrapper[Observation, Observation, Observation, Obs
     def __init__(self, environment: RotorEnv, *, commissioned: bool = False) -> None:
         super().__init__(environment)
         self.rotor, self._commissioned = environment, commissioned
-        self._config = config_of(environment.rig.name, fed=environment.pressure)
+        self._config = config_of(environment.rig, fed=environment.pressure)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None

@@ -9,7 +9,6 @@ from typing import Final, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_py import config as configuration
 from firmware_py.acquire.channel_map import ChannelMap
 from firmware_py.guard.envelope.admissible import Envelope, EnvelopeInput, Known
 from firmware_py.records import CHANNELS
@@ -74,10 +73,9 @@ class AgentLoop:
     """
 
     def __init__(self, rig: RigData, wish: float) -> None:
-        config, _ = configuration.load(configuration.SHIPPED / rig.name)
-        self._envelope = Envelope(config)
+        self._envelope = Envelope(rig.config)
         self._channels, self._wish = ChannelMap.wire(), wish
-        self.start_m = config.machine.actuator.safe_radial_clearance_um * 1e-6
+        self.start_m = rig.config.machine.actuator.safe_radial_clearance_um * 1e-6
 
     def run(
         self, machine: SimulatedMachine, duty: Duty, seconds: float, pressure_Pa: float

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import inspect
+import io
 import zipfile
 from collections.abc import Callable
 from dataclasses import fields
@@ -29,15 +30,17 @@ from models import PHYSICS_VERSION
 from models.diagnosis import clearance_loops, recordings
 from models.diagnosis.dataset import DatasetError
 from models.diagnosis.recordings import Raw, RecordingPlan, record_build
+from models.manifest import write_whole
 from models.workers import map_in_order
-from sim_hil.whole_file import whole_file
+from sim_hil.rigs import load_rig
 
 
 def folder_of(out: Path, plan: RecordingPlan) -> Path:
     """Where the recordings of ``plan`` lie."""
     guard = admissible, retreat, shield, load_estimate, vibration_hold
     code = [inspect.getsource(module) for module in (recordings, clearance_loops, *guard)]
-    key = repr((PHYSICS_VERSION, code, plan.rig, plan.seed, plan.rate_hz, plan.seconds))
+    rig = load_rig(plan.rig).digest
+    key = repr((PHYSICS_VERSION, code, rig, plan.seed, plan.rate_hz, plan.seconds))
     return out / f"recordings-{plan.draw.__name__}-{hashlib.sha256(key.encode()).hexdigest()[:12]}"
 
 
@@ -53,7 +56,9 @@ def make_recordings(
     files = [folder / f"build-{number:05d}.npz" for number in range(builds)]
     missing = [number for number, file in enumerate(files) if not file.exists()]
     progress(builds - len(missing))
-    for done, _ in enumerate(map_in_order(partial(_make, folder, plan), missing, workers), 1):
+    made = map_in_order(partial(_make, plan), missing, workers)
+    for done, (number, content) in enumerate(zip(missing, made, strict=True), 1):
+        write_whole(files[number], content)
         progress(builds - len(missing) + done)
     return files
 
@@ -84,12 +89,14 @@ def _plain(array: NDArray[Any]) -> Any:
     return array if array.ndim else array.item()
 
 
-def _make(folder: Path, plan: RecordingPlan, number: int) -> None:
+def _make(plan: RecordingPlan, number: int) -> bytes:
+    """The file of one build: made in any process, on any computer, and written by one."""
     recordings = record_build(plan, number)
     columns = {
         f"{i}_{f.name}": getattr(raw, f.name)
         for i, raw in enumerate(recordings)
         for f in fields(Raw)
     }
-    with whole_file(folder / f"build-{number:05d}.npz") as stream:
-        np.savez(stream, count=len(recordings), **columns)
+    stream = io.BytesIO()
+    np.savez(stream, count=len(recordings), **columns)
+    return stream.getvalue()

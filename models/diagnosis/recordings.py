@@ -51,7 +51,11 @@ JUDGED_SECONDS: Final = 4.0
 WATCH_SECONDS: Final = 10.0
 """Length of a healthy run on which false alarms are counted."""
 
+COLDER_C: Final = 15.0
+"""Of a tank in the morning, below the coldest inlet that a machine declares."""
+
 DUTIES: Final = ("hold", "ramp", "run-up", "load step")
+SLOW_SHARE: Final = 0.2
 SETTLE_S: Final = 0.4
 DRIFTING: Final = ("disp_x", "disp_y", "acc_bearing_vertical", "acc_motor", "supply_pressure")
 DRIFT_MOST: Final = 0.3
@@ -174,7 +178,7 @@ def _record(
         build,
         seed,
         rate_hz=plan.rate_hz,
-        inlet_C=float(rng.uniform(20.0, 60.0)),
+        inlet_C=float(rng.uniform(*_inlets_C(rig))),
         clearance_m=loop.start_m,
         pressure_Pa=pressure,
     )
@@ -198,6 +202,12 @@ def _record(
         loop_kind,
         duty_kind,
     )
+
+
+def _inlets_C(rig: RigData) -> tuple[float, float]:
+    """Inlet temperatures: from a cold tank to oil as hot as the machine's film may be."""
+    oil = rig.config.machine.lubricant
+    return oil.inlet_min_C - COLDER_C, oil.film_max_C
 
 
 def _settle(
@@ -245,8 +255,8 @@ def _taught(kind: int, rng: np.random.Generator, of_grid: slice) -> RecordingCas
 
 
 def _duty(rig: RigData, seconds: float, rng: np.random.Generator) -> tuple[int, Duty]:
-    """Index into :data:`DUTIES` and the duty: half of all hold, ramps within 400 rpm/s, run-ups
-    within 2000."""
+    """Index into :data:`DUTIES` and the duty: half of all hold; run-ups as fast as the machine's
+    speed changes unannounced, ramps a fifth of that."""
     low, high = rig.speed_min_rpm, rig.speed_max_rpm
     first, last = np.exp(rng.uniform(math.log(low), math.log(high), 2)).tolist()
     light, heavy = np.exp(
@@ -260,7 +270,9 @@ def _duty(rig: RigData, seconds: float, rng: np.random.Generator) -> tuple[int, 
         return kind, Duty(
             (0.0, half, half + 0.05, seconds), (first,) * 4, (light, light, heavy, heavy)
         )
-    rate = 400.0 if DUTIES[kind] == "ramp" else float(rng.uniform(400.0, 2000.0))
+    fastest = rig.speed_ramp_rpm_s
+    slow = SLOW_SHARE * fastest
+    rate = slow if DUTIES[kind] == "ramp" else float(rng.uniform(slow, fastest))
     reach = rate * seconds
     end = (
         min(max(last, first - reach), first + reach)

@@ -30,10 +30,11 @@ from firmware_py.acquire.orders import BINS, ROTATING, by_angle
 from firmware_py.acquire.recorded_windows import iter_windows
 from firmware_py.acquire.windows import TURNS, Window
 from firmware_py.brain.verdict import WINDOWS
-from firmware_py.config import SHIPPED, Config, read_machine
+from firmware_py.config import Config, read_machine
 from firmware_py.config import load as load_config
 from firmware_py.machine import Machine
 from firmware_py.machine import contact as contact_code
+from firmware_py.machine.folder import find
 from firmware_py.records import Quality
 from models.diagnosis.data_cache import folder_of, load, make_recordings
 from models.diagnosis.dataset import Dataset, DatasetError, join, pooled
@@ -107,7 +108,7 @@ def _machine(rig: str) -> Machine:
 @cache
 def _config(rig: str, rate_hz: int) -> Config:
     """The device's configuration of a recorded rig, at the rate of the recording."""
-    config, _ = load_config(SHIPPED / rig)
+    config, _ = load_config(find(rig))
     return config.replaced(sampling=msgspec.structs.replace(config.sampling, rate_hz=rate_hz))
 
 

@@ -3,7 +3,6 @@ whirl sets in."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Final
 
@@ -28,19 +27,24 @@ any speed."""
 _STEP = 0.01
 """Reach of the differences, in gaps, as :func:`sim_hil.equilibrium` takes them."""
 
-CASES: Final[Mapping[str, tuple[float, float, float, float, float]]] = {
-    "steady": (6000.0, 6000.0, 100.0, 60e-6, 1.0),
-    "high_vibration": (6000.0, 6000.0, 100.0, 100e-6, 20.0),
-    "run_up": (3000.0, 9000.0, 100.0, 60e-6, 5.0),
-    "half_order_whirl": (12000.0, 12000.0, 30.0, 75e-6, 1.0),
-}
-"""Speeds at start and end, rpm, load, N, clearance, m, and unbalance over the rig's normal one, on
-rig ``bench``."""
+CASES: Final = ("steady", "high_vibration", "run_up", "half_order_whirl")
+
+
+def conditions_of(rig: RigData) -> dict[str, tuple[float, float, float, float, float]]:
+    """Of each of :data:`CASES`: speeds at start and end, rpm, load, N, clearance, m, and unbalance
+    over the rig's normal one."""
+    rpm, load, gap = rig.start_rpm, rig.start_load_N, rig.bearing.clearance_nominal_m
+    return {
+        "steady": (rpm, rpm, load, gap, 1.0),
+        "high_vibration": (rpm, rpm, load, gap / 0.6, 20.0),
+        "run_up": (0.5 * rpm, 1.5 * rpm, load, gap, 5.0),
+        "half_order_whirl": (rig.speed_max_rpm, rig.speed_max_rpm, rig.load_min_N, 1.25 * gap, 1.0),
+    }
 
 
 def follow(rig: RigData, case: str, force: Force) -> Trajectory:
     """:data:`REVOLUTIONS` turns of ``case`` on a film."""
-    start, end, load, clearance, unbalance = CASES[case]
+    start, end, load, clearance, unbalance = conditions_of(rig)[case]
     seconds = REVOLUTIONS * 60.0 / (0.5 * (start + end))
     build = Build.nominal(rig)
     build = replace(build, unbalance_kg_m=unbalance * build.unbalance_kg_m)
@@ -62,7 +66,7 @@ def orbit_error_percent(rig: RigData, case: str, force: Force) -> float:
     clearance."""
     ours, reference = follow(rig, case, force), follow(rig, case, "table")
     apart = np.hypot(*(ours.position_m - reference.position_m).T)
-    return 100.0 * float(apart.max()) / CASES[case][3]
+    return 100.0 * float(apart.max()) / conditions_of(rig)[case][3]
 
 
 def orbits(rig: RigData, law: ReducedNetworkLaw) -> list[FilmBar]:

@@ -31,6 +31,8 @@ Floats = NDArray[np.float64]
 class SurrogateSettings(TrainerSettings, frozen=True):
     """What ``orbitd train surrogate`` does; every key may stand in the ``--config`` file."""
 
+    rig: str = "bench"
+    """On whose rotor the film is judged; the network itself knows no rig."""
     length_over_diameter: float = 0.5
     eccentricity_max: float = 0.97
     train_points: Count = 1200
@@ -114,7 +116,7 @@ def judge(
             film, shape, settings.eccentricity_max, rng, settings.dissipation_points
         ),
         *film_dynamics.whirl(film, shape, settings.grid),
-        *film_dynamics.orbits(load_rig("bench"), law),
+        *film_dynamics.orbits(load_rig(settings.rig), law),
     ]
     return film_judge.verdict(bars)
 
@@ -128,7 +130,9 @@ def evaluate(path: Path, seed: int, points: int | None, out: Path) -> dict[str, 
     return {
         **judge(of_file(path), law_of(path), judged, settings, seed),
         "spline_table": figures_of(film_judge.accuracy(table_model(shape), judged)),
-        "linear_orbit_error_percent_of_clearance": film_dynamics.linear_orbits(load_rig("bench")),
+        "linear_orbit_error_percent_of_clearance": film_dynamics.linear_orbits(
+            load_rig(settings.rig)
+        ),
     }
 
 
@@ -138,11 +142,12 @@ def rivals(
     """The spline table, the paper's two networks and the linear model, on the same measures."""
     rng = np.random.default_rng([seed, 2])
     search = Search((1e-8, 1e-4), settings.restarts, settings.paper_iterations)
-    bench = load_rig("bench").bearing
+    rig = load_rig(settings.rig)
+    bearing = rig.bearing
 
     def raw(clearances_m: tuple[float, float] | None) -> RawNetwork:
         return raw_network(
-            TrainedBearing.of_rig("bench", 6000.0, clearances_m),
+            TrainedBearing.of_rig(settings.rig, rig.start_rpm, clearances_m),
             rng,
             search,
             out,
@@ -155,9 +160,11 @@ def rivals(
         ),
         "paper_4_n_2_at_one_clearance": raw(None).report(),
         "paper_5_n_2_with_the_clearance": raw(
-            (bench.clearance_min_m, bench.clearance_max_m)
+            (bearing.clearance_min_m, bearing.clearance_max_m)
         ).report(),
-        "linear_orbit_error_percent_of_clearance": film_dynamics.linear_orbits(load_rig("bench")),
+        "linear_orbit_error_percent_of_clearance": film_dynamics.linear_orbits(
+            load_rig(settings.rig)
+        ),
     }
 
 
@@ -247,9 +254,8 @@ def _export(
         units=("m", "m", "m/s", "m/s", "rad/s", "m", "Pa s", "m", "m", "-> N", "N m", "m3/s", "1"),
         channels=(),
         rate_hz=(),
-        rigs=[
-            n for n, b in bearings.items() if abs(b.length_m / (2.0 * b.radius_m) - shape) < 1e-9
-        ],
+        rigs=[n for n, b in bearings.items() if abs(b.length_m / (2.0 * b.radius_m) - shape) < 1e-9]
+        or [settings.rig],
         data_hash=export.data_hash(samples.ab, samples.force, samples.side_flow),
         domain={
             "eccentricity_ratio": (0.0, settings.eccentricity_max),

@@ -25,6 +25,7 @@ from firmware_py.acquire.orders import analyse
 from firmware_py.acquire.recorded_windows import iter_windows
 from firmware_py.brain.intervals import REGIMES
 from firmware_py.config import Config
+from firmware_py.errors import OrbitdError
 from firmware_py.machine.probes import after_zeroing
 from firmware_py.records import Block, Quality, RigReading, RigStatus
 from models.prediction.truth import damping_ratio
@@ -45,21 +46,28 @@ BLOCK: Final = 100
 TRUTH_S: Final = 0.2
 """Truth of a moment is taken over this time about it."""
 
-LOAD_RATE_N_S: Final = 45.0
-SPEED_RATE_RPM_S: Final = 1800.0
+RATE_SHARE: Final = 0.9
+"""Of the fastest unannounced change of speed and load that an episode's point moves with."""
 FAULT_START_S: Final = 3.0
 FAULTS: Final = {"unbalance": (6.3, 40.0), "starvation": (0.15, 0.6), "wear": (0.05, 0.25)}
 """Severity that is reached at the end, low and high."""
 FAULT_STEP_S: Final = 0.1
-SLOW_ROLL_RPM: Final = 600.0
-SLOW_ROLL_LOAD_N: Final = 30.0
+SLOW_ROLL_SHARE: Final = 0.4
+"""Of the slowest speed, at the lightest load: the slow-roll procedure."""
 DAMPING: Final = {"near_whirl": (0.02, 0.13)}
 DAMPING_ELSE: Final = (0.15, math.inf)
-FILM_LEAST_M: Final = 10e-6
 WARMER_C: Final = 2.0
 """Outlet over inlet where an episode's points are chosen."""
-REACH_M: Final = {"near_whirl": 6e-6, "fault": 0.0}
-"""How far the clearance moves at most, where that is less than elsewhere."""
+REACH: Final = {"near_whirl": 0.05, "fault": 0.0}
+REACH_ELSE: Final = 0.5
+"""How far the clearance moves at most, as a share of its range."""
+TRIES: Final = 1000
+"""Draws after which a regime that this machine does not know gives way to a steady one, and the
+margin of a steady one to whatever keeps a film."""
+
+
+class NoEpisode(OrbitdError, ValueError):
+    """No forecast can be tried on the machine."""
 
 
 @dataclass(frozen=True)
@@ -100,21 +108,10 @@ def draw(rig: RigData, seed: int, number: int) -> ForecastEpisode:
     rng = np.random.default_rng([seed, number])
     regime = REGIMES[number % len(REGIMES)]
     build = Build.draw(rig, rng)
-    inlet_C = float(rng.uniform(35.0, 45.0))
+    inlet_C = float(rng.uniform(*rig.oil.episodes_C))
     fault = str(rng.choice(list(FAULTS))) if regime == "fault" else ""
     severity = float(rng.uniform(*FAULTS[fault])) if fault else 0.0
-    while True:
-        points = [(rig.speed_min_rpm, _point(rig, rng)[1]), _point(rig, rng)]
-        for _ in range(2 * (regime == "ramp")):
-            points.append(_near(rig, points[-1], rng))
-        clearance = _clearances(rig, regime, rng)
-        pairs = zip(
-            [points[0], points[1], *points[2:], points[-1]][:4],
-            [clearance[0], clearance[0], *clearance[1:]],
-            strict=False,
-        )
-        if all(_feasible(rig, regime, i, *pair, inlet_C) for i, pair in enumerate(pairs)):
-            break
+    regime, points, clearance = _course(rig, regime, inlet_C, rng)
     corners = [(0.0, *points[0]), (1.2, *points[0]), (4.0, *points[1])]
     for start_s, before, after in zip(FORECASTS_S, points[1:], points[2:], strict=False):
         corners += [(start_s, *before), (start_s + HORIZON_S + 0.2, *after)]
@@ -132,6 +129,43 @@ def draw(rig: RigData, seed: int, number: int) -> ForecastEpisode:
     )
 
 
+Points = list[tuple[float, float]]
+Clearances = tuple[float, float, float]
+
+
+def _course(
+    rig: RigData, regime: str, inlet_C: float, rng: np.random.Generator
+) -> tuple[str, Points, Clearances]:
+    """Regime, operating points and clearances of an episode.
+
+    Raises
+    ------
+    NoEpisode
+        None keeps a film.
+    """
+    other = ["steady"] if regime in DAMPING else []
+    ways = [(each, False) for each in (regime, *other)] + [([regime, *other][-1], True)]
+    for played, anywhere in ways:
+        for _ in range(TRIES):
+            points = [(rig.speed_min_rpm, _point(rig, rng)[1]), _point(rig, rng)]
+            for _ in range(2 * (played == "ramp")):
+                points.append(_near(rig, points[-1], rng))
+            clearance = _clearances(rig, played, rng)
+            pairs = zip(
+                [points[0], points[1], *points[2:], points[-1]][:4],
+                [clearance[0], clearance[0], *clearance[1:]],
+                strict=False,
+            )
+            within = (0.0, math.inf) if anywhere else DAMPING.get(played, DAMPING_ELSE)
+            if all(_feasible(rig, within, i, *pair, inlet_C) for i, pair in enumerate(pairs)):
+                return played, points, clearance
+    raise NoEpisode(
+        f"rig {rig.name}: none of {TRIES} drawn operating points keeps "
+        f"{rig.min_film_m * 1e6:g} um of film without whirl; `orbitd rig show` says where it does: "
+        "narrow operating.speed and operating.load, or the clearance"
+    )
+
+
 def _point(rig: RigData, rng: np.random.Generator) -> tuple[float, float]:
     """Speed (rpm) and load (N)."""
     load = math.exp(rng.uniform(math.log(rig.load_min_N), math.log(rig.load_max_N)))
@@ -142,8 +176,8 @@ def _near(
     rig: RigData, point: tuple[float, float], rng: np.random.Generator
 ) -> tuple[float, float]:
     """A point that two seconds at the declared rates can reach."""
-    speed = point[0] + float(rng.uniform(-2.0, 2.0)) * SPEED_RATE_RPM_S
-    load = point[1] + float(rng.uniform(-2.0, 2.0)) * LOAD_RATE_N_S
+    speed = point[0] + float(rng.uniform(-2.0, 2.0)) * RATE_SHARE * rig.speed_ramp_rpm_s
+    load = point[1] + float(rng.uniform(-2.0, 2.0)) * RATE_SHARE * rig.load_ramp_N_s
     return (
         min(max(speed, rig.speed_min_rpm), rig.speed_max_rpm),
         min(max(load, rig.load_min_N), rig.load_max_N),
@@ -154,7 +188,7 @@ def _clearances(rig: RigData, regime: str, rng: np.random.Generator) -> tuple[fl
     """A clearance and two moves of it, each as likely as none; small ones near whirl, none under a
     fault."""
     low, high = rig.bearing.clearance_min_m, rig.bearing.clearance_max_m
-    reach_m = REACH_M.get(regime, 60e-6)
+    reach_m = REACH.get(regime, REACH_ELSE) * (high - low)
     values = [float(rng.uniform(low, high))]
     for _ in FORECASTS_S:
         moved = values[-1] + float(rng.uniform(-reach_m, reach_m)) * (rng.random() < 0.5)
@@ -164,18 +198,18 @@ def _clearances(rig: RigData, regime: str, rng: np.random.Generator) -> tuple[fl
 
 def _feasible(
     rig: RigData,
-    regime: str,
+    damping: tuple[float, float],
     index: int,
     point: tuple[float, float],
     clearance_m: float,
     inlet_C: float,
 ) -> bool:
-    """Whether the nominal machine runs there as the regime wants it; the first point is only on the
-    way."""
+    """Whether the nominal machine runs there with a ratio of ``damping``; the first point is only
+    on the way."""
     viscosity = rig.oil.viscosity_at(inlet_C + WARMER_C)
     film_m, ratio = damping_ratio(rig, point[0] * RAD_S_PER_RPM, point[1], clearance_m, viscosity)
-    low, high = DAMPING.get(regime, DAMPING_ELSE)
-    return film_m > FILM_LEAST_M and ratio > low and (index == 0 or ratio < high)
+    low, high = damping
+    return film_m > rig.min_film_m and ratio > low and (index == 0 or ratio < high)
 
 
 def play(rig: RigData, episode: ForecastEpisode, rate_hz: int = 5000) -> SimulatedRecording:
@@ -339,7 +373,7 @@ def after_procedure(config: Config, rig: RigData, build: Build, rng: np.random.G
 def slow_roll_vectors(rig: RigData, build: Build, seed: int) -> NDArray[np.complex128]:
     """Complex first orders (2,) of the two probes (m) of a machine at slow roll."""
     machine = SimulatedMachine(rig, build, seed)
-    duty = Duty.hold(SLOW_ROLL_RPM, SLOW_ROLL_LOAD_N)
+    duty = Duty.hold(SLOW_ROLL_SHARE * rig.speed_min_rpm, rig.load_min_N)
     run(machine, duty, 0.5, clearance=rig.bearing.clearance_nominal_m)
     recording = recording_of(
         machine,

@@ -27,6 +27,7 @@ from firmware_py.brain.prediction import Predictor
 from firmware_py.brain.store import Model, load_model
 from firmware_py.config import Config
 from firmware_py.machine.contact import contact_volt
+from firmware_py.machine.folder import find
 from models import PHYSICS_VERSION, card
 from models.manifest import commit
 from models.prediction.episodes import after_procedure, as_shipped, draw, play
@@ -183,7 +184,7 @@ def of_file(path: Path) -> Fitted:
 @cache
 def brain(rig_name: str) -> tuple[Config, Model]:
     """The shipped configuration and surrogate."""
-    config, _ = configuration.load(configuration.SHIPPED / rig_name)
+    config, _ = configuration.load(find(rig_name))
     return config, load_model("surrogate", config)
 
 
@@ -219,7 +220,8 @@ def _hear_one(rig_name: str, seed: int, number: int) -> tuple[Said, Said]:
 
 def fisher(rig_name: str) -> dict[str, Any]:
     """Standard deviations of load, viscosity (shares) and clearance (um) from what each instrument
-    adds to the others.
+    adds to the others, at the slowest speed, where the drive starts, and at the fastest and
+    lightest.
 
     Diagonals of the Fisher information of one reading, by instrument, at three operating points.
     """
@@ -231,10 +233,15 @@ def fisher(rig_name: str) -> dict[str, Any]:
         config.machine.rotor.mass_at_bearing_kg,
     )
     instruments, found = Instruments(film, config), {}
-    for rpm, load_N in ((1500.0, 100.0), (6000.0, 100.0), (12000.0, 30.0)):
+    rig = load_rig(rig_name)
+    for rpm, load_N in (
+        (rig.speed_min_rpm, rig.start_load_N),
+        (rig.start_rpm, rig.start_load_N),
+        (rig.speed_max_rpm, rig.load_min_N),
+    ):
         speed = rpm * math.pi / 30.0
         volt = (
-            float(contact_volt(config.machine.contact, np.array([20e-6]))[0])
+            float(contact_volt(config.machine.contact, np.array([2.0 * rig.min_film_m]))[0])
             if config.machine.contact
             else math.nan
         )
@@ -245,7 +252,7 @@ def fisher(rig_name: str) -> dict[str, Any]:
             0.0,
             0.0,
             0.0,
-            45.0,
+            rig.oil.inlet_C + 5.0,
             volt,
         )
         share = config.machine.contact.film_error_share if config.machine.contact else 0.0
@@ -274,10 +281,12 @@ def latency_ms(rig_name: str, repeats: int = 30) -> float:
     """Best time of synchronising and forecasting 16 candidates: processor time, which other work
     does not stretch."""
     config, model = brain(rig_name)
-    predictor = Predictor(model, config, IntervalFactors())
+    predictor, rig = Predictor(model, config, IntervalFactors()), load_rig(rig_name)
+    speed, gap_m = rig.start_rpm * math.pi / 30.0, rig.bearing.clearance_nominal_m
     best = math.inf
     for i in range(repeats):
-        at = Measured(628.0, 60e-6, 8e-6, -14e-6, 5e-6, 90.0, 45.0, 1.5, t_ns=i * 100_000_000)
+        position = 0.13 * gap_m, -0.23 * gap_m, 0.08 * gap_m
+        at = Measured(speed, gap_m, *position, 90.0, 45.0, 1.5, t_ns=i * 100_000_000)
         started = time.process_time()
         predictor.forecast(at, predictor.estimate(at), predictor.candidates_m)
         best = min(best, time.process_time() - started)

@@ -89,15 +89,14 @@ def rival_widths(said: Said) -> dict[str, Floats]:
     """Half-widths (3, 4) by *true* regime of the rivals' intervals: relative for power, else
     absolute."""
     error = np.abs(said.rivals - said.true[:, None, :]) / _scale(said)
-    return {
-        regime: np.array(
-            [
-                [_upper(column, NOMINAL) for column in rival.T]
-                for rival in error[said.regime == regime].transpose(1, 0, 2)
-            ]
+    found = {}
+    for regime in REGIMES:
+        own = said.regime == regime
+        rows = error[own] if own.any() else error  # one that the machine does not know
+        found[regime] = np.array(
+            [[_upper(column, NOMINAL) for column in rival.T] for rival in rows.transpose(1, 0, 2)]
         )
-        for regime in REGIMES
-    }
+    return found
 
 
 def _scale(said: Said) -> Floats:
@@ -249,6 +248,8 @@ def _skill(said: Said) -> dict[str, dict[str, float]]:
     found = {}
     for regime in ("ramp", "fault"):
         rows = said.regime == regime
+        if not rows.any():
+            continue
         own = np.abs(said.expected - said.true)[rows].mean(axis=0)
         held = np.abs(said.rivals[:, 0] - said.true)[rows].mean(axis=0)
         found[regime] = {name: _figure(1.0 - own[k] / held[k]) for k, name in enumerate(QUANTITIES)}

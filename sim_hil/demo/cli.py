@@ -7,9 +7,9 @@ import os
 from pathlib import Path
 
 from firmware_py.errors import OrbitdError
+from firmware_py.machine.folder import METAVAR
 from firmware_py.options import finite, seed
 from sim_hil.demo.story import FAULT_VERDICTS, LONGEST_S, SHORTEST_S
-from sim_hil.rigs import RIGS
 
 
 class DemoError(OrbitdError):
@@ -72,7 +72,7 @@ def _parser() -> argparse.ArgumentParser:
         "--seconds", type=finite, default=120.0, help=f"length (120; at least {SHORTEST_S:g})"
     )
     parser.add_argument("--seed", type=seed, default=1, help="draws story, build and noise (1)")
-    parser.add_argument("--rig", choices=RIGS, default="bench", help="which rig (bench)")
+    parser.add_argument("--rig", default="bench", metavar=METAVAR, help="which rig (bench)")
     parser.add_argument(
         "--fault", choices=sorted(FAULT_VERDICTS), help="the second fault (default: a drawn bolt)"
     )

@@ -20,6 +20,7 @@ from firmware_py.errors import OrbitdError
 from firmware_py.gate import keys
 from firmware_py.gate.client import Client, NoAnswerError
 from firmware_py.gate.session import SessionError
+from firmware_py.machine.folder import SIMULATION
 from firmware_py.records import (
     Advice,
     Diagnosis,
@@ -73,6 +74,12 @@ class LiveRun:
     recording: str
 
 
+def _texts(setting: Setting) -> dict[str, str]:
+    """The files of the rig folder that the processes read."""
+    more = {SIMULATION: setting.simulation} if setting.simulation else {}
+    return rig_texts(setting.config) | more
+
+
 class DemoProcesses:
     """The processes of one demo and the two ways to talk to them.
 
@@ -84,7 +91,7 @@ class DemoProcesses:
         self.setting = setting
         self.supervisor = Supervisor()
         rig = folder / "rig"
-        write_rig(rig_texts(setting.config), rig)
+        write_rig(_texts(setting), rig)
         options = ["--rig", str(rig), "--runtime-dir", str(folder)]
         device = setting.config.device
         self._prefix = keys.prefix(device.site, device.rig)
@@ -92,7 +99,7 @@ class DemoProcesses:
             self._start("cable", ("-m", "firmware_py.wire.pty_cable", str(folder)))
             rig = folder / "rig_on_cable"
             on_cable = setting.on(serial_port=str(pty_cable.ends(folder)[1]))
-            write_rig(rig_texts(on_cable.config), rig)
+            write_rig(_texts(on_cable), rig)
         rig_options = [
             "--rig",
             str(rig),

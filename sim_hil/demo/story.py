@@ -42,6 +42,9 @@ RAMP_SHARE = 0.9
 LONGEST_RAMP_S = 6.0
 """Of the duty: over the whole range of load, or of speed."""
 
+FEWEST_POINTS = 3
+"""Of the duty's usual speeds that lie in a machine's range; with fewer it takes its own."""
+
 Verb = Literal["operating", "inject", "clear", "arm", "kill_brain"]
 
 
@@ -104,6 +107,7 @@ def draw(seconds: float, seed: int, operating: OperatingRange, fault: str | None
         Name of the second fault (see :data:`FAULT_VERDICTS`); None draws a loosened bolt.
     """
     teller = _Teller(np.random.default_rng(seed), operating, fault)
+    first = teller.within(_START)
     scenes = {
         teller.healthy: 0.12,
         teller.duty: 0.40,
@@ -112,8 +116,8 @@ def draw(seconds: float, seed: int, operating: OperatingRange, fault: str | None
         teller.kill: 0.14 if seconds >= 50 else 0.0,
     }
     acts: list[StoryAct] = []
-    beats = [Beat(0.0, "operating", _START.speed_rpm, _START.load_N), Beat(2.0, "arm")]
-    point, start = _START, 0.0
+    beats = [Beat(0.0, "operating", first.speed_rpm, first.load_N), Beat(2.0, "arm")]
+    point, start = first, 0.0
     for scene, share in scenes.items():
         if share:
             end = start + seconds * share / sum(scenes.values())
@@ -149,15 +153,18 @@ class _Teller:
     def duty(self, start: float, end: float, point: _OperatingPoint) -> _Scene:
         """Holds of 4 to 7 s at speeds and loads of the whole range, joined by ramps within the
         declared rate."""
+        low, high = self.operating.speed_min_rpm, self.operating.speed_max_rpm
         speeds = np.array([1500, 3000, 4500, 6000, 9000, 12000])
         loads = np.array([30, 60, 100, 200, 300])
-        in_range = (speeds >= self.operating.speed_min_rpm) & (
-            speeds <= self.operating.speed_max_rpm
-        )
+        speeds = speeds[(speeds >= low) & (speeds <= high)]
+        if len(speeds) < FEWEST_POINTS:
+            speeds = np.geomspace(low, high, FEWEST_POINTS)
+        if np.sum((loads >= self.operating.load_min_N) & (loads <= self.operating.load_max_N)) < 2:
+            loads = np.geomspace(self.operating.load_min_N, self.operating.load_max_N, len(loads))
         beats, t = [], start
         while t < end - LONGEST_RAMP_S:
             target = _OperatingPoint(
-                float(self.rng.choice(speeds[in_range])), self._load(float(self.rng.choice(loads)))
+                float(self.rng.choice(speeds)), self._load(float(self.rng.choice(loads)))
             )
             ramp = self._ramp_s(point, target)
             beats.append(Beat(t, "operating", target.speed_rpm, target.load_N, ramp))
@@ -213,6 +220,11 @@ class _Teller:
             beats,
             hold,
         )
+
+    def within(self, point: _OperatingPoint) -> _OperatingPoint:
+        """``point``, moved into the declared range where it lies outside."""
+        low, high = self.operating.speed_min_rpm, self.operating.speed_max_rpm
+        return _OperatingPoint(min(max(point.speed_rpm, low), high), self._load(point.load_N))
 
     def _load(self, load_N: float) -> float:
         return min(max(load_N, self.operating.load_min_N), self.operating.load_max_N)

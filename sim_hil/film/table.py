@@ -5,10 +5,17 @@ They are the eccentricity ratio and the angle from the eccentricity to the effec
 velocity; speed, viscosity, clearance and radius scale out exactly. `table_kernel` evaluates it.
 """
 
+import fcntl
+import hashlib
+import os
+import sys
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import numpy as np
+
+from sim_hil.whole_file import whole_file
 
 from .force import film_force
 from .records import FilmError, Floats
@@ -19,6 +26,11 @@ __all__ = ["FilmTable", "table_force"]
 
 _DATA = Path(__file__).parent / "data"
 _RATE_STEP = 0.01
+_SOURCES = ("bearing", "force", "mesh", "pressure", "records", "solver", "spline", "table")
+SHAPES = (0.1, 2.0)
+"""Lengths over diameters that a machine may have."""
+CELLS, GRID = (40, 56), (96, 12)
+"""Of a standard table: cells of eccentricity and angle, and its coarser film mesh."""
 
 
 @dataclass(frozen=True)
@@ -41,33 +53,36 @@ class FilmTable:
     def build(
         cls,
         length_over_diameter: float,
-        cells: tuple[int, int] = (40, 56),
-        grid: tuple[int, int] = (96, 12),
+        cells: tuple[int, int] | None = None,
+        grid: tuple[int, int] | None = None,
     ) -> "FilmTable":
         """Compute the table with `film_force`, extrapolated from `grid` and twice that grid
         (Richardson).
 
         Some seven thousand film solutions at each grid with the standard cells: about a minute.
         """
-        values = _reduced_film(length_over_diameter, *_nodes(cells), grid)
+        values = _reduced_film(length_over_diameter, *_nodes(cells or CELLS), grid or GRID)
         return cls(length_over_diameter, _spline_coefficients(values))
 
     @classmethod
     def load(cls, length_over_diameter: float) -> "FilmTable":
-        """The shipped table of that shape.
+        """The table of that shape: the shipped one, else one that is computed once and kept in the
+        user's cache.
 
         Raises
         ------
         FilmError
-            No table of that shape is shipped.
+            No bearing of that shape is described.
         """
+        low, high = SHAPES
+        if not low <= length_over_diameter <= high:
+            raise FilmError(
+                f"length/diameter {length_over_diameter:g}: films are tabulated from {low:g} to "
+                f"{high:g}; correct bearing.length_m or bearing.journal_radius_m"
+            )
         path = _DATA / _file_name(length_over_diameter)
         if not path.exists():
-            shipped = sorted(p.name for p in _DATA.glob("table_ld*.npz"))
-            raise FilmError(
-                f"no film table for length/diameter {length_over_diameter} (shipped: {shipped}); "
-                "make one with FilmTable.build"
-            )
+            path = _kept(length_over_diameter)
         with np.load(path) as stored:
             return cls(
                 float(stored["length_over_diameter"]), np.ascontiguousarray(stored["coefficients"])
@@ -95,14 +110,44 @@ class FilmTable:
     def save(self, folder: Path = _DATA) -> Path:
         """Write the table where `load` finds it; returns the file."""
         path = folder / _file_name(self.length_over_diameter)
-        np.savez_compressed(
-            path, length_over_diameter=self.length_over_diameter, coefficients=self.coefficients
-        )
+        with whole_file(path) as stream:
+            np.savez_compressed(
+                stream,
+                length_over_diameter=self.length_over_diameter,
+                coefficients=self.coefficients,
+            )
         return path
 
 
+def _kept(length_over_diameter: float) -> Path:
+    """The table of a shape that is not shipped: computed by one process, which others wait for."""
+    folder = _cache()
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / _file_name(length_over_diameter)
+    with (folder / f"{path.name}.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not path.exists():
+            print(
+                f"film of length/diameter {length_over_diameter:g}: computed once, a minute or two",
+                file=sys.stderr,
+            )
+            FilmTable.build(length_over_diameter).save(folder)
+    return path
+
+
+@cache
+def _cache() -> Path:
+    """One folder for each state of the sources that a table depends on."""
+    digest = hashlib.sha256(repr((CELLS, GRID)).encode())
+    for source in sorted(Path(__file__).parent.glob("*.py")):
+        if source.stem in _SOURCES:
+            digest.update(source.read_bytes())
+    base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    return base / "orbitd" / f"film-{digest.hexdigest()[:16]}"
+
+
 def _file_name(length_over_diameter: float) -> str:
-    shape = f"{length_over_diameter:g}".replace(".", "p")
+    shape = f"{length_over_diameter:.9g}".replace(".", "p")
     return f"table_ld{shape}.npz"
 
 

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from decimal import Decimal
 from typing import Final
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from firmware_py.config import Config
 from firmware_py.machine import ContactCircuit
 from firmware_py.machine.probes import PROBES
 from firmware_py.machine.simulation import (
@@ -211,6 +214,15 @@ class RigData:
     min_film_m: float
     """Smallest film that the device is to keep."""
     windage_W_s3: float
+    config: Config = field(repr=False, compare=False)
+    """What its device is told."""
+
+    @property
+    def digest(self) -> str:
+        """Changes with any figure of the rig, of its machine or of its limits: what was computed
+        for one of another digest is of another machine."""
+        told = msgspec.json.encode((self.config.machine, self.config.limits))
+        return hashlib.sha256(repr(self).encode() + told).hexdigest()[:12]
 
     @property
     def probes(self) -> NDArray[np.float64]:

@@ -129,6 +129,7 @@ def rig_of(config: Config, simulation: Simulation) -> RigData:
         speed_ramp_rpm_s=o.speed_ramp_unannounced_rpm_s,
         min_film_m=shifted(config.limits.min_film_um, -6),
         windage_W_s3=machine.rotor.windage_W_s3 if windage is None else windage,
+        config=config,
     )
 
 

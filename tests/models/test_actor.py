@@ -20,7 +20,6 @@ from models.control.shielded import (
     column,
     config_of,
     fast_ramps,
-    shipped_config,
 )
 from sim_hil.gym.control_task import OBSERVATIONS, EpisodeLimits, actions_of
 from sim_hil.gym.environment import RotorEnv
@@ -56,7 +55,7 @@ def test_one_rotor_of_many_meets_the_same_shield_as_one_alone() -> None:
     environment = ShieldedRotors(RotorVectorEnv(3, episode_s=2.0))
     observation, _ = environment.reset(seed=5)
     keepers = [
-        ShieldAdapter(shipped_config("bench"), episode.duty)
+        ShieldAdapter(load_rig("bench").config, episode.duty)
         for episode in environment.rotors.episodes
     ]
     wish = actions_of(load_rig("bench"), np.full((3, 1), 160e-6))
@@ -82,7 +81,7 @@ def test_an_ended_episode_gets_its_own_announcements_and_time() -> None:
 
 
 def test_only_ramps_beyond_the_declared_ones_are_announced() -> None:
-    config = shipped_config("bench")
+    config = load_rig("bench").config
     slow = Duty((0.0, 5.0, 6.0), (6000.0, 6000.0, 7900.0), (100.0, 100.0, 51.0))
     assert fast_ramps(config, slow) == []
     ramps = fast_ramps(config, Duty.published(load_rig("bench")))
@@ -91,11 +90,11 @@ def test_only_ramps_beyond_the_declared_ones_are_announced() -> None:
 
 
 def test_behind_a_groove_the_shield_counts_what_that_adds_and_claims_nothing_of_friction() -> None:
-    alone, fed = shipped_config("bench"), config_of("bench", fed=True)
+    alone, fed = load_rig("bench").config, config_of(load_rig("bench"), fed=True)
     assert fed.machine.feed.groove_area_max_mm2 > fed.machine.feed.groove_area_min_mm2 > 0.0
     assert alone.machine.feed.groove_area_max_mm2 == 0.0
     assert fed.machine.bearing.friction_error_share == 1.0
-    assert config_of("bench", fed=False) == alone
+    assert config_of(load_rig("bench"), fed=False) == alone
 
 
 @pytest.mark.parametrize("pressure_Pa", [0.5e5, 3e5])
@@ -117,7 +116,7 @@ def test_the_widest_wish_breaks_no_limit_behind_the_shield_of_a_fed_bearing(
 
 
 def test_an_announced_ramp_narrows_before_it_starts_and_is_over_after_its_end() -> None:
-    config = shipped_config("bench")
+    config = load_rig("bench").config
     duty = Duty(
         (0.0, 10.0, 11.0, 20.0), (6000.0, 6000.0, 12000.0, 12000.0), (100.0, 100.0, 30.0, 30.0)
     )
@@ -322,6 +321,6 @@ def test_one_file_answers_like_the_module_inside_the_rigs_range(tmp_path, pressu
 
 def test_the_environment_is_judged_by_the_limits_of_the_device() -> None:
     """Film and vibration that count as violated in an episode are those that the device keeps."""
-    limits, judged = shipped_config("bench").limits, EpisodeLimits()
+    limits, judged = load_rig("bench").config.limits, EpisodeLimits()
     assert judged.min_film_m == pytest.approx(limits.min_film_um * 1e-6)
     assert judged.swing_share == limits.clearance_share

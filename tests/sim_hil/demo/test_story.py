@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import itertools
 
+import msgspec
 import pytest
 
 from firmware_py.config import SHIPPED, load
@@ -84,3 +85,18 @@ def test_acts_follow_one_another() -> None:
         assert after.start_s == pytest.approx(before.end_s)
         assert told.act_at(after.start_s + 0.01) is after
     assert told.act_at(1e9) is told.acts[-1]
+
+
+def test_a_machine_of_another_range_is_told_a_story_of_its_own() -> None:
+    slow = msgspec.structs.replace(
+        OPERATING,
+        speed_min_rpm=200.0,
+        speed_max_rpm=900.0,
+        load_min_N=2000.0,
+        load_max_N=9000.0,
+        load_ramp_unannounced_N_s=2000.0,
+    )
+    points = [beat for beat in draw(120.0, 3, slow).beats if beat.verb == "operating"]
+    assert all(200.0 <= beat.speed_rpm <= 900.0 for beat in points)
+    assert all(2000.0 <= beat.load_N <= 9000.0 for beat in points)
+    assert len({beat.load_N for beat in points}) > 2

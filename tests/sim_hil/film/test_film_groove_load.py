@@ -5,8 +5,9 @@ import pytest
 
 from models.control.shielded import config_of
 from sim_hil.film.groove_load import PROJECTED_M2, groove_load
+from sim_hil.rigs import load_rig
 
-CONFIG = config_of("bench", fed=True)
+CONFIG = config_of(load_rig("bench"), fed=True)
 LEAST = 1e-6 * CONFIG.machine.feed.groove_area_min_mm2 / PROJECTED_M2
 MOST = 1e-6 * CONFIG.machine.feed.groove_area_max_mm2 / PROJECTED_M2
 

@@ -112,9 +112,20 @@ def test_contact_rub_brakes_both_ways(coefficients):
     assert fy_back == pytest.approx(-fy)
 
 
-def test_unknown_shape_is_refused():
-    with pytest.raises(FilmError, match=r"no film table .* 0\.7"):
-        FilmTable.load(0.7)
+@pytest.mark.parametrize("shape", [0.09, 2.1, float("nan")])
+def test_a_shape_that_no_machine_has_is_refused(shape):
+    with pytest.raises(FilmError, match=r"films are tabulated from 0\.1 to 2"):
+        FilmTable.load(shape)
+
+
+def test_another_shape_is_computed_once_and_kept(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("sim_hil.film.table.CELLS", (6, 8))
+    monkeypatch.setattr("sim_hil.film.table.GRID", (16, 6))
+    monkeypatch.setattr("sim_hil.film.table._cache", lambda: tmp_path / "films")
+    first, again = FilmTable.load(0.7), FilmTable.load(0.7)
+    assert first.length_over_diameter == again.length_over_diameter == 0.7
+    np.testing.assert_array_equal(first.coefficients, again.coefficients)
+    assert capsys.readouterr().err.count("computed once") == 1
 
 
 def test_saved_table_is_the_built_one(tmp_path, monkeypatch):
