@@ -24,3 +24,7 @@ class ModelUnfitError(ModelError):
 
 class ModelAnswerError(ModelError):
     """The model answered with something that is not a finite number."""
+
+
+class EstimateLostError(OrbitdError):
+    """What is measured fits no state of this bearing, so that nothing can be forecast from it."""

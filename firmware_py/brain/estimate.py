@@ -18,6 +18,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from firmware_py.brain.errors import EstimateLostError
 from firmware_py.brain.film import Film
 from firmware_py.brain.intervals import GROWING_SIGMAS, SIGMA_90
 from firmware_py.brain.measurement import (
@@ -70,6 +71,11 @@ anew."""
 _FIRST_ITERATIONS: Final = 8
 _ITERATIONS: Final = 1
 _STEP_MAX: Final = 0.7
+CLEARANCE_LEAST_SHARE: Final = 0.1
+"""Of the reported clearance the true one is at least so much, ..."""
+FACTOR_MOST: Final = 100.0
+"""... the load within the declared range, and the viscosity beside its law, up to this factor: what
+needs more to be explained are no readings of this bearing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,6 +194,7 @@ class Synchroniser:
         low, high = np.log(
             [config.machine.operating.load_min_N, config.machine.operating.load_max_N]
         )
+        self._log_load = float(low), float(high)
         mean = np.zeros(STATES)
         mean[LOAD] = 0.5 * (low + high)
         mean[CLEARANCE] = config.machine.bearing.radial_clearance_offset_um
@@ -212,13 +219,25 @@ class Synchroniser:
         worn[[CLEARANCE, ZERO_Y]] = CLEARANCE_DRIFT_UM * np.array([1.0, -BORE_SINKS])
         self._drift += np.outer(worn, worn)
 
-    @property
-    def clearance_error_m(self) -> float:
-        """By how much the true radial clearance is larger than the reported one."""
-        return float(self.state.mean[CLEARANCE]) * UM
+    def clearance_m(self, measured: Measured) -> float:
+        """The true radial clearance, m.
+
+        Raises
+        ------
+        EstimateLostError
+            The reported one has left what was estimated by it.
+        """
+        self._believable(self.state.mean, measured)
+        return measured.clearance_m + float(self.state.mean[CLEARANCE]) * UM
 
     def step(self, measured: Measured) -> Estimate:
-        """Take what was measured; the same time again changes nothing."""
+        """Take what was measured; the same time again changes nothing.
+
+        Raises
+        ------
+        EstimateLostError
+            It fits no film of this bearing; the estimate begins anew with the next.
+        """
         state = self.state
         first, last = state.readings < _HEARD_TO_START, state.last
         elapsed_s = MODEL_MEMORY_S if last is None else (measured.t_ns - last.t_ns) * 1e-9
@@ -262,6 +281,7 @@ class Synchroniser:
         state = self.state
         prior, mean, covariance = state.mean, state.mean, state.covariance
         for _ in range(iterations):
+            self._believable(mean, measured)
             shown = self._instruments.predict(
                 mean[:PARAMETERS], measured, state.unbalance_kg_m, state.start_m
             )
@@ -285,6 +305,34 @@ class Synchroniser:
         state.covariance = keep @ covariance @ keep.T + gain @ noise @ gain.T
         return True
 
+    def _believable(self, mean: Floats, measured: Measured) -> None:
+        """Begin anew where the readings drive the parameters to where no bearing is.
+
+        Raises
+        ------
+        EstimateLostError
+            They do; the next reading starts from what the machine is declared to be.
+        """
+        clearance_m = measured.clearance_m + mean[CLEARANCE] * UM
+        load, viscosity = mean[LOAD], abs(mean[VISCOSITY])
+        reach = math.log(FACTOR_MOST)
+        low, high = self._log_load
+        if (
+            np.isfinite(mean).all()
+            and clearance_m > CLEARANCE_LEAST_SHARE * measured.clearance_m
+            and low - reach < load < high + reach
+            and viscosity < reach
+        ):
+            return
+        state = self.state
+        state.mean, state.covariance = self._prior.mean, self._prior.covariance
+        state.readings, state.start_m, state.last = 0, None, measured
+        raise EstimateLostError(
+            f"the readings fit no film of this bearing (estimated radial clearance "
+            f"{clearance_m * 1e6:.1f} um at {measured.clearance_m * 1e6:.1f} um reported, load "
+            f"{math.exp(np.clip(load, -99.0, 99.0)):.3g} N); the estimate begins anew"
+        )
+
     def _late(self, measured: Measured) -> Floats:
         """Deviation (4,) of readings that are not quite of one moment: as far as they change
         meanwhile."""
@@ -300,7 +348,7 @@ class Synchroniser:
         return Estimate(
             float(np.exp(mean[LOAD])),
             law * float(np.exp(mean[VISCOSITY])),
-            measured.clearance_m + float(mean[CLEARANCE]) * UM,
+            self.clearance_m(measured),
             covariance[:2, :2].copy(),
             mean.copy(),
             covariance.copy(),

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from firmware_py.acquire.orders import Orders
 from firmware_py.acquire.windows import Window
-from firmware_py.brain.errors import ModelAnswerError
+from firmware_py.brain.errors import EstimateLostError, ModelAnswerError
 from firmware_py.brain.estimate import Estimate
 from firmware_py.brain.measurement import Measured
 from firmware_py.brain.observation import Present, window_measured
@@ -35,6 +35,8 @@ DIAGNOSIS_AGE_MAX_NS: Final = 1_500_000_000
 UNKNOWN_MAX_S: Final = 3.0
 """An unknown state withholds the advice when it has stood this long."""
 
+NO_FORECAST: Final = (ModelAnswerError, EstimateLostError, np.linalg.LinAlgError)
+"""What may go wrong with a forecast: it is withheld, with the reason."""
 _NEEDED_CHANNELS: Final = ("disp_x", "disp_y", "supply_pressure")
 
 
@@ -119,7 +121,7 @@ class Policy:
             return
         try:
             self._predictor.learn(*seen)
-        except (ModelAnswerError, np.linalg.LinAlgError):
+        except NO_FORECAST:
             self.counters["forecasts_refused"] += 1
 
     def step(
@@ -135,7 +137,7 @@ class Policy:
             return self._withheld(reasons)
         try:
             return self._propose(present, diagnosis, guard, reasons, self._predictor)
-        except (ModelAnswerError, np.linalg.LinAlgError) as error:
+        except NO_FORECAST as error:
             self.counters["forecasts_refused"] += 1
             return self._withheld([*reasons, f"no forecast: {error}"])
 

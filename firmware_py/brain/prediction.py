@@ -208,7 +208,7 @@ class Predictor:
         if not inside:
             inside = [(e.load_N, e.viscosity_Pa_s) for e in (self._synchroniser.step(measured),)]
         load_N, viscosity = np.mean(inside, axis=0).tolist()
-        clearance_m = measured.clearance_m + self._synchroniser.clearance_error_m
+        clearance_m = self._synchroniser.clearance_m(measured)
         points = Points(
             *(np.array([v]) for v in (measured.speed_rad_s, clearance_m, viscosity, load_N))
         )
