@@ -40,8 +40,8 @@ def bracketed_root(
 def position_of_ratio(bearing: Bearing, ratio: float, load_angle: float) -> Floats:
     """Turn the journal around the ring until the film opposes the load.
 
-    Unfed the force turns with the journal: one turn. Feeds break that; then every attitude of the
-    ring is tried and of several the one that carries most is taken.
+    Unfed in a round bore the force turns with the journal: one turn. Feeds and pads break that;
+    then every attitude of the ring is tried and of several the one that carries most is taken.
     """
 
     def place(angle: float) -> Floats:
@@ -54,7 +54,7 @@ def position_of_ratio(bearing: Bearing, ratio: float, load_angle: float) -> Floa
         x, y = direction(load_angle)
         return np.array([[-x, -y], [-y, x]]) @ force
 
-    if not bearing.feed:
+    if not bearing.feed and bearing.pads is None:
         carried, across = along_and_across(load_angle)
         return place(load_angle + np.arctan2(across, carried))
     angles = load_angle + np.linspace(0, 2 * np.pi, _RING_STARTS + 1)
@@ -82,12 +82,12 @@ def position_of_load(bearing: Bearing, load: Floats) -> Floats:
         if np.hypot(*balance) < _TOLERANCE * size:
             return position
         axes = np.eye(2)
-        reach = 1e-4 * (c - np.hypot(*position))
+        reach = 1e-4 * bearing.gap_m(position)
         columns = [
             evaluate(bearing, position + reach * a, REST).force_N + load - balance for a in axes
         ]
         step = _solved(np.column_stack(columns) / reach, -balance)
-        gap = c - np.hypot(*position)
+        gap = bearing.gap_m(position)
         step *= min(1.0, 0.6 * gap / max(np.hypot(*step), 1e-300))
         for _ in range(12):
             trial = evaluate(bearing, position + step, REST).force_N + load

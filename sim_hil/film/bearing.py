@@ -6,7 +6,17 @@ from typing import get_args
 
 import numpy as np
 
-from .records import Couette, FeedPatch, FilmArguments, FilmError, FilmMemory, Inlet, Rupture
+from .bore import PadBore
+from .records import (
+    Couette,
+    FeedPatch,
+    FilmArguments,
+    FilmError,
+    FilmMemory,
+    Floats,
+    Inlet,
+    Rupture,
+)
 
 DEFAULT_GRID = (160, 20)
 _THIN_FILM_LIMIT = 0.1
@@ -29,6 +39,7 @@ class Bearing:
     couette: Couette = "full"
     clearance_rate_m_s: float = 0.0
     grid: tuple[int, int] = DEFAULT_GRID
+    pads: PadBore | None = None
 
     def __post_init__(self) -> None:
         for name in ("radius_m", "length_m", "clearance_m", "viscosity_Pa_s"):
@@ -68,9 +79,23 @@ class Bearing:
         """The bearing that these arguments describe; the end pressures and feeds become tuples."""
         bearing = cls(**arguments)
         lower, upper = bearing.end_pressure_Pa
+        grooves = bearing.pads.grooves(bearing.length_m) if bearing.pads else ()
         return replace(
-            bearing, feed=tuple(bearing.feed), end_pressure_Pa=(float(lower), float(upper))
+            bearing,
+            feed=(*bearing.feed, *grooves),
+            end_pressure_Pa=(float(lower), float(upper)),
         )
+
+    def thickness(self, theta: Floats, position: Floats) -> Floats:
+        """Film over clearance, with the journal at `position` over clearance."""
+        bore: Floats = 1 - position[0] * np.cos(theta) - position[1] * np.sin(theta)
+        return bore if self.pads is None else bore + self.pads.thickness(theta) - 1
+
+    def gap_m(self, position_m: Floats) -> float:
+        """Smallest film with the journal there, below zero outside the bore."""
+        if self.pads is None:
+            return float(self.clearance_m - np.hypot(*position_m))
+        return self.clearance_m * self.pads.smallest(position_m / self.clearance_m)
 
     @property
     def pressure_scale_Pa_s(self) -> float:

@@ -208,11 +208,12 @@ def linear_coefficients(bearing: Bearing, position: Floats, axes: Floats) -> tup
     coefficient at the standard grid).
     """
     c, e = bearing.clearance_m, float(np.hypot(*position))
-    reach = _POSITION_STEP * min(c - e, max(4 * e, 1e-3 * c))
+    gap, own = bearing.gap_m(position), bearing.pads.shift * c if bearing.pads else 0.0
+    reach = _POSITION_STEP * min(gap, max(4 * e, own, 1e-3 * c))
     supply = (
         max((abs(f.pressure_Pa) for f in bearing.feed), default=0.0) / bearing.pressure_scale_Pa_s
     )
-    way = min(max(e, 1e-3 * c), _NEAR_WALL * (c - e) ** 2 / c)
+    way = min(max(e, own, 1e-3 * c), _NEAR_WALL * gap**2 / c)
     rate = _VELOCITY_STEP * way * (abs(bearing.speed_rad_s) or supply or 1.0)
 
     def displaced(shift: Floats) -> Floats:

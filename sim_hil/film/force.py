@@ -8,7 +8,8 @@ from numpy.typing import ArrayLike
 
 from . import solver
 from .bearing import DEFAULT_GRID, Bearing
-from .pressure import SolvedFilm, solve_film
+from .bore import PadBore
+from .pressure import SolvedFilm, pad_steps, solve_film
 from .records import Couette, FeedPatch, FilmError, FilmForce, FilmMemory, Floats, Inlet, Rupture
 
 
@@ -31,6 +32,7 @@ def film_force(
     memory: FilmMemory | None = None,
     fields: bool = False,
     grid: tuple[int, int] = DEFAULT_GRID,
+    pads: PadBore | None = None,
 ) -> FilmForce:
     """Force, friction and flow of the film around a moving journal.
 
@@ -66,6 +68,9 @@ def film_force(
         Return pressure and fill with their coordinates.
     grid
         Nodes around, intervals along the whole length.
+    pads
+        Fixed pads instead of a round bore; `clearance_m` is then that of the circle inscribed in
+        them, and the grooves between them are at ambient pressure.
 
     Raises
     ------
@@ -89,12 +94,13 @@ def film_force(
         speed_rad_s,
         rupture,
         inlet,
-        tuple(feed),
+        (*feed, *(pads.grooves(length_m) if pads else ())),
         (float(end_pressure_Pa[0]), float(end_pressure_Pa[1])),
         cavitation_pressure_Pa,
         couette,
         clearance_rate_m_s,
         grid,
+        pads,
     )
     bearing.check_memory(memory)
     position, velocity = _states(position_m, velocity_m_s)
@@ -146,7 +152,7 @@ def evaluate(
         friction_torque_N_m=np.asarray(_friction(bearing, film, position, force)),
         side_flow_m3_s=np.asarray(side_flow(bearing, film)),
         inflow_m3_s=np.asarray(_port_flow(bearing, film)),
-        min_film_m=bearing.clearance_m - np.hypot(*position),
+        min_film_m=np.asarray(bearing.gap_m(position)),
         max_pressure_Pa=film.pressure.max() * scale,
         memory=FilmMemory(memory.dt_s, fill) if memory is not None else None,
         pressure_Pa=pressure * scale if fields else None,
@@ -169,15 +175,22 @@ def pressure_force(film: SolvedFilm) -> Floats:
 def _friction(bearing: Bearing, film: SolvedFilm, position: Floats, force: Floats) -> float:
     """Torque on the journal against its rotation, N m: shear of the moving wall plus `(e x F) /
     2`."""
-    if bearing.couette == "full":
+    if bearing.couette == "full" and bearing.pads is None:
         eps = np.hypot(*position) / bearing.clearance_m
         shear = 2 * np.pi * bearing.length_m / np.sqrt(1 - eps**2)
     else:
         mesh = film.mesh
-        ring = (film.fill / film.thickness[:, None]).T @ mesh.theta_width
+        fill = film.fill if bearing.couette == "filled" else np.ones(film.fill.shape)
+        ring = (fill / film.thickness[:, None]).T @ mesh.theta_width
         shear = mesh.copies * (mesh.z_weight @ ring) * bearing.radius_m
     gain = bearing.viscosity_Pa_s * bearing.radius_m**3 / bearing.clearance_m
     pressure_part = (position[0] * force[1] - position[1] * force[0]) / 2
+    if bearing.pads is not None:
+        line = film.pressure @ film.mesh.z_weight * film.mesh.copies
+        lean = float(line @ pad_steps(bearing.pads, film.mesh)) / 2
+        pressure_part -= (
+            lean * bearing.clearance_m * bearing.pressure_scale_Pa_s * (bearing.radius_m**2)
+        )
     sense = -1.0 if bearing.speed_rad_s < 0 else 1.0
     return float(gain * abs(bearing.speed_rad_s) * shear + sense * pressure_part)
 

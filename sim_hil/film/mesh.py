@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from .bore import PadBore
 from .records import FeedPatch, FilmError, Floats
 
 # The flow is singular at the corners of a port (pressure as r^(2/3)): cells there are this much
@@ -49,6 +50,7 @@ def build_mesh(
     hmax_rad: float,
     eccentricity_ratio: float,
     inlet_Pa: float | None,
+    pads: PadBore | None = None,
 ) -> Mesh:
     """Mesh with nodes on every port edge, denser towards the smallest film.
 
@@ -62,9 +64,13 @@ def build_mesh(
         Sets the density at the smallest film; 0 for a uniform grid.
     inlet_Pa
         Pressure of an axial inlet line at `hmax_rad`, None for a closed ring.
+    pads
+        Where they meet without a groove a node stands.
     """
     ports = [_port_extent(f, radius_m, length_m) for f in feed]
     edges = [a + s * w / 2 for (a, w, _) in ports if w < 2 * np.pi for s in (-1, 1)]
+    if pads is not None and not pads.gap_rad:
+        edges += [float(angle) for angle in pads.seams_rad]
     if inlet_Pa is not None or not edges:
         edges.append(hmax_rad)
     theta = _ring_nodes(edges, nodes[0], hmax_rad, (1 - eccentricity_ratio) ** -0.25, bool(ports))

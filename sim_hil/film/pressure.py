@@ -6,6 +6,7 @@ import numpy as np
 
 from . import solver
 from .bearing import Bearing
+from .bore import PadBore
 from .conserving import solve_conserving
 from .mesh import Mesh, build_mesh
 from .records import FilmError, FilmMemory, FilmNotConverged, Floats, JournalOutsideClearance
@@ -53,9 +54,10 @@ def unsolved_film(
 ) -> SolvedFilm:
     """The film of one state before its pressure is known: only the fixed pressures are filled
     in."""
-    x, y = position / bearing.clearance_m
+    x, y = at = position / bearing.clearance_m
     eps = float(np.hypot(x, y))
-    if eps >= 1:
+    dense = max(0.0, 1 - bearing.gap_m(position) / bearing.clearance_m) if bearing.pads else eps
+    if bearing.gap_m(position) <= 0:
         raise JournalOutsideClearance(
             f"eccentricity {eps * bearing.clearance_m:.6g} m is not below the radial clearance "
             f"{bearing.clearance_m:.6g} m: no film is left; use a contact model"
@@ -67,14 +69,17 @@ def unsolved_film(
         end_pressure_Pa=bearing.end_pressure_Pa,
         nodes=bearing.grid,
         hmax_rad=float(np.arctan2(-y, -x)) if eps > 0 and memory is None else 0.0,
-        eccentricity_ratio=eps if memory is None else 0.0,
+        eccentricity_ratio=dense if memory is None else 0.0,
         inlet_Pa=bearing.inlet_pressure_Pa,
+        pads=bearing.pads,
     )
-    thickness = 1 - x * np.cos(mesh.theta) - y * np.sin(mesh.theta)
-    thickness_face = 1 - x * np.cos(mesh.theta_face) - y * np.sin(mesh.theta_face)
+    thickness, thickness_face = (
+        bearing.thickness(theta, at) for theta in (mesh.theta, mesh.theta_face)
+    )
     # Rotation and squeeze act only through v_s, so a pure whirl at omega/2 vanishes exactly.
     squeeze = velocity - bearing.speed_rad_s / 2 * np.array([-position[1], position[0]])
-    supply = -_film_rate(bearing, mesh, squeeze)[:, None] * mesh.z_width
+    rate = _film_rate(bearing, mesh, squeeze) + pad_wedge(bearing, mesh)
+    supply = -rate[:, None] * mesh.z_width
     around = solver.around_conductance(thickness_face, mesh.theta_gap, mesh.z_width)
     axial = solver.axial_conductance(thickness, mesh.theta_width, mesh.z_gap)
     _close_grooves(mesh, around, axial)
@@ -89,6 +94,20 @@ def unsolved_film(
         around=around,
         axial=axial,
     )
+
+
+def pad_wedge(bearing: Bearing, mesh: Mesh) -> Floats:
+    """Integral over each station's cell of what the turning journal meets in the pads' own shape,
+    1/s; not even where pads are stepped."""
+    if bearing.pads is None:
+        return np.zeros(mesh.theta.size)
+    return np.asarray(bearing.speed_rad_s / 2 * pad_steps(bearing.pads, mesh))
+
+
+def pad_steps(pads: PadBore, mesh: Mesh) -> Floats:
+    """By how much the pads' own film grows over each station's cell, over the clearance."""
+    faces = pads.thickness(mesh.theta_face)
+    return np.asarray(faces - np.roll(faces, 1))
 
 
 def _close_grooves(mesh: Mesh, around: Floats, axial: Floats) -> None:

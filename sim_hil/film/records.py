@@ -6,10 +6,13 @@ are radial, `z` runs along the axis from the middle plane.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, Required, TypedDict
+from typing import TYPE_CHECKING, Literal, Required, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from .bore import PadBore
 
 Floats = NDArray[np.float64]
 Rupture = Literal["full", "gumbel", "reynolds", "jfo"]
@@ -67,6 +70,7 @@ class FilmRules(TypedDict, total=False):
     couette: Couette
     clearance_rate_m_s: float
     grid: tuple[int, int]
+    pads: "PadBore | None"
 
 
 class FilmArguments(FilmRules, total=False):

@@ -27,7 +27,7 @@ Group = Callable[[], Iterator[ComparisonRow]]
 def groups(quick: bool) -> dict[str, Group]:
     """The groups of rows by title; `quick` leaves out the integrated rotor and the larger
     tables."""
-    from sim_hil.verify import closed_forms, facts, oil, properties, published, rotor
+    from sim_hil.verify import closed_forms, facts, oil, pads, properties, published, rotor
 
     short = {
         "Short bearing": closed_forms.short_bearing,
@@ -42,6 +42,7 @@ def groups(quick: bool) -> dict[str, Group]:
         "Table and direct film": properties.fast_films,
         "Flow balance": properties.flow_balance,
         "Fed film": oil.feeds,
+        "Fixed pads": pads.pads,
         "Rigid-rotor modes": rotor.rigid_modes,
         "Facts of the rig bench": facts.bench,
         "Facts of the rig seed": facts.seed,
@@ -52,6 +53,7 @@ def groups(quick: bool) -> dict[str, Group]:
     return short | {
         "Raimondi and Boyd": published.raimondi_boyd,
         "Bearing with two axial grooves": published.two_axial_grooves,
+        "Bearing with two lobes": pads.two_lobes,
         "Grid convergence": properties.grid_convergence,
         "Tabulated fed film": oil.fed_table,
         "Warm oil": oil.warm_oil,
