@@ -35,6 +35,7 @@ SUMMARIES = (
     ("bus", "watch what crosses the bus, decoded"),
     ("rig", "make a rig folder, show what follows from one, the DBC of its bus"),
     ("check", "check a rig folder, as the device would at start"),
+    ("protection", "causes and effects of protection, from the configuration"),
     ("migrate", "make a rig folder of a configuration file of the first schema"),
     ("status", "what the device says of itself"),
     ("mode", "monitor, manual or auto"),

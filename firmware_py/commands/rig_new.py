@@ -125,6 +125,8 @@ def watched(config: Config) -> Config:
         reading=[],
         absent=tuple(sorted(name for name in absent if "/" not in name)),
         limits_at=[],
+        measure=[],
+        group=[],
         bus=msgspec.structs.replace(config.bus, schema=2),
     )
     off = with_limits({"limits": {}, "machine": msgspec.to_builtins(config.machine)})["limits"]

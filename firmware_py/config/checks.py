@@ -17,6 +17,7 @@ from firmware_py.config.checks_bearings import BEARING_CHECKS
 from firmware_py.config.checks_bus import BUS_CHECKS
 from firmware_py.config.checks_channel import CHANNEL_CHECKS
 from firmware_py.config.checks_machine import MACHINE_CHECKS
+from firmware_py.config.checks_measures import MEASURE_CHECKS
 from firmware_py.config.checks_network import NETWORK_CHECKS
 from firmware_py.config.checks_oil import OIL_CHECKS
 from firmware_py.config.convert import Found
@@ -320,6 +321,7 @@ RELATED: Final[tuple[Callable[[Any], Iterator[Found]], ...]] = (
     *BEARING_CHECKS,
     *OIL_CHECKS,
     *CHANNEL_CHECKS,
+    *MEASURE_CHECKS,
     *BUS_CHECKS,
     *NETWORK_CHECKS,
 )

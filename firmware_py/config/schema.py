@@ -7,6 +7,7 @@ from typing import Annotated, Any, Final, Literal
 import msgspec
 from msgspec import Meta
 
+from firmware_py.config.measure_schema import MEASURE_WORDS, GroupConfig, MeasureConfig
 from firmware_py.machine import Machine, values
 from firmware_py.machine.supply import full_film_bar
 from firmware_py.machine.values import Name, PressureBar, Section, SpeedRpm, Word
@@ -18,6 +19,7 @@ _ENDPOINT: Final = r"^[\x21-\x7e]{1,250}\Z"
 _KEY: Final = r"^[A-Za-z0-9+/]{1,250}={0,2}\Z"
 WORDS: Final = {
     **values.WORDS,
+    **MEASURE_WORDS,
     _CHANNEL: "a name of 1 to 40 letters, digits, - . and _, the first a letter, a digit or _",
     _PATH: "an absolute path, /.., of at most 250 characters",
     _ENDPOINT: "an endpoint of at most 250 characters without blanks",
@@ -258,6 +260,8 @@ class Config(Section, frozen=True):
     machine: Machine
     limits: Limits
     limits_at: list[LimitsAt] = msgspec.field(default_factory=list)
+    measure: list[MeasureConfig] = msgspec.field(default_factory=list)
+    group: list[GroupConfig] = msgspec.field(default_factory=list)
     bus: Bus = Bus()
     sampling: Sampling = Sampling()
     authority: AuthorityConfig = AuthorityConfig()

@@ -111,16 +111,15 @@ class GuardCore:
 
     @property
     def tripped(self) -> list[str]:
-        """Names of latched danger alarms: what the loop keeps over a restart."""
-        return self.stages.tripped
+        """Names of latched alarms, whether they trip or vote: what the loop keeps over a
+        restart."""
+        return self.stages.latched
 
     @property
     def timers(self) -> dict[str, int]:
         """How long each danger limit has been exceeded whose delay is not over, ns: kept over a
         restart as well."""
-        g = self.stages
-        others = {k: v for bearing in g.bearings for k, v in bearing.timers().items()}
-        return g.protection.timers() | g.oil.timers() | others
+        return {k: v for each in self.stages.set_points for k, v in each.timers().items()}
 
     @property
     def barred(self) -> bool:

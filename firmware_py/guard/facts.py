@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from math import pi
-from typing import Final
+from typing import Final, NamedTuple
 
+from firmware_py.config.measures import Effect
 from firmware_py.guard.authority.failsafe import Situation
 from firmware_py.guard.envelope.admissible import EnvelopeInput
 from firmware_py.guard.envelope.shield import PERIOD_S
@@ -47,10 +48,37 @@ def look_around(g: Stages, now_ns: int) -> None:
     m.load, m.interval_m = g.envelope.step(seen, announced, now_ns)
 
 
+class Passed(NamedTuple):
+    """What protection asks for before a trip, in words by alarm: the loss of authority, and a
+    retreat."""
+
+    authority: dict[str, str]
+    retreats: dict[str, str]
+
+
+def protection_says(g: Stages) -> Passed:
+    """Dangers that vote, alarms that take authority or retreat, groups that cannot vote; the oil
+    has failsafes of its own for authority."""
+    told, found = g.oil.beyond, Passed({}, {})
+    for each in g.set_points:
+        for name, effect in each.acting():
+            if effect is Effect.RETREAT:
+                found.retreats[name] = each.said(name)
+            elif name not in told:
+                found.authority[name] = each.said(name)
+    for name, effect, text in g.voting.acting():
+        if effect is Effect.RETREAT:
+            found.retreats[name] = text
+        elif effect >= Effect.AUTHORITY:
+            found.authority[name] = text
+    return found
+
+
 def situation(g: Stages, cycle: Cycle, gap: bool) -> Situation:
     """What arming, permit and requests are judged by in this cycle; ``gap``: the guard was away."""
     m, a, now_ns = g.memory, g.acquire, cycle.now_ns
     speed = a.speed
+    passed, retreats = protection_says(g)
     return Situation(
         now_ns=now_ns,
         link_up=cycle.link_up,
@@ -72,6 +100,8 @@ def situation(g: Stages, cycle: Cycle, gap: bool) -> Situation:
         vibration_limit_um=m.vibration_um[1],
         interval_m=m.interval_m,
         tripped=g.tripped,
+        passed=passed,
+        retreats=retreats,
         brain_connected=cycle.brain_connected,
         monitor_only=g.monitor_only,
         doubts=g.readings.doubts

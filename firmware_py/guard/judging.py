@@ -29,7 +29,7 @@ def judge(g: Stages, acquired: AcquireOutput, now_ns: int) -> list[Notice]:
     notices += judge_pair(g, acquired.blocks)
     for bearing in g.bearings:
         notices += bearing.step(acquired.blocks, g.readings.value(OIL))
-    return notices
+    return notices + g.voting.step(g.ballot, now_ns)
 
 
 def judge_speed(g: Stages, acquired: AcquireOutput, now_ns: int) -> list[Notice]:

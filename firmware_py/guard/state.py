@@ -10,6 +10,7 @@ import msgspec
 from firmware_py.acquire.stage import Acquire, AcquireState
 from firmware_py.config import Config
 from firmware_py.config.bearings import views
+from firmware_py.config.measures import SPEED_HIGH
 from firmware_py.guard.alarms.condition import Condition, ConditionState
 from firmware_py.guard.alarms.event_limit import EventAllowance, EventLimit
 from firmware_py.guard.authority.arming import Arming, ArmingState
@@ -31,9 +32,10 @@ from firmware_py.guard.plausibility.speed_check import SpeedCheck, SpeedCheckSta
 from firmware_py.guard.protection.bearing import BearingGuard, BearingGuardState
 from firmware_py.guard.protection.oil import OilProtection, OilProtectionState
 from firmware_py.guard.protection.permit import Permit, PermitState, Start
-from firmware_py.guard.protection.speed_high import NAME as SPEED_HIGH
+from firmware_py.guard.protection.set_points import Ballot, SetPointAlarms
 from firmware_py.guard.protection.speed_high import SpeedHigh, SpeedHighState
 from firmware_py.guard.protection.vibration import Protection, ProtectionState
+from firmware_py.guard.protection.voting import GroupState, Voting
 from firmware_py.guard.supervision import Supervision, SupervisionState
 from firmware_py.machine.parts import has_reading, monitor_only
 from firmware_py.records import Advice
@@ -92,6 +94,7 @@ class CoreState(msgspec.Struct):
     rest: RestState = msgspec.field(default_factory=RestState)
     more: dict[str, ConditionState] = {}
     bearings: dict[str, BearingGuardState] = {}
+    groups: dict[str, GroupState] = {}
 
 
 class Stages:
@@ -134,17 +137,16 @@ class Stages:
         self.speed_high = SpeedHigh(config, SPEED_HIGH in names)
         self.speed_check, self.rest = SpeedCheck(config), Rest(config.machine)
         self.bearings = [BearingGuard(view, names) for view in others]
-        owned = {SPEED_HIGH, *self.oil.state.alarms}
+        self.voting = Voting(config, names)
+        owned = {SPEED_HIGH, *self.oil.state.alarms, *self.voting.owned}
         owned |= {name for bearing in self.bearings for name in bearing.alarms}
         self.protection = Protection(
             self.first.config, [name for name in names if name not in owned]
         )
         self.readings = Readings(config)
         ran = timers or {}
-        self.protection.resume(ran)
-        self.oil.resume(ran)
-        for bearing in self.bearings:
-            bearing.resume(ran)
+        for limits in self.set_points:
+            limits.resume(ran)
         self.permit = Permit(config.drive, start or Start())
         self.unwritable = Condition("trip_file_unwritable", "trip_file_written")
         self.arming = Arming(config)
@@ -186,6 +188,7 @@ class Stages:
             self.rest.state,
             self.more.state,
             {bearing.name: bearing.state for bearing in self.bearings},
+            self.voting.state,
         )
 
     @state.setter
@@ -212,12 +215,36 @@ class Stages:
         for bearing in self.bearings:
             if bearing.name in state.bearings:
                 bearing.restore(state.bearings[bearing.name])
+        self.voting.state = state.groups
+
+    @property
+    def vibrations(self) -> list[Protection]:
+        """The protection of every bearing's channels, the first one's first."""
+        return [self.protection, *(bearing.protection for bearing in self.bearings)]
+
+    @property
+    def set_points(self) -> list[SetPointAlarms]:
+        """The set points of every measure, and their alarms."""
+        return [*(each.set_points for each in self.vibrations), self.oil.set_points]
 
     @property
     def tripped(self) -> list[str]:
-        """Names of latched danger alarms."""
-        others = [name for bearing in self.bearings for name in bearing.tripped]
-        return self.protection.tripped + others + self.oil.tripped + self.speed_high.tripped
+        """Names of latched alarms that trip: of groups, and of measures that trip alone."""
+        alone = [name for each in self.vibrations for name in each.tripped]
+        return alone + self.oil.tripped + self.speed_high.tripped + self.voting.tripped
+
+    @property
+    def latched(self) -> list[str]:
+        """Names of all latched alarms, whether they trip or vote: kept over a restart."""
+        alone = [name for each in self.set_points for name in each.latched()]
+        return alone + self.speed_high.tripped + self.voting.tripped
+
+    def ballot(self, measure: str) -> Ballot:
+        """What a measure of a group says."""
+        for vibration in self.vibrations:
+            if vibration.measures(measure):
+                return vibration.ballot(measure)
+        return self.oil.ballot(measure)
 
     @property
     def measures(self) -> bool:

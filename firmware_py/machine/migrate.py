@@ -26,6 +26,8 @@ _NAMES: Final = (
     "sampling",
     "limits",
     "limits_at",
+    "measure",
+    "group",
     "authority",
     "models",
     "drive",

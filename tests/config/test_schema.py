@@ -77,6 +77,11 @@ def table() -> dict[str, Any]:
     tables["limits_at"] = [
         {"bearing": "nde", "displacement_alert_um": 1.0, "displacement_danger_um": 2.0}
     ]
+    tables["measure"] = [
+        {"name": "disp_x", "alert": 1.0, "danger": 2.0, "alert_delay_s": 1.0,
+         "danger_delay_s": 1.0, "hysteresis_share": 0.1}
+    ]  # fmt: skip
+    tables["group"] = [{"name": "shaft", "measures": ["disp_x", "disp_y"], "vote": "2oo2"}]
     return tables
 
 

@@ -15,6 +15,7 @@ import pytest
 
 import firmware_py
 from firmware_py.config import SHIPPED, Config, load
+from firmware_py.config.measures import SPEED_HIGH
 from firmware_py.gate.core import Gate
 from firmware_py.gate.losses import Losses
 from firmware_py.gate.queries import QUESTIONS
@@ -26,7 +27,6 @@ from firmware_py.guard.core import GuardCore
 from firmware_py.guard.plausibility.pair_window import KINDS
 from firmware_py.guard.plausibility.speed_check import NAME as SPEED_IMPLAUSIBLE
 from firmware_py.guard.protection.permit import ROWS, UNREADABLE
-from firmware_py.guard.protection.speed_high import NAME as SPEED_HIGH
 from firmware_py.guard.supervision.standing import Supervised
 from firmware_py.records import Advice, CommissionState, Cycle
 from firmware_py.wire.codec import CanCodec

@@ -58,8 +58,22 @@ class Situation(msgspec.Struct):
     speeds_rpm: tuple[float, float] = (0.0, 0.0)
     vibration_um: float = 0.0
     vibration_limit_um: float = 0.0
+    passed: dict[str, str] = {}
+    """Alarms of protection that take authority now, each in words."""
+    retreats: dict[str, str] = {}
+    """Alarms of protection that ask for a retreat now, each in words."""
     monitor_only: str = ""
     """Why nothing may be commanded here, ever; empty where it may."""
+
+    @property
+    def passed_said(self) -> str:
+        """What takes authority, in words."""
+        return "; ".join(self.passed.values())
+
+    @property
+    def retreats_said(self) -> str:
+        """What asks for a retreat, in words."""
+        return "; ".join(self.retreats.values())
 
     @property
     def speed_said(self) -> str:
@@ -249,6 +263,20 @@ FAILSAFES: Final = (
         "the shaft vibration, {s.vibration_um:.4g} um peak-to-peak, is above the danger set point "
         "of this "
         "clearance, {s.vibration_limit_um:.4g}; reduce speed or load and look at the diagnosis",
+    ),
+    Failsafe(
+        "protection_retreat",
+        lambda s: bool(s.retreats),
+        Action.RECOVER,
+        True,
+        "{s.retreats_said}; remove the cause",
+    ),
+    Failsafe(
+        "protection_authority",
+        lambda s: bool(s.passed),
+        Action.TAKE_AUTHORITY,
+        True,
+        "{s.passed_said}; remove the cause",
     ),
     Failsafe(
         "speed_undeclared",

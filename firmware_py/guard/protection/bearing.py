@@ -78,22 +78,14 @@ class BearingGuard:
         return list(self._protection.state.alarms)
 
     @property
-    def tripped(self) -> list[str]:
-        """Names of latched danger alarms."""
-        return self._protection.tripped
-
-    @property
     def causes(self) -> dict[str, str]:
         """Why each of its channels that is not OK is not."""
         return self._protection.causes
 
-    def timers(self) -> dict[str, int]:
-        """How long each danger limit has been exceeded whose delay is not over, ns."""
-        return self._protection.timers()
-
-    def resume(self, timers: dict[str, int]) -> None:
-        """Go on counting delays that ran when the guard last ended."""
-        self._protection.resume(timers)
+    @property
+    def protection(self) -> Protection:
+        """Its limits and channels."""
+        return self._protection
 
     def standing(self) -> list[Alarm]:
         """Every alarm that stands now."""

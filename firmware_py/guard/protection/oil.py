@@ -15,28 +15,31 @@ from typing import Final
 import msgspec
 
 from firmware_py.config import Config
-from firmware_py.guard.alarms.alarm import QUIET_NS, AlarmState, Notice
+from firmware_py.config.measures import (
+    OUTLET_HIGH,
+    OUTLET_LOW,
+    PRESSURE_LOW,
+    Effect,
+    Judged,
+    Measure,
+    SetPoint,
+    oil,
+    voted,
+)
+from firmware_py.guard.alarms.alarm import AlarmState, Notice
 from firmware_py.guard.plausibility.reading_state import OilEvidence
-from firmware_py.machine.lubricant import coldest_outlet_C
-from firmware_py.machine.parts import FEED, LUBRICANT, has
+from firmware_py.guard.protection.set_points import Ballot, SetPointAlarms
 from firmware_py.records import Alarm, Severity
 
 GAP_NS: Final = 250_000_000
 """Longer steps are a gap: nothing is known of that time, and the timers hold."""
 
-
-class Watch(msgspec.Struct, frozen=True):
-    """One limit: of what, in which direction it is bad (+1 above, -1 below), and from where
-    hysteresis is counted."""
-
-    name: str
-    severity: Severity
-    quantity: str
-    unit: str
-    key: str
-    sign: float
-    limit: float
-    reference: float
+STEPS: Final = {
+    PRESSURE_LOW: "check pump, filter and valve",
+    OUTLET_HIGH: "check cooler and flow",
+    OUTLET_LOW: "let the oil warm up, or lower the key",
+}
+"""What a person does, by the measure."""
 
 
 class OilProtectionState(msgspec.Struct):
@@ -59,22 +62,24 @@ class OilProtection:
     """
 
     def __init__(self, config: Config, latched: list[str]) -> None:
-        lim = config.limits
-        self._delays_ns = {
-            Severity.ALERT: round(lim.alert_delay_s * 1e9),
-            Severity.DANGER: round(lim.danger_delay_s * 1e9),
-        }
-        self._hysteresis = lim.hysteresis_share
-        self._watches = _watches(config)
-        self.state = OilProtectionState(
-            {
-                w.name: AlarmState(w.name, int(w.severity), w.severity is Severity.DANGER)
-                for w in self._watches
-            }
-        )
-        for name in latched:
-            if name in self.state.alarms:
-                self.state.alarms[name].standing = True
+        self._set = SetPointAlarms(oil(config), voted(config.group))
+        self._set.latch(latched)
+        self._known = dict.fromkeys((each.name for each in self._set.measures.values()), False)
+        self._state = OilProtectionState(self._set.states)
+
+    @property
+    def state(self) -> OilProtectionState:
+        """The stage's memory (for snapshots)."""
+        return self._state
+
+    @state.setter
+    def state(self, state: OilProtectionState) -> None:
+        self._state, self._set.states = state, state.alarms
+
+    @property
+    def set_points(self) -> SetPointAlarms:
+        """Its set points, and their alarms."""
+        return self._set
 
     def step(
         self, pressure_bar: OilEvidence, outlet_C: OilEvidence, turning: bool, now_ns: int
@@ -84,44 +89,36 @@ class OilProtection:
         What is not whole counts where it passes a limit, and ends nothing.
         """
         notices = []
-        self.state.turning = turning
-        for watch in self._watches:
-            alarm = self.state.alarms[watch.name]
-            value, whole = pressure_bar if watch.unit == "bar" else outlet_C
+        self._state.turning = turning
+        for name, point in self._set.points.items():
+            measure, alarm = self._set.measures[name], self._set.states[name]
+            value, whole = pressure_bar if measure.name == PRESSURE_LOW else outlet_C
+            self._known[measure.name] = value is not None
             if value is None or now_ns - alarm.judged_ns > GAP_NS:
                 alarm.hold(now_ns)
             if value is None:
                 continue
-            if watch.unit == "bar" and watch.severity is Severity.DANGER and not turning:
+            if point.judged is Judged.TURNING and not turning:
                 alarm.hold(now_ns)
                 alarm.forget()  # a machine at rest needs no oil
                 continue
             stood = alarm.standing
-            began = alarm.judge(
-                watch.sign * (value - watch.reference),
-                watch.sign * (watch.limit - watch.reference),
-                now_ns,
-                delay_ns=self._delays_ns[watch.severity],
-                hysteresis=self._hysteresis,
-                complete=whole,
-                adds_up=True,
-            )
-            alarm.value, alarm.limit = value, watch.limit
+            began = self._set.judge(measure, point, value, now_ns, complete=whole, adds_up=True)
             if began:
                 notices.append(
-                    Notice(watch.severity, watch.name, self._text(watch), value, watch.limit)
+                    Notice(point.severity, name, self._text(measure, point), value, point.limit)
                 )
             elif stood and not alarm.standing:
                 notices.append(
                     Notice(
                         Severity.INFO,
-                        f"{watch.name}_ended",
+                        f"{name}_ended",
                         (
-                            f"{watch.quantity} {value:.4g} {watch.unit}: back within "
-                            f"{watch.limit:.4g}"
+                            f"{measure.quantity} {value:.4g} {measure.unit}: back within "
+                            f"{point.limit:.4g}"
                         ),
                         value,
-                        watch.limit,
+                        point.limit,
                     )
                 )
         return notices
@@ -130,142 +127,49 @@ class OilProtection:
 
     @property
     def tripped(self) -> list[str]:
-        """Names of latched danger alarms."""
-        return [a.name for a in self.state.alarms.values() if a.latching and a.standing]
+        """Names of latched danger alarms that trip."""
+        return self._set.tripped()
+
+    def ballot(self, measure: str) -> Ballot:
+        """The vote of a measure: one of which nothing is known is not OK."""
+        return self._set.ballot(measure, self._known[measure])
 
     @property
     def beyond(self) -> dict[str, str]:
         """Alarms whose limit is passed now, delay or not, with their text: what bars arming and
         takes authority."""
         return {
-            watch.name: self._text(watch)
-            for watch in self._watches
-            if self.state.alarms[watch.name].over_ns != QUIET_NS
-            or self.state.alarms[watch.name].standing
+            name: self._text(self._set.measures[name], point)
+            for name, point in self._set.points.items()
+            if point.effect >= Effect.AUTHORITY and self._set.passed(name)
         }
-
-    def timers(self) -> dict[str, int]:
-        """How long each danger limit has been exceeded whose delay is not over, ns."""
-        return {
-            a.name: a.over_ns
-            for a in self.state.alarms.values()
-            if a.latching and not a.standing and a.over_ns != QUIET_NS
-        }
-
-    def resume(self, timers: dict[str, int]) -> None:
-        """Go on counting delays that ran when the guard last ended; what is not the oil's is left
-        alone."""
-        for name, over_ns in timers.items():
-            if (alarm := self.state.alarms.get(name)) is not None and alarm.latching:
-                alarm.over_ns = over_ns
 
     def standing(self) -> list[Alarm]:
         """Every alarm that stands now."""
         return [
-            msgspec.structs.replace(self.state.alarms[watch.name].record(), text=self._text(watch))
-            for watch in self._watches
-            if self.state.alarms[watch.name].standing
+            msgspec.structs.replace(alarm.record(), text=self._said(alarm.name))
+            for alarm in self._set.shown()
         ]
 
     def reset(self) -> list[str]:
         """Clear the latches; the reasons why some stay."""
-        return [
-            f"still beyond its limit: {self._text(watch)}"
-            for watch in self._watches
-            if self.state.alarms[watch.name].latching and not self.state.alarms[watch.name].reset()
-        ]
+        return [f"still beyond its limit: {self._said(alarm.name)}" for alarm in self._set.reset()]
 
-    def _text(self, watch: Watch) -> str:
+    def _said(self, name: str) -> str:
+        return self._text(self._set.measures[name], self._set.points[name])
+
+    def _text(self, measure: Measure, point: SetPoint) -> str:
         """Cause, value, limit, place and next step."""
-        side = "above" if watch.sign > 0.0 else "below"
-        step = (
-            "check pump, filter and valve"
-            if watch.unit == "bar"
-            else "check cooler and flow"
-            if watch.sign > 0.0
-            else "let the oil warm up, or lower the key"
-        )
-        if watch.unit == "bar" and watch.severity is Severity.ALERT and not self.state.turning:
+        side = "above" if measure.sign > 0.0 else "below"
+        step = STEPS[measure.name]
+        alert = point.severity is Severity.ALERT
+        if measure.name == PRESSURE_LOW and alert and not self._state.turning:
             step = (
                 "the shaft stands, where a pump that is off is no fault; switch it on before the "
                 "machine starts"
             )
         return (
-            f"{watch.quantity} {self.state.alarms[watch.name].value:.4g} {watch.unit} {side} "
-            f"{watch.limit:.4g} "
-            f"({watch.key}); {step}"
+            f"{measure.quantity} {self._set.states[point.alarm].value:.4g} {measure.unit} {side} "
+            f"{point.limit:.4g} "
+            f"({point.key}); {step}"
         )
-
-
-def _watches(config: Config) -> list[Watch]:
-    """Every limit of the oil, in the order in which it is judged.
-
-    Where feed or lubricant are not described, the limits that are written; hysteresis then counts
-    from twice the pressure, and from 0 degC.
-    """
-    machine, lim = config.machine, config.limits
-    feed, oil = has(machine, FEED), has(machine, LUBRICANT)
-    low_bar, hot_C = config.oil_pressure_limits_bar, config.oil_outlet_limits_C
-    most_bar = machine.feed.pressure_max_bar if feed else 2.0 * max(low_bar)
-    cold_C = machine.lubricant.inlet_min_C if oil else 0.0
-    alert, danger, coldest_C = Severity.ALERT, Severity.DANGER, coldest_outlet_C(machine)
-    written = {
-        "limits.oil_pressure_low_alert_bar": feed or lim.oil_pressure_low_alert_bar,
-        "limits.oil_pressure_low_danger_bar": feed or lim.oil_pressure_low_danger_bar,
-        "limits.oil_outlet_high_alert_C": oil or lim.oil_outlet_high_alert_C,
-        "limits.oil_outlet_high_danger_C": oil or lim.oil_outlet_high_danger_C,
-        "oil.inlet_min_C": oil,
-    }
-    watches = [
-        Watch(
-            "oil_pressure_low_alert",
-            alert,
-            "supply pressure",
-            "bar",
-            "limits.oil_pressure_low_alert_bar",
-            -1.0,
-            low_bar[0],
-            most_bar,
-        ),
-        Watch(
-            "oil_pressure_low_danger",
-            danger,
-            "supply pressure",
-            "bar",
-            "limits.oil_pressure_low_danger_bar",
-            -1.0,
-            low_bar[1],
-            most_bar,
-        ),
-        Watch(
-            "oil_outlet_high_alert",
-            alert,
-            "oil outlet",
-            "degC",
-            "limits.oil_outlet_high_alert_C",
-            1.0,
-            hot_C[0],
-            cold_C,
-        ),
-        Watch(
-            "oil_outlet_high_danger",
-            danger,
-            "oil outlet",
-            "degC",
-            "limits.oil_outlet_high_danger_C",
-            1.0,
-            hot_C[1],
-            cold_C,
-        ),
-        Watch(
-            "oil_outlet_low_alert",
-            alert,
-            "oil outlet",
-            "degC",
-            "oil.inlet_min_C",
-            -1.0,
-            coldest_C,
-            machine.lubricant.film_max_C,
-        ),
-    ]
-    return [watch for watch in watches if written[watch.key]]

@@ -24,14 +24,9 @@ import msgspec
 
 from firmware_py.acquire.speed import Turn
 from firmware_py.config import Config
+from firmware_py.config.measures import SPEED_HIGH, speed_high
 from firmware_py.guard.alarms.alarm import Notice
 from firmware_py.records import Alarm, Severity
-
-NAME: Final = "speed_high"
-
-DEFAULT_SHARE: Final = 1.1
-"""Of operating.speed_max_rpm, where limits.speed_high_rpm is 0: usual for trips of
-turbomachinery."""
 
 READINGS: Final = 3
 """Readings in a row above the limit: one false edge makes two."""
@@ -53,11 +48,6 @@ class SpeedHighState(msgspec.Struct):
     step_ns: int = 0
 
 
-def limit_rpm(config: Config) -> float:
-    """Speed above which the trip begins."""
-    return config.limits.speed_high_rpm or DEFAULT_SHARE * config.machine.operating.speed_max_rpm
-
-
 class SpeedHigh:
     """The latching danger alarm ``speed_high``.
 
@@ -70,7 +60,7 @@ class SpeedHigh:
     """
 
     def __init__(self, config: Config, latched: bool) -> None:
-        self._limit_rpm = limit_rpm(config)
+        self._limit_rpm = speed_high(config).points[0].limit
         self._lasting_us = TURNS * 60e6 / self._limit_rpm
         self.state = SpeedHighState(standing=latched)
 
@@ -85,7 +75,7 @@ class SpeedHigh:
         return [
             Notice(
                 Severity.DANGER,
-                NAME,
+                SPEED_HIGH,
                 (
                     f"shaft speed {self.state.speed_rpm:.0f} rpm above {self._limit_rpm:.0f} "
                     f"(limits.speed_high_rpm) for "
@@ -120,7 +110,7 @@ class SpeedHigh:
     @property
     def tripped(self) -> list[str]:
         """The alarm's name while it stands latched."""
-        return [NAME] if self.state.standing else []
+        return [SPEED_HIGH] if self.state.standing else []
 
     def standing(self) -> list[Alarm]:
         """The alarm while it stands."""
@@ -134,7 +124,7 @@ class SpeedHigh:
         )
         return [
             Alarm(
-                NAME,
+                SPEED_HIGH,
                 int(Severity.DANGER),
                 s.since_ns,
                 s.speed_rpm,
@@ -154,7 +144,7 @@ class SpeedHigh:
             []
             if not s.standing
             else [
-                f"{NAME} still exceeded: {s.speed_rpm:.0f} rpm above {self._limit_rpm:.0f}; stop "
-                f"the machine"
+                f"{SPEED_HIGH} still exceeded: {s.speed_rpm:.0f} rpm above "
+                f"{self._limit_rpm:.0f}; stop the machine"
             ]
         )

@@ -14,12 +14,14 @@ clearance: a vibration that was harmless in a wide bearing is not in a narrow on
 from __future__ import annotations
 
 from math import sqrt
+from operator import itemgetter
 from typing import Final
 
 import msgspec
 
 from firmware_py.config import Config
-from firmware_py.guard.alarms.alarm import QUIET_NS, AlarmState, Notice
+from firmware_py.config.measures import Measure, vibration, voted
+from firmware_py.guard.alarms.alarm import AlarmState, Notice
 from firmware_py.guard.measurement.motion import (
     DISPLACEMENTS,
     BlockSums,
@@ -28,6 +30,7 @@ from firmware_py.guard.measurement.motion import (
     watched,
 )
 from firmware_py.guard.protection.permit import UNREADABLE, UNREADABLE_TEXT
+from firmware_py.guard.protection.set_points import Ballot, SetPointAlarms
 from firmware_py.records import N_CHANNELS, Alarm, Block, ChannelCause, Severity, cause_of
 
 ZONES: Final = (("A", 4800.0), ("B", 9000.0), ("C", 13200.0))
@@ -85,23 +88,13 @@ class Protection:
     """
 
     def __init__(self, config: Config, latched: list[str]) -> None:
-        lim = config.limits
-        self._limits = lim
-        self._delays_ns = (round(lim.alert_delay_s * 1e9), round(lim.danger_delay_s * 1e9))
+        self._share = config.limits.clearance_share
         self._meter = MotionMeter(config)
         self._names = [channel.name for channel in config.machine.channel]
         self._watched = watched(config.machine.channel)
-        alarms = {}
-        for i in self._watched:
-            for severity in (Severity.ALERT, Severity.DANGER):
-                name = f"{self._names[i]}_{severity.name.lower()}"
-                alarms[name] = AlarmState(name, int(severity), severity is Severity.DANGER)
-        for (
-            name
-        ) in latched:  # even one that this version does not judge stands until somebody resets it
-            alarms.setdefault(
-                name, AlarmState(name, int(Severity.DANGER), latching=True)
-            ).standing = True
+        self._rows = vibration(config)
+        self._set = SetPointAlarms(self._rows, voted(config.group))
+        self._set.latch(latched, unknown=True)
         not_ok = {
             name: AlarmState(f"{name}_not_ok", int(Severity.FAULT), False) for name in self._names
         }
@@ -110,13 +103,13 @@ class Protection:
             for i, c in enumerate(config.machine.channel)
         ]
         self._state = ProtectionState(
-            alarms,
+            self._set.states,
             not_ok,
             self._meter.window,
             saturated=self._no_saturated(),
             causes=[0] * len(self._names),
         )
-        self.tripped = self._latched()
+        self.tripped = self._set.tripped()
 
     @property
     def state(self) -> ProtectionState:
@@ -129,8 +122,8 @@ class Protection:
         state.saturated = (
             self._no_saturated() | state.saturated
         )  # a snapshot of an earlier version has none
-        self._meter.window = state.window
-        self.tripped = self._latched()
+        self._meter.window, self._set.states = state.window, state.alarms
+        self.tripped = self._set.tripped()
 
     def _no_saturated(self) -> dict[str, AlarmState]:
         names = [self._names[i] for i in self._watched]
@@ -145,7 +138,7 @@ class Protection:
             self._judge_channels(block, t_ns, notices)
             self._judge_vibration(block, clearance_um, t_ns, notices)
         if notices:
-            self.tripped = self._latched()
+            self.tripped = self._set.tripped()
         return notices
 
     # ------------------------------------------------------------------ what stands now
@@ -155,25 +148,10 @@ class Protection:
         """Statistics of the last full turn."""
         return self._state.motion
 
-    def _latched(self) -> list[str]:
-        """Names of latched danger alarms (kept in ``tripped``, which is asked for in every
-        cycle)."""
-        return [a.name for a in self._state.alarms.values() if a.latching and a.standing]
-
-    def timers(self) -> dict[str, int]:
-        """How long each danger limit has been exceeded whose delay is not over, ns."""
-        return {
-            a.name: a.over_ns
-            for a in self._state.alarms.values()
-            if a.latching and not a.standing and a.over_ns != QUIET_NS
-        }
-
-    def resume(self, timers: dict[str, int]) -> None:
-        """Go on counting delays that ran when the guard last ended; names of another version are
-        left out."""
-        for name, over_ns in timers.items():
-            if (alarm := self._state.alarms.get(name)) is not None and alarm.latching:
-                alarm.over_ns = over_ns
+    @property
+    def set_points(self) -> SetPointAlarms:
+        """Its set points, and their alarms."""
+        return self._set
 
     @property
     def displacement_ok(self) -> bool:
@@ -194,6 +172,14 @@ class Protection:
             if self._stands(name)
         }
 
+    def measures(self, measure: str) -> bool:
+        """Whether it is one of its own measures."""
+        return any(row.name == measure for row in self._rows)
+
+    def ballot(self, measure: str) -> Ballot:
+        """The vote of a channel: one that saturates in step with the shaft is OK, and votes."""
+        return self._set.ballot(measure, not self._state.not_ok[measure].standing)
+
     def _stands(self, name: str) -> bool:
         """Whether channel ``name`` is said to be not OK, or saturated."""
         s = self._state
@@ -204,8 +190,7 @@ class Protection:
         s = self._state
         limits = [
             msgspec.structs.replace(a.record(), text=_text(a, self._names))
-            for a in s.alarms.values()
-            if a.standing
+            for a in self._set.shown()
         ]
         bad = [
             (a.record(), f"channel {name} {CAUSES.get(ChannelCause(s.causes[i]), 'is ' + UNKNOWN)}")
@@ -220,17 +205,24 @@ class Protection:
         reasons = [
             f"{a.name} still exceeded: {a.value:.4g} above {a.limit:.4g}; stop the machine or "
             f"remove the cause"
-            for a in self._state.alarms.values()
-            if a.latching and not a.reset()
+            for a in self._set.reset()
         ]
-        self.tripped = self._latched()
+        self.tripped = self._set.tripped()
         return reasons
 
     def set_points_um(self, clearance_um: float) -> tuple[float, float]:
-        """Displacement alert and danger (um peak-to-peak) at a radial clearance."""
-        lim = self._limits
-        danger = min(lim.displacement_danger_um, lim.clearance_share * clearance_um)
-        return lim.displacement_alert_um * (danger / lim.displacement_danger_um), danger
+        """Displacement alert and danger (um peak-to-peak) at a radial clearance: those of the probe
+        whose danger is the lower."""
+        rows = self._rows[: len(DISPLACEMENTS)]
+        return min((self._limits(row, clearance_um) for row in rows), key=itemgetter(1))
+
+    def _limits(self, row: Measure, clearance_um: float) -> tuple[float, float]:
+        """Alert and danger in force: of a displacement at most a share of the clearance."""
+        alert, danger = (point.limit for point in row.points)
+        if not row.capped:
+            return alert, danger
+        capped = min(danger, self._share * clearance_um)
+        return alert * (capped / danger), capped
 
     # ------------------------------------------------------------------ one block
 
@@ -264,11 +256,7 @@ class Protection:
     def _saturated(self, i: int, name: str) -> Notice:
         """A vibration reaches the end of the range: it counts as that, and a limit beyond it cannot
         be reached."""
-        danger = (
-            self._limits.displacement_danger_um
-            if i in DISPLACEMENTS
-            else self._limits.acceleration_danger_m_s2
-        )
+        danger = self._rows[self._watched.index(i)].points[-1].limit
         rail, unit = self._rails[i], _unit(i)
         beyond = (
             ""
@@ -293,31 +281,23 @@ class Protection:
     ) -> None:
         """Judge the time of ``block`` alone: what lies between two blocks is a gap, in which the
         timers hold."""
-        motion, lim = self._state.motion, self._limits
+        motion = self._state.motion
         measured = motion.peak_to_peak_um + motion.rms_m_s2
-        displacement = self.set_points_um(clearance_um)
-        acceleration = (lim.acceleration_alert_m_s2, lim.acceleration_danger_m_s2)
-        for i, value, whole in zip(self._watched, measured, motion.whole, strict=True):
-            limits = displacement if i in DISPLACEMENTS else acceleration
+        for i, row, value, whole in zip(
+            self._watched, self._rows, measured, motion.whole, strict=True
+        ):
             cause = cause_of(block.causes, i)
             saturated = cause == ChannelCause.SATURATED
             unknown = cause == ChannelCause.OK and not block.channel_ok >> i & 1
             silent = cause in OUT_OF_VOTE or unknown or (block.unusable >> i & 1 and not saturated)
             value = max(value, self._rails[i]) if saturated else value
-            for kind, limit, delay_ns in zip(
-                ("alert", "danger"), limits, self._delays_ns, strict=True
-            ):
-                alarm = self._state.alarms[f"{self._names[i]}_{kind}"]
+            for point, limit in zip(row.points, self._limits(row, clearance_um), strict=True):
+                alarm = self._set.states[point.alarm]
                 alarm.hold(block.t_acq_ns)
                 if silent:
                     alarm.hold(t_ns)
-                elif alarm.judge(
-                    value,
-                    limit,
-                    t_ns,
-                    delay_ns=delay_ns,
-                    hysteresis=lim.hysteresis_share,
-                    complete=whole and not saturated,
+                elif self._set.judge(
+                    row, point, value, t_ns, limit=limit, complete=whole and not saturated
                 ):
                     least = "at least " if saturated else ""
                     notices.append(
@@ -326,7 +306,7 @@ class Protection:
                             alarm.name,
                             (
                                 f"{self._names[i]} above {limit:.4g} {_unit(i)} for "
-                                f"{delay_ns * 1e-9:g} s without a return; "
+                                f"{point.delay_ns * 1e-9:g} s without a return; "
                                 f"now {least}{value:.4g}"
                             ),
                             value,

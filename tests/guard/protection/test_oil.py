@@ -183,14 +183,14 @@ def test_a_latch_survives_a_restart_and_the_rest_is_left_to_others() -> None:
 def test_a_delay_that_runs_goes_on_after_a_restart_and_does_not_count_the_time_between() -> None:
     alone = Alone()
     alone.run(0.6 * DELAY_S, bar=0.1)
-    timers = alone.stage.timers()
+    timers = alone.stage.set_points.timers()
     assert list(timers) == ["oil_pressure_low_danger"]
     again = Alone()
-    again.stage.resume(timers | {"disp_x_danger": 1})
+    again.stage.set_points.resume(timers | {"disp_x_danger": 1})
     assert again.run(0.3 * DELAY_S, bar=0.1) == []
     again.run(0.2 * DELAY_S, bar=0.1)
     assert again.stage.tripped == ["oil_pressure_low_danger"]
-    assert again.stage.timers() == {}
+    assert again.stage.set_points.timers() == {}
 
 
 def test_a_guard_that_was_held_up_does_not_count_that_time() -> None:

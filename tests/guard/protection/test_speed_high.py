@@ -8,8 +8,9 @@ import msgspec
 import pytest
 
 from firmware_py.acquire.speed import Turn
+from firmware_py.config.measures import SPEED_HIGH, speed_high
 from firmware_py.guard.core import GuardCore
-from firmware_py.guard.protection.speed_high import NAME, TURNS, SpeedHigh, limit_rpm
+from firmware_py.guard.protection.speed_high import TURNS, SpeedHigh
 from firmware_py.records import ArmState, DeviceHeartbeat, GuardState
 from firmware_py.wire.codec import CanCodec
 
@@ -42,9 +43,9 @@ def healthy(rpm: float, edges: tuple[float, ...]) -> list[Turn]:
 
 def test_the_limit_is_the_configured_one_or_a_share_of_the_declared_speed() -> None:
     config = bench()
-    assert limit_rpm(config) == pytest.approx(LIMIT_RPM)
+    assert speed_high(config).points[0].limit == pytest.approx(LIMIT_RPM)
     limits = msgspec.structs.replace(config.limits, speed_high_rpm=12_500.0)
-    assert limit_rpm(config.replaced(limits=limits)) == 12_500.0
+    assert speed_high(config.replaced(limits=limits)).points[0].limit == 12_500.0
 
 
 @pytest.mark.parametrize(
@@ -123,7 +124,7 @@ def test_marks_that_contradict_themselves_neither_count_nor_reset() -> None:
 
 def test_a_latched_trip_survives_a_restart_and_is_reset_when_the_speed_is_low() -> None:
     stage = SpeedHigh(bench(), latched=True)
-    assert stage.tripped == [NAME]
+    assert stage.tripped == [SPEED_HIGH]
     assert stage.reset(speed_lost=False) == []
     assert stage.standing() == []
     for _ in range(6):
@@ -131,7 +132,7 @@ def test_a_latched_trip_survives_a_restart_and_is_reset_when_the_speed_is_low() 
     (refused,) = stage.reset(speed_lost=False)
     assert "14000 rpm above 13200" in refused
     (alarm,) = stage.standing()
-    assert (alarm.name, alarm.latched, alarm.limit) == (NAME, True, pytest.approx(LIMIT_RPM))
+    assert (alarm.name, alarm.latched, alarm.limit) == (SPEED_HIGH, True, pytest.approx(LIMIT_RPM))
     stage.step([turn(5_000.0, "ramp")], MS)
     assert stage.reset(speed_lost=False), "an implausible speed below the limit says nothing"
     stage.step([turn(5_000.0)], MS)
@@ -160,14 +161,14 @@ def test_a_load_rejection_trips_within_the_stated_latency(rpm: float) -> None:
         m for m in map(CODEC.decode, tripping.frames_out) if isinstance(m, DeviceHeartbeat)
     )
     assert (heartbeat.trip_request, heartbeat.run_permit) == (True, False)
-    assert NAME in b.names()
+    assert SPEED_HIGH in b.names()
     found = state(b)
     assert found.arm_state == ArmState.TRIPPED
     assert {"speed_high", "speed_implausible"} & {a.name for a in found.alarms} >= {"speed_high"}
-    assert b.core.tripped == [NAME]
+    assert b.core.tripped == [SPEED_HIGH]
     b.node.speed_rpm = 3000.0
     b.run(1.0)
-    assert b.core.tripped == [NAME], "latched"
+    assert b.core.tripped == [SPEED_HIGH], "latched"
 
 
 def test_a_slow_rise_trips_just_above_the_limit_and_a_reset_needs_a_low_speed() -> None:
@@ -178,7 +179,7 @@ def test_a_slow_rise_trips_just_above_the_limit_and_a_reset_needs_a_low_speed() 
     assert b.core.tripped == []
     b.ramp_to(13_300.0)
     b.run(0.1)
-    assert b.core.tripped == [NAME]
+    assert b.core.tripped == [SPEED_HIGH]
     accepted, reasons = b.ask("reset")
     assert not accepted
     assert any("speed_high still exceeded" in reason for reason in reasons)
@@ -199,10 +200,10 @@ def test_a_reflection_now_and_then_at_full_speed_does_not_trip(position: float) 
 
 
 def test_a_restarted_guard_keeps_the_trip_under_its_own_name_once() -> None:
-    b = Bench(latched=[NAME, "disp_x_danger"])
+    b = Bench(latched=[SPEED_HIGH, "disp_x_danger"])
     b.run(0.5)
-    assert sorted(b.core.tripped) == ["disp_x_danger", NAME]
-    assert [a.name for a in state(b).alarms].count(NAME) == 1
+    assert sorted(b.core.tripped) == ["disp_x_danger", SPEED_HIGH]
+    assert [a.name for a in state(b).alarms].count(SPEED_HIGH) == 1
 
 
 def test_an_old_snapshot_without_speed_judgement_is_read() -> None:

@@ -1,0 +1,183 @@
+"""Rows of ``[[measure]]`` and ``[[group]]`` that change nothing, cross over, or cannot vote."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from typing import Any, Final
+
+from firmware_py.config.checks_channel import CREST_FACTOR, READABLE_SHARE
+from firmware_py.config.convert import Found
+from firmware_py.config.measures import (
+    OUTLET_HIGH,
+    OUTLET_LOW,
+    PRESSURE_LOW,
+    SPEED_HIGH,
+    VOTES,
+    Measure,
+    oil,
+    vibration,
+    voted,
+)
+from firmware_py.config.schema import Config, GroupConfig
+from firmware_py.machine.parts import FEED, LUBRICANT, has
+from firmware_py.records import Severity
+
+WRITTEN: Final = "measure["
+"""Keys of limits that a row writes begin so."""
+
+ALERT_ENDS_BEFORE: Final = "trip"
+"""What an alert never does."""
+
+
+def oil_dangers(config: Config) -> dict[str, bool]:
+    """Measures of the oil that the machine has, and whether each has a danger; none of their
+    limits is read."""
+    lim, feed, lubricant = config.limits, has(config.machine, FEED), has(config.machine, LUBRICANT)
+    low, high = lim.oil_pressure_low_danger_bar, lim.oil_outlet_high_danger_C
+    found = {}
+    if feed or low or lim.oil_pressure_low_alert_bar:
+        found[PRESSURE_LOW] = bool(feed or low)
+    if lubricant or high or lim.oil_outlet_high_alert_C:
+        found[OUTLET_HIGH] = bool(lubricant or high)
+    if lubricant:
+        found[OUTLET_LOW] = False
+    return found
+
+
+def _dangers(config: Config) -> dict[str, bool]:
+    """Every measure that may be changed or may vote, and whether it has a danger."""
+    return dict.fromkeys((row.name for row in vibration(config)), True) | oil_dangers(config)
+
+
+def _known(config: Config) -> Iterator[Found]:
+    """Every row is of a measure there is, once."""
+    if not config.measure:
+        return
+    there = _dangers(config)
+    names = [each.name for each in config.measure]
+    for i, name in enumerate(names):
+        key = f"measure[{i}].name"
+        if name == SPEED_HIGH:
+            yield key, name, "its delay is counted in turns; set limits.speed_high_rpm"
+        elif name not in there:
+            yield key, name, f"no measure of that name, there are: {', '.join(there)}; correct it"
+        if name in names[:i]:
+            yield key, name, "written twice; keep one"
+
+
+def _whole(config: Config) -> Iterator[Found]:
+    """What a row says can be done."""
+    if not config.measure:
+        return
+    there, groups = _dangers(config), voted(config.group)
+    for i, each in enumerate(config.measure):
+        danger = there.get(each.name, True)
+        for key in ("danger", "danger_delay_s", "danger_effect", "latching"):
+            value = getattr(each, key)
+            if value is not None and not danger:
+                yield f"measure[{i}].{key}", value, f"{each.name} has no danger; remove it"
+        if each.alert_effect == ALERT_ENDS_BEFORE:
+            cause = "an alert trips nothing; write retreat, or set danger"
+            yield f"measure[{i}].alert_effect", each.alert_effect, cause
+        trips = each.danger_effect in (None, "trip")
+        if danger and each.latching is False and trips and each.name not in groups:
+            cause = f"{each.name} trips alone, and a trip is latched; let it vote in a [[group]]"
+            yield f"measure[{i}].latching", False, f"{cause}, or write danger_effect = alarm"
+
+
+def _rows_crossed(rows: tuple[Measure, ...]) -> Iterator[Found]:
+    for row in rows:
+        alert, danger = row.point(Severity.ALERT), row.point(Severity.DANGER)
+        if alert is None or danger is None:
+            continue
+        at = next((p for p in (danger, alert) if p.key.startswith(WRITTEN)), None)
+        if at is not None and row.sign * (danger.limit - alert.limit) <= 0.0:
+            side = "above" if row.sign > 0.0 else "below"
+            cause = (
+                f"danger {danger.limit:g} {row.unit} of {row.name} is not {side} its alert "
+                f"{alert.limit:g}; part them"
+            )
+            yield at.key, at.limit, cause
+
+
+def _vibration_crossed(config: Config) -> Iterator[Found]:
+    if config.measure:
+        yield from _rows_crossed(vibration(config))
+
+
+def _oil_crossed(config: Config) -> Iterator[Found]:
+    if {each.name for each in config.measure} & set(oil_dangers(config)):
+        yield from _rows_crossed(oil(config))
+
+
+def _readable(config: Config) -> Iterator[Found]:
+    """A danger that is written can be shown by its channel."""
+    written = {each.name: i for i, each in enumerate(config.measure)}
+    if not written:
+        return
+    channels = {channel.name: channel for channel in config.machine.channel}
+    for row in vibration(config):
+        danger = row.points[-1]
+        if row.name not in written or not danger.key.startswith(WRITTEN):
+            continue
+        channel = channels[row.source]
+        if row.capped:
+            most = READABLE_SHARE * (channel.ok_high - channel.ok_low) * 1e6
+        else:
+            most = min(channel.ok_high, -channel.ok_low) / CREST_FACTOR
+        if not 0.0 < danger.limit <= most:
+            cause = f"outside 0 .. {most:g} {row.unit}, what {row.source} can show; correct it"
+            yield danger.key, danger.limit, cause
+
+
+def _votes(config: Config) -> Iterator[Found]:
+    """Every group has as many measures as its vote counts, each with a danger that trips."""
+    if not config.group:
+        return
+    there = _dangers(config)
+    own: dict[str, Any] = {each.name: each.danger_effect for each in config.measure}
+    for i, group in enumerate(config.group):
+        wanted = VOTES[group.vote].of
+        if not group.measures:
+            yield f"group[{i}].measures", "[]", f"a vote over an empty group; name {wanted}"
+        elif len(group.measures) != wanted:
+            cause = f"{len(group.measures)} measures, {group.vote} counts {wanted}; correct one"
+            yield f"group[{i}].measures", ", ".join(group.measures), cause
+        for k, name in enumerate(group.measures):
+            if cause := _cannot_vote(name, there, own):
+                yield f"group[{i}].measures[{k}]", name, cause
+
+
+def _cannot_vote(name: str, there: dict[str, bool], own: dict[str, Any]) -> str:
+    if name == SPEED_HIGH:
+        return "trips alone, always; remove it"
+    if name not in there:
+        return f"no measure of that name, there are: {', '.join(there)}; correct it"
+    if not there[name]:
+        return "has no danger that could vote; remove it"
+    if own.get(name) not in (None, "trip"):
+        return f"its danger_effect is {own[name]}, which does not trip; write trip, or remove it"
+    return ""
+
+
+def _one_vote(config: Config) -> Iterator[Found]:
+    """A measure votes once, and a name means one group."""
+    found: Counter[str] = Counter()
+    names = [group.name for group in config.group]
+    for i, group in enumerate(config.group):
+        if group.name in names[:i]:
+            yield f"group[{i}].name", group.name, "named twice; give each group its own name"
+        yield from _twice(i, group, found)
+
+
+def _twice(i: int, group: GroupConfig, found: Counter[str]) -> Iterator[Found]:
+    for k, name in enumerate(group.measures):
+        if found[name]:
+            yield f"group[{i}].measures[{k}]", name, "votes already; a measure has one vote"
+        found[name] += 1
+
+
+MEASURE_CHECKS: Final = (
+    _known, _whole, _vibration_crossed, _oil_crossed, _readable, _votes, _one_vote,
+)  # fmt: skip

@@ -1,0 +1,193 @@
+"""The table of measures: derived from the limits, changed by rows, refused where it cannot be."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from firmware_py import config
+from firmware_py.config.bearings import views
+from firmware_py.config.checks_measures import oil_dangers
+from firmware_py.config.measures import Effect, Judged, groups, measures, oil, vibration
+from firmware_py.machine.folder import shipped_names
+from firmware_py.records import Severity
+
+
+def changed(tmp_path: Path, text: str, name: str = "bench") -> config.Config:
+    rig = tmp_path / name
+    shutil.copytree(config.SHIPPED / name, rig)
+    path = rig / "device.toml"
+    path.write_text(path.read_text() + text)
+    return config.load(rig)[0]
+
+
+def faults(tmp_path: Path, text: str, name: str = "bench") -> dict[str, str]:
+    with pytest.raises(config.ConfigError) as caught:
+        changed(tmp_path, text, name)
+    return {fault.key: f"{fault.cause}; {fault.next_step}" for fault in caught.value.faults}
+
+
+BENCH_TABLE = [
+    ("disp_x", 45.0, 70.0, "um", Effect.ALARM),
+    ("disp_y", 45.0, 70.0, "um", Effect.ALARM),
+    ("acc_bearing_vertical", 40.0, 80.0, "m/s2", Effect.ALARM),
+    ("acc_bearing_horizontal", 40.0, 80.0, "m/s2", Effect.ALARM),
+    ("acc_motor", 40.0, 80.0, "m/s2", Effect.ALARM),
+    ("oil_pressure_low", 0.4, 0.25, "bar", Effect.AUTHORITY),
+    ("oil_outlet_high", 60.0, 70.0, "degC", Effect.AUTHORITY),
+]
+
+
+def test_the_table_of_the_bench_is_that_of_its_limits() -> None:
+    rows = measures(config.load(config.SHIPPED / "bench")[0])
+    assert [
+        (r.name, r.points[0].limit, r.points[1].limit, r.unit, r.points[0].effect) for r in rows[:7]
+    ] == BENCH_TABLE
+    cold, fast = rows[7:]
+    assert (cold.name, len(cold.points), cold.sign) == ("oil_outlet_low", 1, -1.0)
+    assert (fast.name, fast.points[0].alarm) == ("speed_high", "speed_high")
+    assert fast.points[0].limit == pytest.approx(13200.0)
+    delays = {(p.severity, p.delay_ns) for r in rows[:8] for p in r.points}
+    assert delays == {(Severity.ALERT, 10**9), (Severity.DANGER, 3 * 10**9)}
+    dangers = [p for r in rows for p in r.points if p.severity is Severity.DANGER]
+    assert {(p.latching, p.effect) for p in dangers} == {(True, Effect.TRIP)}
+    turning = [p.alarm for r in rows for p in r.points if p.judged is Judged.TURNING]
+    assert turning == ["oil_pressure_low_danger"]
+    assert [r.name for r in rows if r.capped] == ["disp_x", "disp_y"]
+
+
+@pytest.mark.parametrize("name", shipped_names())
+def test_every_bearing_sees_its_own_part_of_the_table(name: str) -> None:
+    whole = config.load(config.SHIPPED / name)[0]
+    by_bearing = [row for view in views(whole) for row in vibration(view.config)]
+    assert [(r.name, [p.limit for p in r.points]) for r in by_bearing] == [
+        (r.name, [p.limit for p in r.points]) for r in vibration(whole)
+    ]
+    named = {r.name: r.point(Severity.DANGER) is not None for r in oil(whole)}
+    assert named == oil_dangers(whole)
+
+
+def test_without_groups_every_danger_is_one_of_one() -> None:
+    found = groups(config.load(config.SHIPPED / "bench")[0])
+    assert {(g.vote, len(g.measures), g.declared) for g in found} == {("1oo1", 1, False)}
+    assert [g.name for g in found][:2] == ["disp_x_danger", "disp_y_danger"]
+    assert len(found) == 8
+
+
+def test_a_row_changes_what_it_writes_and_nothing_else(tmp_path: Path) -> None:
+    text = """
+[[measure]]
+name = "disp_y"
+danger = 60.0
+danger_delay_s = 1.5
+hysteresis_share = 0.1
+[[measure]]
+name = "oil_outlet_high"
+alert_effect = "alarm"
+danger_effect = "retreat"
+latching = false
+alert_delay_s = 4.0
+alert = 55.0
+"""
+    plain = measures(config.load(config.SHIPPED / "bench")[0])
+    found = measures(changed(tmp_path, text))
+    assert [a for a, b in zip(found, plain, strict=True) if a == b] == [
+        row for row in plain if row.name not in ("disp_y", "oil_outlet_high")
+    ]
+    y, hot = (next(r for r in found if r.name == n) for n in ("disp_y", "oil_outlet_high"))
+    assert (y.points[0].limit, y.points[1].limit, y.points[1].delay_ns) == (45.0, 60.0, 1.5e9)
+    assert (y.hysteresis, y.points[1].key) == (0.1, "measure[0].danger")
+    assert (hot.points[0].effect, hot.points[0].delay_ns) == (Effect.ALARM, 4 * 10**9)
+    assert (hot.points[1].effect, hot.points[1].latching) == (Effect.RETREAT, False)
+
+
+def test_a_group_takes_its_measures_from_those_that_trip_alone(tmp_path: Path) -> None:
+    text = '[[group]]\nname = "shaft"\nmeasures = ["disp_x", "disp_y"]\nvote = "2oo2"\n'
+    shaft, *alone = groups(changed(tmp_path, text))
+    assert (shaft.trip, shaft.vote, shaft.measures, shaft.all_not_ok) == (
+        "shaft_trip", "2oo2", ("disp_x", "disp_y"), Effect.AUTHORITY,
+    )  # fmt: skip
+    assert "disp_x_danger" not in [g.name for g in alone]
+
+
+def test_what_cannot_be_is_refused_all_at_once(tmp_path: Path) -> None:
+    text = """
+[[measure]]
+name = "disp_x"
+alert = 80.0
+[[measure]]
+name = "disp_x"
+[[measure]]
+name = "speed_high"
+[[measure]]
+name = "disp_z"
+[[measure]]
+name = "oil_pressure_low"
+danger = 0.45
+latching = false
+[[measure]]
+name = "oil_outlet_low"
+danger = 10.0
+alert_effect = "trip"
+[[measure]]
+name = "acc_motor"
+danger = 120.0
+danger_effect = "alarm"
+[[group]]
+name = "none"
+measures = []
+vote = "1oo2"
+[[group]]
+name = "none"
+measures = ["disp_x"]
+vote = "2oo2"
+[[group]]
+name = "more"
+measures = ["disp_x", "speed_high", "acc_motor"]
+vote = "2oo3"
+[[group]]
+name = "odd"
+measures = ["disp_q", "oil_outlet_low"]
+vote = "2oo2_strict"
+"""
+    found = faults(tmp_path, text)
+    words = {
+        "measure[1].name": "written twice",
+        "measure[2].name": "set limits.speed_high_rpm",
+        "measure[3].name": "no measure of that name, there are: disp_x",
+        "measure[4].latching": "a trip is latched",
+        "measure[4].danger": "danger 0.45 bar of oil_pressure_low is not below its alert 0.4",
+        "measure[5].danger": "has no danger; remove it",
+        "measure[5].alert_effect": "an alert trips nothing",
+        "measure[6].danger": "outside 0 .. 97.5 m/s2, what acc_motor can show",
+        "group[0].measures": "a vote over an empty group; name 2",
+        "group[1].name": "named twice",
+        "group[1].measures": "1 measures, 2oo2 counts 2",
+        "group[2].measures[0]": "votes already",
+        "group[2].measures[1]": "trips alone, always",
+        "group[2].measures[2]": "its danger_effect is alarm",
+        "group[3].measures[0]": "no measure of that name",
+        "group[3].measures[1]": "has no danger that could vote",
+    }
+    assert set(found) == set(words)
+    assert {key: text for key, text in words.items() if text not in found[key]} == {}
+
+
+def test_limits_that_cross_are_named_where_they_are_written(tmp_path: Path) -> None:
+    found = faults(tmp_path, '[[measure]]\nname = "disp_x"\nalert = 80.0\n')
+    assert found == {
+        "measure[0].alert": "danger 70 um of disp_x is not above its alert 80; part them"
+    }
+
+
+def test_a_probe_shows_the_danger_that_is_written(tmp_path: Path) -> None:
+    found = faults(tmp_path, '[[measure]]\nname = "disp_x"\ndanger = 600.0\n')
+    assert "what disp_x can show" in found["measure[0].danger"]
+
+
+def test_a_machine_without_oil_has_no_rows_for_it(tmp_path: Path) -> None:
+    text = '[[measure]]\nname = "oil_pressure_low"\nalert = 1.0\n'
+    found = faults(tmp_path, text, "kit")
+    assert "no measure of that name" in found["measure[0].name"]
