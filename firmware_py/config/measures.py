@@ -44,7 +44,7 @@ class Effect(enum.IntEnum):
     TRIP = 4
 
 
-class Judged(enum.Enum):
+class JudgedWhile(enum.Enum):
     """When a set point is held against its value."""
 
     ALWAYS = "always"
@@ -64,7 +64,7 @@ class SetPoint(msgspec.Struct, frozen=True):
     latching: bool
     effect: Effect
     key: str
-    judged: Judged = Judged.ALWAYS
+    judged: JudgedWhile = JudgedWhile.ALWAYS
 
 
 class Measure(msgspec.Struct, frozen=True):
@@ -182,19 +182,19 @@ def oil(config: Config) -> tuple[Measure, ...]:
     low_bar, hot_C = config.oil_pressure_limits_bar, config.oil_outlet_limits_C
     most_bar = machine.feed.pressure_max_bar if feed else 2.0 * max(low_bar)
     pressure = _points(
-        PRESSURE_LOW, lim, low_bar, "limits.oil_pressure_low_{}_bar", Judged.TURNING,
+        PRESSURE_LOW, lim, low_bar, "limits.oil_pressure_low_{}_bar", JudgedWhile.TURNING,
         (bool(feed or lim.oil_pressure_low_alert_bar),
          bool(feed or lim.oil_pressure_low_danger_bar)),
     )  # fmt: skip
     outlet = _points(
-        OUTLET_HIGH, lim, hot_C, "limits.oil_outlet_high_{}_C", Judged.ALWAYS,
+        OUTLET_HIGH, lim, hot_C, "limits.oil_outlet_high_{}_C", JudgedWhile.ALWAYS,
         (bool(lubricant or lim.oil_outlet_high_alert_C),
          bool(lubricant or lim.oil_outlet_high_danger_C)),
     )  # fmt: skip
     share, film_C = lim.hysteresis_share, machine.lubricant.film_max_C
     cold_C = machine.lubricant.inlet_min_C if lubricant else 0.0
     cold = _points(
-        OUTLET_LOW, lim, (coldest_outlet_C(machine), 0.0), "oil.inlet_min_C", Judged.ALWAYS,
+        OUTLET_LOW, lim, (coldest_outlet_C(machine), 0.0), "oil.inlet_min_C", JudgedWhile.ALWAYS,
         (lubricant, False),
     )  # fmt: skip
     rows = [
@@ -232,7 +232,7 @@ def _displacement(
     limits: Limits, channel: FastChannel, at: tuple[float, float], place: str
 ) -> Measure:
     key = f"{place}.displacement_{{}}_um"
-    points = _points(channel.name, limits, at, key, Judged.ALWAYS)
+    points = _points(channel.name, limits, at, key, JudgedWhile.ALWAYS)
     return Measure(
         channel.name, channel.name, "displacement, peak-to-peak", "um", points,
         limits.hysteresis_share, capped=True,
@@ -242,7 +242,7 @@ def _displacement(
 def _acceleration(limits: Limits, channel: FastChannel) -> Measure:
     at = (limits.acceleration_alert_m_s2, limits.acceleration_danger_m_s2)
     key = "limits.acceleration_{}_m_s2"
-    points = _points(channel.name, limits, at, key, Judged.ALWAYS)
+    points = _points(channel.name, limits, at, key, JudgedWhile.ALWAYS)
     return Measure(
         channel.name, channel.name, "acceleration, rms", "m/s2", points, limits.hysteresis_share
     )
@@ -253,7 +253,7 @@ def _points(
     limits: Limits,
     at: tuple[float, float],
     key: str,
-    judged: Judged,
+    judged: JudgedWhile,
     there: tuple[bool, bool] = (True, True),
 ) -> tuple[SetPoint, ...]:
     """Alert and danger of a measure; the oil's alerts take authority, and its pressure is needed

@@ -10,7 +10,7 @@ import pytest
 from firmware_py import config
 from firmware_py.config.bearings import views
 from firmware_py.config.checks_measures import oil_dangers
-from firmware_py.config.measures import Effect, Judged, groups, measures, oil, vibration
+from firmware_py.config.measures import Effect, JudgedWhile, groups, measures, oil, vibration
 from firmware_py.machine.folder import shipped_names
 from firmware_py.records import Severity
 
@@ -53,7 +53,7 @@ def test_the_table_of_the_bench_is_that_of_its_limits() -> None:
     assert delays == {(Severity.ALERT, 10**9), (Severity.DANGER, 3 * 10**9)}
     dangers = [p for r in rows for p in r.points if p.severity is Severity.DANGER]
     assert {(p.latching, p.effect) for p in dangers} == {(True, Effect.TRIP)}
-    turning = [p.alarm for r in rows for p in r.points if p.judged is Judged.TURNING]
+    turning = [p.alarm for r in rows for p in r.points if p.judged is JudgedWhile.TURNING]
     assert turning == ["oil_pressure_low_danger"]
     assert [r.name for r in rows if r.capped] == ["disp_x", "disp_y"]
 

@@ -20,7 +20,7 @@ from firmware_py.config.measures import (
     OUTLET_LOW,
     PRESSURE_LOW,
     Effect,
-    Judged,
+    JudgedWhile,
     Measure,
     SetPoint,
     oil,
@@ -98,7 +98,7 @@ class OilProtection:
                 alarm.hold(now_ns)
             if value is None:
                 continue
-            if point.judged is Judged.TURNING and not turning:
+            if point.judged is JudgedWhile.TURNING and not turning:
                 alarm.hold(now_ns)
                 alarm.forget()  # a machine at rest needs no oil
                 continue
