@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Iterable, Sequence
-from typing import Final, Literal, NamedTuple
+from typing import Final, NamedTuple
 
 import msgspec
 
@@ -284,15 +284,30 @@ def _row_changed(row: Measure, place: int, by: MeasureConfig) -> Measure:
     return msgspec.structs.replace(row, points=points, hysteresis=share)
 
 
+class Written(NamedTuple):
+    """What a row writes of one set point; None: as it was."""
+
+    limit: float | None
+    delay_s: float | None
+    effect: str | None
+    latching: bool | None
+
+
+def written(by: MeasureConfig, severity: Severity) -> Written:
+    """What ``by`` writes of alert, or of danger."""
+    if severity is Severity.ALERT:
+        return Written(by.alert, by.alert_delay_s, by.alert_effect, None)
+    return Written(by.danger, by.danger_delay_s, by.danger_effect, by.latching)
+
+
 def _point_changed(point: SetPoint, place: int, by: MeasureConfig) -> SetPoint:
-    word: Literal["alert", "danger"] = "alert" if point.severity is Severity.ALERT else "danger"
-    limit, delay_s = getattr(by, word), getattr(by, f"{word}_delay_s")
-    effect, latching = getattr(by, f"{word}_effect"), by.latching
+    own = written(by, point.severity)
+    key = f"measure[{place}].{point.severity.name.lower()}"
     return msgspec.structs.replace(
         point,
-        limit=point.limit if limit is None else limit,
-        key=point.key if limit is None else f"measure[{place}].{word}",
-        delay_ns=point.delay_ns if delay_s is None else round(delay_s * 1e9),
-        effect=point.effect if effect is None else Effect[effect.upper()],
-        latching=point.latching if latching is None or word == "alert" else latching,
+        limit=point.limit if own.limit is None else own.limit,
+        key=point.key if own.limit is None else key,
+        delay_ns=point.delay_ns if own.delay_s is None else round(own.delay_s * 1e9),
+        effect=point.effect if own.effect is None else Effect[own.effect.upper()],
+        latching=point.latching if own.latching is None else own.latching,
     )
