@@ -8,6 +8,7 @@ from typing import Any, Final
 
 from firmware_py.config.checks_channel import CREST_FACTOR, READABLE_SHARE
 from firmware_py.config.convert import Found
+from firmware_py.config.measure_schema import GroupConfig
 from firmware_py.config.measures import (
     OUTLET_HIGH,
     OUTLET_LOW,
@@ -19,7 +20,7 @@ from firmware_py.config.measures import (
     vibration,
     voted,
 )
-from firmware_py.config.schema import Config, GroupConfig
+from firmware_py.config.schema import Config
 from firmware_py.machine.parts import FEED, LUBRICANT, has
 from firmware_py.records import Severity
 
