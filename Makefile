@@ -11,7 +11,7 @@ APART  := -n $(WORKERS) --dist worksteal
 # Tests start hundreds of interpreters, which would compile every module again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help demo test coverage lint types layers test-train test-slow test-recipes pair-study nightly test-kill fuzz test-systemd test-socketcan lock dialect clean golden
+.PHONY: help demo test coverage lint types layers test-train test-slow test-recipes pair-study nightly test-kill fuzz test-machines test-systemd test-socketcan lock dialect clean golden
 
 help:            ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 16
@@ -59,6 +59,9 @@ test-kill: $(VENV)/.dev   ## kills and stops every process 30 times each (about 
 
 fuzz: $(VENV)/.dev   ## random bytes on every input, the long form; goes on where it stood (about 90 minutes in all)
 	@$(BIN)/python -m tests.fuzz
+
+test-machines: $(VENV)/.dev   ## random machines, 5 s each in the closed loop; goes on where it stood (about 20 minutes)
+	@$(BIN)/python -m tests.fuzz machines
 
 golden: $(VENV)/.dev ## fly and record the golden recordings again: after a meant change of the guard (about 5 minutes)
 	@$(BIN)/python -m tests.golden.make

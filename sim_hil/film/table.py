@@ -5,20 +5,20 @@ They are the eccentricity ratio and the angle from the eccentricity to the effec
 velocity; speed, viscosity, clearance and radius scale out exactly. `table_kernel` evaluates it.
 """
 
-import fcntl
-import hashlib
-import os
-import sys
-from dataclasses import dataclass
-from functools import cache
+import math
+from bisect import bisect_right
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from sim_hil.whole_file import whole_file
 
-from .force import film_force
-from .records import FilmError, Floats
+from .bearing import Bearing
+from .force import pressure_force, side_flow
+from .pressure import unsolved_film
+from .records import FilmError, FilmNotConverged, Floats
+from .solver import solve_pressure
 from .spline import line_coefficients, ring_coefficients
 from .table_kernel import EPS_TABLE, table_force
 
@@ -26,9 +26,9 @@ __all__ = ["FilmTable", "table_force"]
 
 _DATA = Path(__file__).parent / "data"
 _RATE_STEP = 0.01
-_SOURCES = ("bearing", "force", "mesh", "pressure", "records", "solver", "spline", "table")
-SHAPES = (0.1, 2.0)
-"""Lengths over diameters that a machine may have."""
+SHAPES = (0.1, 0.13, 0.18, 0.25, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0)
+"""Lengths over diameters of the shipped tables, from the least to the greatest that a machine may
+have."""
 CELLS, GRID = (40, 56), (96, 12)
 """Of a standard table: cells of eccentricity and angle, and its coarser film mesh."""
 
@@ -66,27 +66,31 @@ class FilmTable:
 
     @classmethod
     def load(cls, length_over_diameter: float) -> "FilmTable":
-        """The table of that shape: the shipped one, else one that is computed once and kept in the
-        user's cache.
+        """The shipped table of that shape, or the cubic through the four nearest ones.
+
+        Every tabulated value is smooth in the logarithm of the shape: forces and flows between the
+        shipped ones are within 1e-3 of the film, as those of a table of their own are.
 
         Raises
         ------
         FilmError
             No bearing of that shape is described.
         """
-        low, high = SHAPES
+        low, high = SHAPES[0], SHAPES[-1]
         if not low <= length_over_diameter <= high:
             raise FilmError(
                 f"length/diameter {length_over_diameter:g}: films are tabulated from {low:g} to "
                 f"{high:g}; correct bearing.length_m or bearing.journal_radius_m"
             )
-        path = _DATA / _file_name(length_over_diameter)
-        if not path.exists():
-            path = _kept(length_over_diameter)
-        with np.load(path) as stored:
-            return cls(
-                float(stored["length_over_diameter"]), np.ascontiguousarray(stored["coefficients"])
-            )
+        if length_over_diameter in SHAPES:
+            return _read(_DATA / _file_name(length_over_diameter))
+        first = min(max(bisect_right(SHAPES, length_over_diameter) - 2, 0), len(SHAPES) - 4)
+        near = SHAPES[first : first + 4]
+        mixed = sum(
+            weight * _read(_DATA / _file_name(shape)).coefficients
+            for weight, shape in zip(_lagrange(near, length_over_diameter), near, strict=True)
+        )
+        return cls(length_over_diameter, np.ascontiguousarray(mixed))
 
     def nodes(self) -> tuple[Floats, Floats]:
         """Eccentricity ratios and angles, rad, that the table goes through."""
@@ -119,31 +123,18 @@ class FilmTable:
         return path
 
 
-def _kept(length_over_diameter: float) -> Path:
-    """The table of a shape that is not shipped: computed by one process, which others wait for."""
-    folder = _cache()
-    folder.mkdir(parents=True, exist_ok=True)
-    path = folder / _file_name(length_over_diameter)
-    with (folder / f"{path.name}.lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        if not path.exists():
-            print(
-                f"film of length/diameter {length_over_diameter:g}: computed once, a minute or two",
-                file=sys.stderr,
-            )
-            FilmTable.build(length_over_diameter).save(folder)
-    return path
+def _read(path: Path) -> FilmTable:
+    with np.load(path) as stored:
+        coefficients = np.asarray(stored["coefficients"], dtype=np.float64)
+        return FilmTable(float(stored["length_over_diameter"]), np.ascontiguousarray(coefficients))
 
 
-@cache
-def _cache() -> Path:
-    """One folder for each state of the sources that a table depends on."""
-    digest = hashlib.sha256(repr((CELLS, GRID)).encode())
-    for source in sorted(Path(__file__).parent.glob("*.py")):
-        if source.stem in _SOURCES:
-            digest.update(source.read_bytes())
-    base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    return base / "orbitd" / f"film-{digest.hexdigest()[:16]}"
+def _lagrange(shapes: tuple[float, ...], at: float) -> list[float]:
+    """Weights of values at the shapes for the value at another, over their logarithms."""
+    return [
+        math.prod(math.log(at / other) / math.log(one / other) for other in shapes if other != one)
+        for one in shapes
+    ]
 
 
 def _file_name(length_over_diameter: float) -> str:
@@ -160,39 +151,49 @@ def _reduced_film(
     length_over_diameter: float, eps: Floats, gamma: Floats, grid: tuple[int, int]
 ) -> Floats:
     """Table values (a, d, q, a', d') of `table_kernel`, shape (eps, gamma, 5)."""
-    still = _polar(length_over_diameter, eps, gamma, grid, 0.0)
-    opening = _polar(length_over_diameter, eps, gamma, grid, _RATE_STEP)
-    closing = _polar(length_over_diameter, eps, gamma, grid, -_RATE_STEP)
+    velocity = np.stack([np.cos(gamma), np.sin(gamma)], axis=-1)
+    coarse, fine = (
+        np.array([_squeezed(length_over_diameter, e, velocity, each) for e in eps])
+        for each in (grid, (2 * grid[0], 2 * grid[1]))
+    )
+    found = (4 * fine - coarse) / 3
+    still, opening, closing = (
+        _logarithms(film[..., :2], film[..., 2], velocity) for film in np.moveaxis(found, 2, 0)
+    )
     rates = (opening - closing)[..., :2] / (2 * _RATE_STEP)
     return np.concatenate([still, rates], axis=-1)
 
 
-def _polar(
-    length_over_diameter: float, eps: Floats, gamma: Floats, grid: tuple[int, int], rate: float
+def _squeezed(
+    length_over_diameter: float, eps: float, velocity: Floats, grid: tuple[int, int]
 ) -> Floats:
-    """Log of the scaled force, its turn from the direction against v_s, and the scaled flow at
-    |v_s| = 1 m/s."""
+    """Scaled force and flow (Fx, Fy, Q) with the journal at `eps` on x, for each squeeze velocity
+    of 1 m/s: without, with an opening and with a closing clearance, shape (velocity, 3, 3).
+
+    What the walls deliver is linear in the velocities, and the mesh is that of the position alone:
+    both are made once.
+    """
     c = 1e-3
-    position = np.zeros((eps.size, gamma.size, 2))
-    position[..., 0] = c * eps[:, None]
-    velocity = np.stack(np.broadcast_arrays(np.cos(gamma), np.sin(gamma)), axis=-1)
-    coarse, fine = (
-        film_force(
-            position,
-            velocity,
-            radius_m=1.0,
-            length_m=2 * length_over_diameter,
-            clearance_m=c,
-            viscosity_Pa_s=c**3 / 12,
-            speed_rad_s=0.0,
-            clearance_rate_m_s=rate,
-            grid=(k * grid[0], k * grid[1]),
-        )
-        for k in (1, 2)
-    )
-    force = (4 * fine.force_N - coarse.force_N) / 3
-    flow = (4 * fine.side_flow_m3_s - coarse.side_flow_m3_s) / 3
-    return _logarithms(force, flow, velocity)
+    bearing = Bearing(1.0, 2 * length_over_diameter, c, c**3 / 12, 0.0, grid=grid)
+    place = np.array([c * eps, 0.0])
+    film, across = (unsolved_film(bearing, place, v) for v in np.eye(2))
+    widening = unsolved_film(replace(bearing, clearance_rate_m_s=_RATE_STEP), place, np.zeros(2))
+    rows = []
+    ruptured = np.zeros((3, *film.supply.shape), dtype=bool)
+    for vx, vy in velocity:
+        for k, share in enumerate((0.0, 1.0, -1.0)):
+            supply = vx * film.supply + vy * across.supply + share * widening.supply
+            pressure = film.pressure.copy()
+            if not solve_pressure(
+                pressure, film.mesh.fixed, film.around, film.axial, supply, 0.0, ruptured[k], True
+            ):
+                raise FilmNotConverged(
+                    f"rupture boundary not settled at eccentricity ratio {eps:.6g}"
+                )
+            solved = replace(film, pressure=pressure, supply=supply)
+            force = pressure_force(solved) * bearing.pressure_scale_Pa_s
+            rows.append([*force, side_flow(bearing, solved)])
+    return np.array(rows).reshape(-1, 3, 3)
 
 
 def _logarithms(force: Floats, flow: Floats, velocity: Floats) -> Floats:

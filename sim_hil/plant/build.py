@@ -16,6 +16,9 @@ from sim_hil.rotor.parameters import N_SENSORS, Floats
 GRADE_RPM = 6000.0
 """Balance grades G of the rig are meant at this speed, for the effective mass at the bearing."""
 
+DECLARED_MARGIN = 1.03
+"""Of the declared unbalance: as far as its digits go."""
+
 _BOLT_SPREAD = 0.05
 _ROOM_DB = (60.0, 75.0)
 _HOUSING_HZ = (1600.0, 1450.0, 1700.0)
@@ -109,10 +112,7 @@ class Build:
             damping=around(spread.foundation_damping_share),
             clearance_error_m=float(rng.uniform(-1, 1)) * most.clearance_m,
             viscosity=around(most.viscosity_share),
-            unbalance_kg_m=unbalance_of_grade(
-                rig,
-                float(log_uniform(spread.normal_unbalance_min_G, spread.normal_unbalance_max_G)),
-            ),
+            unbalance_kg_m=unbalance_of_grade(rig, float(log_uniform(*_healthy_grades(rig)))),
             unbalance_angle_rad=float(rng.uniform(0, 2 * math.pi)),
             bolt=1.0 + rng.uniform(-_BOLT_SPREAD, _BOLT_SPREAD, 8),
             bolt_gap_m=log_uniform(
@@ -138,6 +138,19 @@ class Build:
     def of_seed(cls, rig: RigData, seed: int) -> Build:
         """The build that belongs to the seed of a run."""
         return cls.draw(rig, np.random.default_rng([seed, 3]))
+
+
+def _healthy_grades(rig: RigData) -> tuple[float, float]:
+    """Grades of healthy builds: those of the spread, but none beyond the declared unbalance.
+
+    The spread's grades are meant at :data:`GRADE_RPM`, and of a machine that turns five times as
+    fast, and is balanced for it, they would make one that its own device trips.
+    """
+    least, most = rig.spread.normal_unbalance_min_G, rig.spread.normal_unbalance_max_G
+    declared = DECLARED_MARGIN * rig.rotor.unbalance_kg_m / unbalance_of_grade(rig, 1.0)
+    if not 0.0 < declared < most:
+        return least, most
+    return min(least, declared * least / most), declared
 
 
 def _calibration(

@@ -39,7 +39,7 @@ below."""
 ABOVE_FIRST: Final = 4.0
 """A higher order contradicts the marks where it is this much larger than the first: a bent or
 cracked shaft, or one that is not round, may have a second order as large as the first.  A lower one
-does where it is as large."""
+does where it is as large, and larger than the way of the mean since the window before."""
 
 STANDING_SWINGS: Final = 8
 """Swings in a window that a standing shaft does not make: a clearance that moves makes one."""
@@ -198,11 +198,27 @@ class OrbitOrders:
         if first >= max(self._floor_m2, BELOW_FIRST * BELOW_FIRST * below, above):
             self.seen_order = 1.0
             return Evidence.AGREES
-        for square, least in ((below, first), (above, ABOVE_FIRST * ABOVE_FIRST * first)):
+        slow = max(first, self._moved_m2())
+        for square, least in ((below, slow), (above, ABOVE_FIRST * ABOVE_FIRST * first)):
             if square >= max(self._floor_m2, least):
                 self.seen_order = ORDERS[squares.index(square)]
                 return Evidence.CONTRADICTS
         return Evidence.NONE
+
+    def _moved_m2(self) -> float:
+        """Squared way of the mean since the window before (m2), of the larger channel.
+
+        A clearance or a load that moves shifts the shaft, and the shift looks like the lowest
+        orders, the more the slower it turns: at 700 rpm a window holds two periods of the third.
+        """
+        s = self.state
+        if s.centre is None:
+            return 0.0
+        ways = (
+            (total / s.samples - before) * scale
+            for total, before, scale in zip(s.totals, s.centre, self._scales, strict=True)
+        )
+        return max(way * way for way in ways)
 
     def _square(self, cosine: list[int], sine: list[int]) -> float:
         """Squared amplitude (m2) of an order, of the larger channel."""

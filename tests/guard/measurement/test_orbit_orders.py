@@ -29,7 +29,7 @@ class Shaft:
         self, rpm: float, told: float = 1.0, orders: dict[float, float] | None = None
     ) -> None:
         self.rpm, self.told, self.orders = rpm, told, orders or {1.0: 5.0}
-        self.ok, self.quality = _ALL_OK, 0
+        self.ok, self.quality, self.drift_um_s = _ALL_OK, 0, 0.0
         self._seq = count()
 
     def block(self) -> Block:
@@ -41,7 +41,8 @@ class Shaft:
                 a * 100 * np.cos(2 * pi * order * (turns - shift))
                 for order, a in self.orders.items()
             )
-            counts[:, k] = np.round(-1500 + wave)
+            seconds = (seq * ROWS + np.arange(ROWS)) * PERIOD_US * 1e-6
+            counts[:, k] = np.round(-1500 + wave + 100 * self.drift_um_s * seconds)
         return Block(
             seq,
             0,
@@ -67,6 +68,18 @@ def evidence(shaft: Shaft, windows: int = 3, stage: OrbitOrders | None = None) -
         if stage.state.samples == 0:
             found.append(said)
     return found
+
+
+@pytest.mark.parametrize("rpm", [450.0, 700.0, 1500.0])
+@pytest.mark.parametrize("drift_um_s", [-20.0, 8.0, 20.0])
+def test_a_clearance_that_moves_is_no_evidence_against_the_marks(
+    rpm: float, drift_um_s: float
+) -> None:
+    """A round and balanced shaft, which follows its bearing, has no first order of its own."""
+    shaft, stage = Shaft(rpm, 1.0, {1.0: 0.1}), OrbitOrders(bench())
+    evidence(shaft, 1, stage)
+    shaft.drift_um_s = drift_um_s
+    assert Evidence.CONTRADICTS not in evidence(shaft, 6, stage)
 
 
 SPEEDS = pytest.mark.parametrize("rpm", [1500.0, 4321.0, 12_000.0])

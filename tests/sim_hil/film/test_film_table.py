@@ -10,6 +10,7 @@ from sim_hil.film.table import FilmTable, table_force
 from sim_hil.film.table_kernel import CONTACT_STIFFNESS_N_M, EPS_TABLE
 
 C, MU, R, L = 60e-6, 0.01, 0.02, 0.02
+GRIDS = ((112, 14), (224, 28))
 BEARING = {"radius_m": R, "length_m": L, "clearance_m": C, "viscosity_Pa_s": MU}
 
 
@@ -118,14 +119,19 @@ def test_a_shape_that_no_machine_has_is_refused(shape):
         FilmTable.load(shape)
 
 
-def test_another_shape_is_computed_once_and_kept(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("sim_hil.film.table.CELLS", (6, 8))
-    monkeypatch.setattr("sim_hil.film.table.GRID", (16, 6))
-    monkeypatch.setattr("sim_hil.film.table._cache", lambda: tmp_path / "films")
-    first, again = FilmTable.load(0.7), FilmTable.load(0.7)
-    assert first.length_over_diameter == again.length_over_diameter == 0.7
-    np.testing.assert_array_equal(first.coefficients, again.coefficients)
-    assert capsys.readouterr().err.count("computed once") == 1
+@pytest.mark.parametrize("shape", [0.115, 0.3, 0.85, 1.7])
+def test_a_shape_between_the_shipped_ones_follows_the_film(shape):
+    table = FilmTable.load(shape)
+    bearing = BEARING | {"length_m": 2 * R * shape}
+    errors, flows = [], []
+    for e, v, w in zip(*(a.T for a in states(8, seed=11)), strict=True):
+        fx, fy, _, flow = table_force(table.coefficients, *e, *v, w, C, MU, R, 2 * R * shape)
+        coarse, fine = (film_force(e, v, speed_rad_s=w, grid=g, **bearing) for g in GRIDS)
+        truth = (4 * fine.force_N - coarse.force_N) / 3
+        errors.append(math.hypot(fx - truth[0], fy - truth[1]) / np.hypot(*truth))
+        flows.append(flow * 3 / (4 * fine.side_flow_m3_s - coarse.side_flow_m3_s) - 1)
+    assert max(errors) <= 2e-3
+    assert np.max(np.abs(flows)) <= 2e-3
 
 
 def test_saved_table_is_the_built_one(tmp_path, monkeypatch):
