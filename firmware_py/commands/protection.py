@@ -19,14 +19,8 @@ from rich.table import Table
 from firmware_py import launch
 from firmware_py.commands.rig_show import WIDTH
 from firmware_py.config import Config
-from firmware_py.config.measures import (
-    SPEED_HIGH,
-    Group,
-    Measure,
-    SetPoint,
-    groups,
-    measures,
-)
+from firmware_py.config.measure_types import Group, Measure, SetPoint
+from firmware_py.config.measures import SPEED_HIGH, groups, measures
 from firmware_py.machine.folder import METAVAR, find
 
 CAUTION: Final = (

@@ -6,16 +6,16 @@ from collections import Counter
 from collections.abc import Iterator
 from typing import Any, Final
 
+from firmware_py.config.checks_added import ADDED_CHECKS
 from firmware_py.config.checks_channel import CREST_FACTOR, READABLE_SHARE
 from firmware_py.config.convert import Found
-from firmware_py.config.measure_schema import GroupConfig
+from firmware_py.config.measure_schema import GroupConfig, MeasureConfig
+from firmware_py.config.measure_types import VOTES, Measure
 from firmware_py.config.measures import (
     OUTLET_HIGH,
     OUTLET_LOW,
     PRESSURE_LOW,
     SPEED_HIGH,
-    VOTES,
-    Measure,
     oil,
     vibration,
     voted,
@@ -46,23 +46,32 @@ def oil_dangers(config: Config) -> dict[str, bool]:
     return found
 
 
-def _dangers(config: Config) -> dict[str, bool]:
-    """Every measure that may be changed or may vote, and whether it has a danger."""
+def _derived(config: Config) -> dict[str, bool]:
+    """Every measure that may be changed, and whether it has a danger."""
     return dict.fromkeys((row.name for row in vibration(config)), True) | oil_dangers(config)
+
+
+def _dangers(config: Config) -> dict[str, bool]:
+    """Every measure that may vote, and whether it has a danger."""
+    own = {each.name: each.danger is not None for each in config.measure if each.quantity}
+    return _derived(config) | own
 
 
 def _known(config: Config) -> Iterator[Found]:
     """Every row is of a measure there is, once."""
     if not config.measure:
         return
-    there = _dangers(config)
+    there = _derived(config)
     names = [each.name for each in config.measure]
-    for i, name in enumerate(names):
+    for i, (name, each) in enumerate(zip(names, config.measure, strict=True)):
         key = f"measure[{i}].name"
         if name == SPEED_HIGH:
             yield key, name, "its delay is counted in turns; set limits.speed_high_rpm"
-        elif name not in there:
-            yield key, name, f"no measure of that name, there are: {', '.join(there)}; correct it"
+        elif each.quantity and name in there:
+            yield key, name, "is there already; name the added measure otherwise"
+        elif not each.quantity and name not in there:
+            cause = f"no measure of that name, there are: {', '.join(there)}; correct it"
+            yield key, name, f"{cause}, or add it with quantity"
         if name in names[:i]:
             yield key, name, "written twice; keep one"
 
@@ -73,6 +82,8 @@ def _whole(config: Config) -> Iterator[Found]:
         return
     there, groups = _dangers(config), voted(config.group)
     for i, each in enumerate(config.measure):
+        if not each.quantity:
+            yield from _of_added(i, each)
         danger = there.get(each.name, True)
         for key in ("danger", "danger_delay_s", "danger_effect", "latching"):
             value = getattr(each, key)
@@ -179,6 +190,19 @@ def _twice(i: int, group: GroupConfig, found: Counter[str]) -> Iterator[Found]:
         found[name] += 1
 
 
+def _of_added(i: int, each: MeasureConfig) -> Iterator[Found]:
+    """Keys that only an added measure has."""
+    for key, value, default in (
+        ("source", each.source, ""), ("unit", each.unit, ""), ("sense", each.sense, "rising"),
+        ("judged", each.judged, "always"), ("alert_low", each.alert_low, None),
+        ("danger_low", each.danger_low, None), ("from_rpm", each.from_rpm, None),
+        ("to_rpm", each.to_rpm, None), ("band_low_hz", each.band_low_hz, 10.0),
+    ):  # fmt: skip
+        if value != default:
+            yield f"measure[{i}].{key}", value, "belongs to an added measure; write quantity"
+
+
 MEASURE_CHECKS: Final = (
     _known, _whole, _vibration_crossed, _oil_crossed, _readable, _votes, _one_vote,
+    *ADDED_CHECKS,
 )  # fmt: skip

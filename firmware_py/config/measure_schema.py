@@ -11,9 +11,13 @@ from firmware_py.machine.values import Section
 
 _MEASURE: Final = r"^[A-Za-z0-9_/]{1,48}\Z"
 _GROUP: Final = r"^[a-z0-9_]{1,48}\Z"
+_SOURCE: Final = r"^[A-Za-z0-9_/]{0,32}\Z"
+_UNIT: Final = r"^[A-Za-z0-9%/]{0,12}\Z"
 MEASURE_WORDS: Final = {
     _MEASURE: "one word of at most 48 letters, digits and _",
     _GROUP: "one word of at most 48 small letters, digits and _",
+    _SOURCE: "one word, or empty",
+    _UNIT: "a unit, such as um or mm/s, or empty",
 }
 """Each pattern for people."""
 
@@ -24,6 +28,14 @@ SetPointValue = Annotated[float, Meta(ge=-1e9, le=1e9)]
 DelayS = Annotated[float, Meta(ge=0.0, le=60.0)]
 HysteresisShare = Annotated[float, Meta(ge=0.0, le=0.5)]
 
+WindowRpm = Annotated[float, Meta(ge=0.0, le=200_000.0)]
+SourceName = Annotated[str, Meta(pattern=_SOURCE)]
+UnitText = Annotated[str, Meta(pattern=_UNIT)]
+
+QuantityWord = Literal[
+    "peak_to_peak", "amplitude_1x", "amplitude_not_1x", "smax", "position", "rms",
+    "velocity_rms", "mean", "reading", "speed",
+]  # fmt: skip
 EffectWord = Literal["event", "alarm", "authority", "retreat", "trip"]
 VoteWord = Literal["1oo1", "1oo2", "2oo2", "2oo3", "2oo2_strict"]
 
@@ -50,6 +62,28 @@ class MeasureConfig(Section, frozen=True):
     danger_effect: EffectWord | None = None
     """What danger does: event, alarm, authority, retreat or trip; each does what those before it
     do."""
+    quantity: QuantityWord | None = None
+    """What is measured, of a row that adds a measure: peak_to_peak, amplitude_1x, amplitude_not_1x
+    of a displacement channel; smax, position of a bearing; rms, velocity_rms, mean of a channel;
+    reading of a slow reading; speed of the mark."""
+    source: SourceName = ""
+    """Channel, slow reading or bearing; empty: the first bearing, or the mark."""
+    unit: UnitText = ""
+    """Unit of the set points; it must be that of the measure."""
+    sense: Literal["rising", "falling", "window"] = "rising"
+    """Which side is bad: above, below, or both sides of a window."""
+    alert_low: SetPointValue | None = None
+    """Lower alert of a window."""
+    danger_low: SetPointValue | None = None
+    """Lower danger of a window."""
+    judged: Literal["always", "turning", "armed"] = "always"
+    """When it is judged: always, while the shaft turns, while the device is armed."""
+    from_rpm: WindowRpm | None = None
+    """Least speed at which it is judged; an unknown speed counts as inside."""
+    to_rpm: WindowRpm | None = None
+    """Greatest speed at which it is judged, such as that of slow roll."""
+    band_low_hz: Annotated[float, Meta(ge=1.0, le=1000.0)] = 10.0
+    """Of velocity_rms: low end of the band, from which the integration holds within 1 %."""
 
 
 class GroupConfig(Section, frozen=True):

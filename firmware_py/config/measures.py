@@ -8,15 +8,16 @@ prints them.
 
 from __future__ import annotations
 
-import enum
 from collections.abc import Iterable, Sequence
-from typing import Final, NamedTuple
+from typing import Final
 
 import msgspec
 
 from firmware_py import signals
+from firmware_py.config.added_measures import added
 from firmware_py.config.bearings import probes_of
 from firmware_py.config.measure_schema import GroupConfig, MeasureConfig
+from firmware_py.config.measure_types import Effect, Group, JudgedWhile, Measure, SetPoint, written
 from firmware_py.config.schema import Config, Limits
 from firmware_py.machine import FastChannel
 from firmware_py.machine.lubricant import coldest_outlet_C
@@ -34,100 +35,12 @@ PROBES: Final = 2
 """Displacement probes of a bearing, first among its channels."""
 
 
-class Effect(enum.IntEnum):
-    """What a set point that is passed does; each does what those below it do."""
-
-    EVENT = 0
-    ALARM = 1
-    AUTHORITY = 2
-    RETREAT = 3
-    TRIP = 4
-
-
-class JudgedWhile(enum.Enum):
-    """When a set point is held against its value."""
-
-    ALWAYS = "always"
-    TURNING = "while the shaft turns"
-
-
-class SetPoint(msgspec.Struct, frozen=True):
-    """Alert or danger of a measure: its alarm, limit, delay, and what it does.
-
-    ``key`` is the place in the configuration that says the limit.
-    """
-
-    alarm: str
-    severity: Severity
-    limit: float
-    delay_ns: int
-    latching: bool
-    effect: Effect
-    key: str
-    judged: JudgedWhile = JudgedWhile.ALWAYS
-
-
-class Measure(msgspec.Struct, frozen=True):
-    """One value that protection holds against its set points.
-
-    ``sign`` is +1 where high is bad and -1 where low is; ``reference`` is the value from which
-    ``hysteresis`` is counted; ``capped``: its danger is at most ``limits.clearance_share`` of the
-    clearance at that instant.
-    """
-
-    name: str
-    source: str
-    quantity: str
-    unit: str
-    points: tuple[SetPoint, ...]
-    hysteresis: float
-    sign: float = 1.0
-    reference: float = 0.0
-    capped: bool = False
-
-    def point(self, severity: Severity) -> SetPoint | None:
-        """Its alert, or its danger; None where it has none."""
-        return next((each for each in self.points if each.severity is severity), None)
-
-
-class Vote(NamedTuple):
-    """So many of so many; ``strict``: one that is not OK stays in the count."""
-
-    needed: int
-    of: int
-    strict: bool = False
-
-
-VOTES: Final = {
-    "1oo1": Vote(1, 1),
-    "1oo2": Vote(1, 2),
-    "2oo2": Vote(2, 2),
-    "2oo3": Vote(2, 3),
-    "2oo2_strict": Vote(2, 2, strict=True),
-}
-
-
-class Group(msgspec.Struct, frozen=True):
-    """Measures whose danger votes; ``declared``: by ``[[group]]``, else a measure alone."""
-
-    name: str
-    measures: tuple[str, ...]
-    vote: str
-    all_not_ok: Effect
-    declared: bool
-
-    @property
-    def trip(self) -> str:
-        """Name of the alarm that trips."""
-        return f"{self.name}_trip"
-
-
 # ---------------------------------------------------------------------- the rows
 
 
 def measures(config: Config) -> tuple[Measure, ...]:
     """Every measure of the machine, in the order in which they are judged."""
-    return (*vibration(config), *oil(config), speed_high(config))
+    return (*vibration(config), *oil(config), speed_high(config), *added(config))
 
 
 def groups(config: Config) -> tuple[Group, ...]:
@@ -145,6 +58,17 @@ def groups(config: Config) -> tuple[Group, ...]:
         and point.effect is Effect.TRIP
     )
     return declared + alone
+
+
+def probes_at(config: Config, bearing: str) -> tuple[int, int]:
+    """Places of the two displacement probes of a bearing, by its name."""
+    others = {each.name: probes_of(config.machine, each) for each in config.machine.other_bearing}
+    if bearing in others:
+        first, second = others[bearing]
+        return first, second
+    taken = {i for places in others.values() for i in places}
+    first, second, *_ = (i for i in range(len(config.machine.channel)) if i not in taken)
+    return first, second
 
 
 def voted(found: Iterable[GroupConfig]) -> frozenset[str]:
@@ -282,22 +206,6 @@ def _row_changed(row: Measure, place: int, by: MeasureConfig) -> Measure:
     points = tuple(_point_changed(point, place, by) for point in row.points)
     share = row.hysteresis if by.hysteresis_share is None else by.hysteresis_share
     return msgspec.structs.replace(row, points=points, hysteresis=share)
-
-
-class Written(NamedTuple):
-    """What a row writes of one set point; None: as it was."""
-
-    limit: float | None
-    delay_s: float | None
-    effect: str | None
-    latching: bool | None
-
-
-def written(by: MeasureConfig, severity: Severity) -> Written:
-    """What ``by`` writes of alert, or of danger."""
-    if severity is Severity.ALERT:
-        return Written(by.alert, by.alert_delay_s, by.alert_effect, None)
-    return Written(by.danger, by.danger_delay_s, by.danger_effect, by.latching)
 
 
 def _point_changed(point: SetPoint, place: int, by: MeasureConfig) -> SetPoint:

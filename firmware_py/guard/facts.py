@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import pi
 from typing import Final, NamedTuple
 
-from firmware_py.config.measures import Effect
+from firmware_py.config.measure_types import Effect
 from firmware_py.guard.authority.failsafe import Situation
 from firmware_py.guard.envelope.admissible import EnvelopeInput
 from firmware_py.guard.envelope.shield import PERIOD_S

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from math import pi
+
 from firmware_py.acquire.stage import AcquireOutput
 from firmware_py.guard.alarms.alarm import Notice
 from firmware_py.guard.authority.failsafe import Situation, node_reasons
 from firmware_py.guard.plausibility.pair_window import NO_FACTS
 from firmware_py.guard.plausibility.reading_rows import CLEARANCE, OIL, PRESSURE
+from firmware_py.guard.protection.added import AddedFacts, BearingNow
 from firmware_py.guard.protection.permit import PermitFacts
 from firmware_py.guard.state import Stages
 from firmware_py.guard.supervision import ActuatorReadings, NodeReports
@@ -29,7 +32,26 @@ def judge(g: Stages, acquired: AcquireOutput, now_ns: int) -> list[Notice]:
     notices += judge_pair(g, acquired.blocks)
     for bearing in g.bearings:
         notices += bearing.step(acquired.blocks, g.readings.value(OIL))
+    if g.added.rows:
+        notices += g.added.step(acquired.blocks, acquired.readings, added_facts(g), now_ns)
     return notices + g.voting.step(g.ballot, now_ns)
+
+
+def added_facts(g: Stages) -> AddedFacts:
+    """What the added measures need of other stages."""
+    first = g.readings.smaller_clearance_um(g.acquire.node)
+    bearings = {g.first.name: BearingNow(g.protection.motion, g.protection.displacement_ok, first)}
+    for each in g.bearings:
+        own = each.protection
+        bearings[each.name] = BearingNow(own.motion, own.displacement_ok, each.cap_um)
+    speed = g.acquire.speed
+    return AddedFacts(
+        speed.speed_rad_s * 30 / pi if speed.known else None,
+        g.turning,
+        g.arming.state.commanding,
+        bearings,
+        g.readings.value,
+    )
 
 
 def judge_speed(g: Stages, acquired: AcquireOutput, now_ns: int) -> list[Notice]:

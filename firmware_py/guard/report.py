@@ -64,6 +64,7 @@ def standing(g: Stages) -> list[Alarm]:
         *(alarm for bearing in g.bearings for alarm in bearing.standing()),
         *g.readings.standing(),
         *g.oil.standing(),
+        *g.added.standing(),
         *g.voting.standing(),
         *g.speed_high.standing(),
         *g.speed_check.standing(),

@@ -57,6 +57,7 @@ def _reset(g: Stages, request: CommandRequest, situation: Situation) -> RequestA
         + [reason for bearing in g.bearings for reason in bearing.reset()]
     )
     left += g.speed_high.reset(g.acquire.speed.lost)
+    left += g.added.reset()
     left += g.voting.reset(g.ballot)
     notices = g.speed_check.reset()
     g.arming.reset(left)

@@ -29,6 +29,7 @@ from firmware_py.guard.plausibility.reading_state import ReadingsState
 from firmware_py.guard.plausibility.readings import Readings
 from firmware_py.guard.plausibility.rest import Rest, RestState
 from firmware_py.guard.plausibility.speed_check import SpeedCheck, SpeedCheckState
+from firmware_py.guard.protection.added import AddedMeasures, AddedState
 from firmware_py.guard.protection.bearing import BearingGuard, BearingGuardState
 from firmware_py.guard.protection.oil import OilProtection, OilProtectionState
 from firmware_py.guard.protection.permit import Permit, PermitState, Start
@@ -95,6 +96,7 @@ class CoreState(msgspec.Struct):
     more: dict[str, ConditionState] = {}
     bearings: dict[str, BearingGuardState] = {}
     groups: dict[str, GroupState] = {}
+    added: AddedState = msgspec.field(default_factory=AddedState)
 
 
 class Stages:
@@ -137,8 +139,9 @@ class Stages:
         self.speed_high = SpeedHigh(config, SPEED_HIGH in names)
         self.speed_check, self.rest = SpeedCheck(config), Rest(config.machine)
         self.bearings = [BearingGuard(view, names) for view in others]
-        self.voting = Voting(config, names)
+        self.voting, self.added = Voting(config, names), AddedMeasures(config, names)
         owned = {SPEED_HIGH, *self.oil.state.alarms, *self.voting.owned}
+        owned |= set(self.added.set_points.states)
         owned |= {name for bearing in self.bearings for name in bearing.alarms}
         self.protection = Protection(
             self.first.config, [name for name in names if name not in owned]
@@ -189,6 +192,7 @@ class Stages:
             self.more.state,
             {bearing.name: bearing.state for bearing in self.bearings},
             self.voting.state,
+            self.added.state,
         )
 
     @state.setter
@@ -215,7 +219,7 @@ class Stages:
         for bearing in self.bearings:
             if bearing.name in state.bearings:
                 bearing.restore(state.bearings[bearing.name])
-        self.voting.state = state.groups
+        self.voting.state, self.added.state = state.groups, state.added
 
     @property
     def vibrations(self) -> list[Protection]:
@@ -225,13 +229,15 @@ class Stages:
     @property
     def set_points(self) -> list[SetPointAlarms]:
         """The set points of every measure, and their alarms."""
-        return [*(each.set_points for each in self.vibrations), self.oil.set_points]
+        others = (self.oil.set_points, self.added.set_points)
+        return [*(each.set_points for each in self.vibrations), *others]
 
     @property
     def tripped(self) -> list[str]:
         """Names of latched alarms that trip: of groups, and of measures that trip alone."""
         alone = [name for each in self.vibrations for name in each.tripped]
-        return alone + self.oil.tripped + self.speed_high.tripped + self.voting.tripped
+        alone += self.oil.tripped + self.speed_high.tripped + self.added.set_points.tripped()
+        return alone + self.voting.tripped
 
     @property
     def latched(self) -> list[str]:
@@ -244,7 +250,8 @@ class Stages:
         for vibration in self.vibrations:
             if vibration.measures(measure):
                 return vibration.ballot(measure)
-        return self.oil.ballot(measure)
+        owner = self.added if self.added.owns(measure) else self.oil
+        return owner.ballot(measure)
 
     @property
     def measures(self) -> bool:

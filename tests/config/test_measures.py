@@ -10,7 +10,8 @@ import pytest
 from firmware_py import config
 from firmware_py.config.bearings import views
 from firmware_py.config.checks_measures import oil_dangers
-from firmware_py.config.measures import Effect, JudgedWhile, groups, measures, oil, vibration
+from firmware_py.config.measure_types import Effect, JudgedWhile
+from firmware_py.config.measures import groups, measures, oil, vibration
 from firmware_py.machine.folder import shipped_names
 from firmware_py.records import Severity
 
@@ -191,3 +192,156 @@ def test_a_machine_without_oil_has_no_rows_for_it(tmp_path: Path) -> None:
     text = '[[measure]]\nname = "oil_pressure_low"\nalert = 1.0\n'
     found = faults(tmp_path, text, "kit")
     assert "no measure of that name" in found["measure[0].name"]
+
+
+ADDED = """
+[[measure]]
+name = "{name}"
+quantity = "{quantity}"
+source = "{source}"
+unit = "{unit}"
+"""
+
+
+@pytest.mark.parametrize(
+    ("quantity", "source", "unit", "more"),
+    [
+        ("peak_to_peak", "disp_x", "um", ""),
+        ("amplitude_1x", "disp_y", "um", ""),
+        ("amplitude_not_1x", "disp_y", "um", ""),
+        ("smax", "", "um", ""),
+        ("position", "", "share", ""),
+        ("rms", "acc_motor", "m/s2", ""),
+        ("velocity_rms", "acc_motor", "mm/s", "band_low_hz = 5.0"),
+        ("mean", "supply_pressure", "bar", 'sense = "window"\nalert_low = 0.1'),
+        ("reading", "oil_outlet", "degC", ""),
+        ("speed", "", "rpm", 'sense = "falling"\njudged = "armed"\ndanger = 0.5'),
+    ],
+)
+def test_every_quantity_can_be_added(
+    tmp_path: Path, quantity: str, source: str, unit: str, more: str
+) -> None:
+    text = ADDED.format(name="new", quantity=quantity, source=source, unit=unit)
+    row = measures(changed(tmp_path, f"{text}alert = 1.0\n{more}\n"))[-1]
+    assert (row.name, row.kind, row.unit) == ("new", quantity, unit)
+    assert row.points[0].alarm == "new_alert"
+    assert row.capped is (quantity in ("peak_to_peak", "smax"))
+
+
+WRONG = """
+[[measure]]
+name = "a"
+quantity = "velocity_rms"
+source = "disp_x"
+unit = "mm/s"
+alert = 1.0
+[[measure]]
+name = "b"
+quantity = "reading"
+source = "oil_outlet"
+unit = "bar"
+alert = 1.0
+[[measure]]
+name = "c"
+quantity = "peak_to_peak"
+source = "disp_q"
+unit = "um"
+[[measure]]
+name = "d"
+quantity = "reading"
+source = "metal"
+unit = "degC"
+alert = 80.0
+danger = 70.0
+[[measure]]
+name = "e"
+quantity = "smax"
+source = "nde"
+unit = "um"
+sense = "falling"
+alert = 10.0
+danger = 20.0
+[[measure]]
+name = "f"
+quantity = "speed"
+source = "mark"
+unit = "rpm"
+sense = "window"
+alert_low = 3000.0
+danger_low = 3500.0
+alert = 2000.0
+from_rpm = 5000.0
+to_rpm = 4000.0
+[[measure]]
+name = "g"
+quantity = "velocity_rms"
+source = "acc_motor"
+unit = "mm/s"
+danger = 100.0
+band_low_hz = 900.0
+[[measure]]
+name = "h"
+quantity = "mean"
+source = "supply_pressure"
+unit = "bar"
+danger = 400.0
+danger_low = 1.0
+[[measure]]
+name = "i"
+quantity = "amplitude_1x"
+source = "disp_x"
+unit = "um"
+danger = 600.0
+[[measure]]
+name = "disp_x"
+quantity = "peak_to_peak"
+source = "disp_x"
+unit = "um"
+alert = 10.0
+[[measure]]
+name = "disp_y"
+source = "disp_y"
+to_rpm = 100.0
+"""
+
+
+def test_an_added_measure_that_cannot_be_is_refused_all_at_once(tmp_path: Path) -> None:
+    found = faults(tmp_path, WRONG)
+    words = {
+        "measure[0].source": "a channel of displacement has no velocity_rms, only acceleration",
+        "measure[1].unit": "reading of oil_outlet is in degC",
+        "measure[2].source": "no channel of that name",
+        "measure[2].danger": "neither alert nor danger",
+        "measure[3].source": "no slow reading of that name",
+        "measure[3].danger": "not above alert (80); part them",
+        "measure[4].source": "no bearing of that name, there are: only one, without a name",
+        "measure[4].danger": "not below alert (10); part them",
+        "measure[5].source": "the speed is that of the mark",
+        "measure[5].danger": "a window has two ends",
+        "measure[5].alert_low": "not above danger_low (3500)",
+        "measure[5].alert": "not above alert_low (3000)",
+        "measure[5].from_rpm": "not below to_rpm (4000)",
+        "measure[6].danger": "its peak times 5 is 888.6 m/s2, acc_motor shows up to 195",
+        "measure[6].band_low_hz": "above 500 Hz",
+        "measure[7].danger": "what supply_pressure shows",
+        "measure[7].danger_low": "write sense = window",
+        "measure[8].danger": "what disp_x can show",
+        "measure[9].name": "is there already",
+        "measure[10].source": "belongs to an added measure",
+        "measure[10].to_rpm": "belongs to an added measure",
+    }
+    assert set(found) == set(words)
+    assert {key: text for key, text in words.items() if text not in found[key]} == {}
+
+
+def test_a_bearing_without_a_clearance_has_no_position(tmp_path: Path) -> None:
+    rig = tmp_path / "kit"
+    shutil.copytree(config.SHIPPED / "kit", rig)
+    device, machine = rig / "device.toml", rig / "machine.toml"
+    lines = machine.read_text().splitlines()
+    machine.write_text("\n".join(x for x in lines if "radial_clearance" not in x) + "\n")
+    text = ADDED.format(name="p", quantity="position", source="", unit="share")
+    device.write_text(device.read_text().replace("clearance_share", "# share") + text)
+    device.write_text(device.read_text() + "alert = 0.5\n")
+    with pytest.raises(config.ConfigError, match="the clearance of the bearing is not known"):
+        config.load(rig)

@@ -44,7 +44,7 @@ class BearingGuard:
         self._protection = Protection(view.config, [n for n in latched if n in dangers])
         self._pair = PairCheck(view.config, view.name)
         nominal_um = machine.bearing.radial_clearance_nominal_um
-        self._cap_um = nominal_um if has(machine, CLEARANCE) else float("inf")
+        self.cap_um = nominal_um if has(machine, CLEARANCE) else float("inf")
 
     @property
     def state(self) -> BearingGuardState:
@@ -59,7 +59,7 @@ class BearingGuard:
     def step(self, blocks: list[Block], oil_C: float | None) -> list[Notice]:
         """Judge its channels of new blocks; ``oil_C`` is None where the outlet is not known."""
         own, notices = [self._view.block(block) for block in blocks], list[Notice]()
-        notices += self._protection.step(own, self._cap_um)
+        notices += self._protection.step(own, self.cap_um)
         facts = self._pair.drawn(oil_C)
         for block in own:
             notices += self._pair.step(block, facts, max(self.peak_to_peak_um) * 1e-6)

@@ -15,17 +15,8 @@ from typing import Final
 import msgspec
 
 from firmware_py.config import Config
-from firmware_py.config.measures import (
-    OUTLET_HIGH,
-    OUTLET_LOW,
-    PRESSURE_LOW,
-    Effect,
-    JudgedWhile,
-    Measure,
-    SetPoint,
-    oil,
-    voted,
-)
+from firmware_py.config.measure_types import Effect, JudgedWhile, Measure, SetPoint
+from firmware_py.config.measures import OUTLET_HIGH, OUTLET_LOW, PRESSURE_LOW, oil, voted
 from firmware_py.guard.alarms.alarm import AlarmState, Notice
 from firmware_py.guard.plausibility.reading_state import OilEvidence
 from firmware_py.guard.protection.set_points import Ballot, SetPointAlarms

@@ -4,9 +4,10 @@ limit, latches, trips, and is kept over a restart."""
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from math import inf
 from typing import NamedTuple
 
-from firmware_py.config.measures import Effect, Measure, SetPoint
+from firmware_py.config.measure_types import Effect, Measure, SetPoint
 from firmware_py.guard.alarms.alarm import QUIET_NS, AlarmState
 from firmware_py.records import Severity
 
@@ -18,6 +19,16 @@ class Ballot(NamedTuple):
     ok: bool
     danger: bool
     said: str
+
+
+def in_force(measure: Measure, *, factor: float = 1.0, cap: float = inf) -> list[float]:
+    """Set points as they hold now: multiplied, and where they are capped the highest at most
+    ``cap``, the others with it."""
+    limits = [point.limit * factor for point in measure.points]
+    if not measure.capped:
+        return limits
+    capped = min(limits[-1], cap)
+    return [*(each * (capped / limits[-1]) for each in limits[:-1]), capped]
 
 
 class SetPointAlarms:
@@ -84,9 +95,15 @@ class SetPointAlarms:
         """
         limit = point.limit if limit is None else limit
         alarm = self.states[point.alarm]
+        bad, most = measure.sign * (value - measure.reference), limit - measure.reference
+        most = measure.sign * most
+        if point.low is not None:  # a window: how far from its middle
+            middle = 0.5 * (limit + point.low)
+            bad, most = abs(value - middle), limit - middle
+            limit = limit if value >= middle else point.low
         began = alarm.judge(
-            measure.sign * (value - measure.reference),
-            measure.sign * (limit - measure.reference),
+            bad,
+            most,
             t_ns,
             delay_ns=point.delay_ns,
             hysteresis=measure.hysteresis,
@@ -95,6 +112,13 @@ class SetPointAlarms:
         )
         alarm.value, alarm.limit = value, limit
         return began
+
+    def leave(self, alarm: AlarmState, t_ns: int) -> None:
+        """A set point is not to be judged now: its timer begins anew, and its alarm ends unless it
+        is latched."""
+        alarm.hold(t_ns)
+        alarm.forget()
+        alarm.standing = alarm.standing and alarm.latching
 
     # ------------------------------------------------------------------ what stands now
 
@@ -131,6 +155,7 @@ class SetPointAlarms:
         """What is passed, for people: value, set point, and the place of the key."""
         measure, point, alarm = self.measures[name], self.points[name], self.states[name]
         side = "above" if measure.sign > 0.0 else "below"
+        side = side if point.low is None else "outside"
         word = point.severity.name.lower()
         return (
             f"{measure.name} ({measure.quantity}) {alarm.value:.4g} {measure.unit}, {word} {side} "

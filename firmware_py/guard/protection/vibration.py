@@ -20,7 +20,8 @@ from typing import Final
 import msgspec
 
 from firmware_py.config import Config
-from firmware_py.config.measures import Measure, vibration, voted
+from firmware_py.config.measure_types import Measure
+from firmware_py.config.measures import vibration, voted
 from firmware_py.guard.alarms.alarm import AlarmState, Notice
 from firmware_py.guard.measurement.motion import (
     DISPLACEMENTS,
@@ -30,7 +31,7 @@ from firmware_py.guard.measurement.motion import (
     watched,
 )
 from firmware_py.guard.protection.permit import UNREADABLE, UNREADABLE_TEXT
-from firmware_py.guard.protection.set_points import Ballot, SetPointAlarms
+from firmware_py.guard.protection.set_points import Ballot, SetPointAlarms, in_force
 from firmware_py.records import N_CHANNELS, Alarm, Block, ChannelCause, Severity, cause_of
 
 ZONES: Final = (("A", 4800.0), ("B", 9000.0), ("C", 13200.0))
@@ -218,11 +219,8 @@ class Protection:
 
     def _limits(self, row: Measure, clearance_um: float) -> tuple[float, float]:
         """Alert and danger in force: of a displacement at most a share of the clearance."""
-        alert, danger = (point.limit for point in row.points)
-        if not row.capped:
-            return alert, danger
-        capped = min(danger, self._share * clearance_um)
-        return alert * (capped / danger), capped
+        alert, danger = in_force(row, cap=self._share * clearance_um)
+        return alert, danger
 
     # ------------------------------------------------------------------ one block
 

@@ -13,7 +13,8 @@ from collections.abc import Callable, Iterable
 import msgspec
 
 from firmware_py.config import Config
-from firmware_py.config.measures import VOTES, Effect, Group, groups
+from firmware_py.config.measure_types import VOTES, Effect, Group
+from firmware_py.config.measures import groups
 from firmware_py.guard.alarms.alarm import AlarmState, Notice
 from firmware_py.guard.alarms.condition import Condition, ConditionState
 from firmware_py.guard.protection.set_points import Ballot

@@ -12,7 +12,7 @@ import msgspec
 import pytest
 
 from firmware_py.config import SHIPPED, Config, load
-from firmware_py.config.measures import Effect, Group
+from firmware_py.config.measure_types import Effect, Group
 from firmware_py.guard.protection.set_points import Ballot
 from firmware_py.guard.protection.voting import GroupState, GroupVote
 from firmware_py.guard.state import CoreState
