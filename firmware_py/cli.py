@@ -53,6 +53,7 @@ SUMMARIES = (
     ("bound", "how much power any control could save on a duty"),
     ("replay", "run a recording again and compare every decision"),
     ("install", "install or remove the systemd units"),
+    ("build", "make the models of a machine from its rig folder (extra `train`)"),
     ("dataset", "what is read of a folder of recordings, and what is wrong (extra `train`)"),
     ("train", "train a model (extra `train`)"),
     ("evaluate", "judge a model on builds and duties drawn from a seed (extra `train`)"),
@@ -68,6 +69,7 @@ EXTRA_OF = {
     "gymnasium": "sim",
     "numba": "sim",
     "scipy": "sim",
+    "distributed": "spread",
     "matplotlib": "train",
     "onnx": "train",
     "sklearn": "train",
@@ -178,7 +180,9 @@ def _fail_of_system(name: str, error: OSError) -> int:
 def _extra(point: importlib.metadata.EntryPoint, error: ModuleNotFoundError) -> str:
     """Which extra brings what ``point`` misses."""
     missing = (error.name or "").partition(".")[0]
-    extra = "train" if point.module.partition(".")[0] == "models" else EXTRA_OF.get(missing)
+    extra = EXTRA_OF.get(missing)
+    if point.module.partition(".")[0] == "models" and extra != "spread":
+        extra = "train"
     if missing in ("firmware_py", "sim_hil", "models") or extra is None:
         return "install orbitd again"
     return f"install the extra: pip install 'orbitd[{extra}]'"

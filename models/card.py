@@ -10,13 +10,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import msgspec
-
 from firmware_py.brain.store import STATUS_TEXT
 from models import PHYSICS_VERSION
 from models.diagnosis.real_figures import REAL_SENTENCE
 from models.manifest import write_whole
-from models.runs import TrainingRun
+from models.runs import TrainingRun, without_places
 
 _FROZEN = "## Frozen evaluation"
 
@@ -164,7 +162,7 @@ DATA = {
 
 def write(run: TrainingRun, report: Mapping[str, object], prose: Prose) -> None:
     """Write ``<kind>.md``, the model card, and ``data.md``, the data card, beside the model."""
-    settings = json.dumps(msgspec.to_builtins(run.settings), indent=2, sort_keys=True)
+    settings = json.dumps(without_places(run.settings), indent=2, sort_keys=True)
     lines = [
         f"# {prose.title}",
         "",

@@ -69,7 +69,7 @@ def actor(folder: Path, report: dict[str, Any]) -> None:
     agent's power."""
     with (folder / "metrics.csv").open(encoding="utf-8") as stream:
         logged = list(csv.DictReader(stream))
-    for board in ("clearance", "pair"):
+    for board in (each for each in ("clearance", "pair") if each in report):
         rows = np.array(
             [
                 [float(row[k]) for k in ("agent", "step", "return")]

@@ -12,7 +12,7 @@ import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, Final, TypeVar
 
 import msgspec
 import numpy as np
@@ -32,6 +32,9 @@ from models import checkpoint
 class SettingsError(ValueError):
     """The training settings cannot be used; the text names file, key and next step."""
 
+
+PLACES: Final = ("rig", "surrogate")
+"""Settings that name a folder or a file."""
 
 Count = Annotated[int, msgspec.Meta(ge=1)]
 """How many; none is refused."""
@@ -60,6 +63,17 @@ def load_settings(kind: type[S], path: Path | None) -> S:
         raise SettingsError(f"{path}: {error}; known keys: {known}") from error
 
 
+def without_places(settings: object) -> dict[str, Any]:
+    """Settings as they are told: a file or folder by its own name, for runs and cards travel."""
+    told: dict[str, Any] = {}
+    for key, value in msgspec.to_builtins(settings).items():
+        if isinstance(value, dict):
+            told[key] = without_places(value)
+        else:
+            told[key] = Path(str(value)).name if key in PLACES and value else value
+    return told
+
+
 class TrainingRun:
     """One training: folder ``out/<kind>-seed<seed>``.
 
@@ -76,6 +90,8 @@ class TrainingRun:
         settings.
     config
         The file that the settings came from, for the line that reproduces the run.
+    command
+        That line itself, where this run is a part of another command.
     """
 
     def __init__(
@@ -88,6 +104,7 @@ class TrainingRun:
         smoke: bool,
         resume: bool = False,
         config: Path | None = None,
+        command: str = "",
     ) -> None:
         self.kind, self.seed, self.settings, self.smoke, self._config = (
             kind,
@@ -96,12 +113,13 @@ class TrainingRun:
             smoke,
             config,
         )
+        self._command = command
         self.folder = out / f"{kind}-seed{seed}{'-smoke' if smoke else ''}"
         self.folder.mkdir(parents=True, exist_ok=True)
         self._board: Any = None
         self._logged = 0
         self._started = time.monotonic()
-        content = {"model": kind, "seed": seed, "smoke": smoke, **msgspec.to_builtins(settings)}
+        content = {"model": kind, "seed": seed, "smoke": smoke, **without_places(settings)}
         if resume:
             self._check_same(content)
         else:
@@ -134,6 +152,8 @@ class TrainingRun:
     @property
     def command(self) -> str:
         """Exact line that reproduces this run."""
+        if self._command:
+            return self._command
         config = f" --config {self._config}" if self._config else ""
         return (
             f"orbitd train {self.kind} --seed {self.seed}{config}{' --smoke' if self.smoke else ''}"

@@ -49,6 +49,9 @@ def _parser() -> argparse.ArgumentParser:
         "--window-s", type=window_seconds, help="with --data: length of a window (default: 1)"
     )
     parser.add_argument(
+        "--rig", metavar="NAME_OR_FOLDER", help="machine to train for (default: as in the settings)"
+    )
+    parser.add_argument(
         "--out", type=Path, default=Path("runs"), help="folder for the run (default: runs)"
     )
     parser.add_argument(
@@ -82,6 +85,8 @@ def _train(args: argparse.Namespace) -> dict[str, object]:
     )  # brings torch: only the one asked for
     settings = load_settings(trainer.SETTINGS, args.config)
     settings = settings.smoked() if args.smoke else settings
+    if args.rig and "rig" in settings.__struct_fields__:
+        settings = msgspec.structs.replace(settings, rig=args.rig)
     if args.data:
         settings = msgspec.structs.replace(
             settings,

@@ -243,8 +243,19 @@ def load_model(kind: str, config: Config, layers: Sequence[Path] = ()) -> Model:
     ModelMissingError, ModelTrustError, ModelUnfitError
         See their docstrings.
     """
+    data, by = _file(config, layers, KINDS[kind])
+    return model_of(kind, data, config, by)
+
+
+def model_of(kind: str, data: bytes, config: Config, by: str = "") -> Model:
+    """The model ``kind`` in the bytes ``data``, for which ``by`` vouches, where it fits.
+
+    Raises
+    ------
+    ModelUnfitError
+        It does not; every reason.
+    """
     name = KINDS[kind]
-    data, by = _file(config, layers, name)
     session = Session(name, data)
     card = read_card(name, session.metadata)
     _check_fit(kind, name, card, session, config)

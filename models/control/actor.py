@@ -8,6 +8,7 @@ pressure.
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -50,7 +51,7 @@ def train(run: TrainingRun, settings: ActorSettings) -> dict[str, object]:
     does, and DDPG stands beside it.
     """
     report: dict[str, Any] = {"reproduce": run.command}
-    for pressure in (False, True):
+    for pressure in (False, True)[: 1 + settings.pair]:
         board = settings.board(pressure=pressure)
         learned, found = learned_and_judged(run, settings, board)
         report[board_name(board)] = found
@@ -71,16 +72,15 @@ def learned_and_judged(
     learned = learn_all(run, settings, board)
     trained_s = run.kept(f"{name}-seconds", lambda: round(time.monotonic() - started, 1))
     agents: list[SettingPolicy] = [OfModule(agent) for agent in learned.agents]
-    policies = {**learned.policies(), **rivals(board), **predictive(board)}
+    policies = {**learned.policies(), **rivals(board)}
+    if settings.predictive:
+        policies |= predictive(board)
     near = {name: policy for name, policy in policies.items() if name in ELSEWHERE}
     bench = run.kept(f"{name}-bench", partial(_bench, board, settings, run.seed, run.folder.parent))
+    bench = replace(bench, board=board)  # the folder of the rig may have moved since
     report = run.kept(f"{name}-judged", partial(judge, bench, policies, agents, settings.workers))
-    report["as_drawn"] = run.kept(f"{name}-drawn", partial(as_drawn, bench, near, settings.workers))
-    machine = partial(on_machine, bench, near, settings.machine_episodes, settings.workers)
-    report["whole_machine"] = run.kept(f"{name}-machine", machine)
-    if not board.pressure:
-        direct = partial(directly, bench, near, settings.direct_episodes, settings.workers)
-        report["direct_reynolds"] = run.kept(f"{name}-direct", direct)
+    if settings.elsewhere:
+        report |= _elsewhere(run, settings, bench, near)
     training = {"steps": settings.ddpg.steps, "agents": settings.seeds, "seconds": trained_s}
     return learned, report | {
         "shipped": _better(report),
@@ -89,7 +89,24 @@ def learned_and_judged(
     }
 
 
-def evaluate(path: Path, seed: int, size: int | None, out: Path) -> dict[str, object]:
+def _elsewhere(
+    run: TrainingRun, settings: ActorSettings, bench: Bench, near: dict[str, SettingPolicy]
+) -> dict[str, Any]:
+    """Policies where machines are known by their drawing alone, and on nearer plants."""
+    board, report = bench.board, {}
+    name = board_name(board)
+    report["as_drawn"] = run.kept(f"{name}-drawn", partial(as_drawn, bench, near, settings.workers))
+    machine = partial(on_machine, bench, near, settings.machine_episodes, settings.workers)
+    report["whole_machine"] = run.kept(f"{name}-machine", machine)
+    if not board.pressure:
+        direct = partial(directly, bench, near, settings.direct_episodes, settings.workers)
+        report["direct_reynolds"] = run.kept(f"{name}-direct", direct)
+    return report
+
+
+def evaluate(
+    path: Path, seed: int, size: int | None, out: Path, settings: ActorSettings | None = None
+) -> dict[str, object]:
     """The policy in ``path``, and those in the files beside it, with their rivals on the episodes
     of ``seed``.
 
@@ -98,7 +115,7 @@ def evaluate(path: Path, seed: int, size: int | None, out: Path) -> dict[str, ob
     model-predictive choice, which takes longer than everything else together, stands in the report
     of the training.
     """
-    settings = ActorSettings()
+    settings = settings or ActorSettings()
     settings = settings if size is None else msgspec.structs.replace(settings, judged_episodes=size)
     board = settings.board(pressure=len(OfFile(path).outputs) > 1)
     beside = {name: path.with_name(f"{path.stem}_{name}.onnx") for name in ("ddpg", "lookup")}

@@ -46,6 +46,12 @@ class ActorSettings(TrainerSettings, frozen=True):
     machine_episodes: int = 10
     direct_episodes: int = 10
     workers: int = 2
+    pair: bool = True
+    """Whether the supply pressure is learned beside the clearance, on a second board."""
+    predictive: bool = True
+    """Whether the model-predictive choice is played, twenty times slower than the others."""
+    elsewhere: bool = True
+    """Whether some are also played on the whole machine, on direct Reynolds, and as drawn."""
 
     def smoked(self) -> ActorSettings:
         """The same training in some seconds."""

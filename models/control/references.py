@@ -43,18 +43,19 @@ def reference_powers(
     name = f"{rig.name}-{rig.digest}-{board.seconds:g}s{'-pair-supplied' if board.pressure else ''}"
     folder = out / f"references-{name}-physics{PHYSICS_VERSION}"
     folder.mkdir(parents=True, exist_ok=True)
-    found = []
-    for done, power in enumerate(map_in_order(partial(_kept, folder, board), seeds, workers), 1):
-        found.append((power.preview_W, power.causal_W))
-        progress(done)
-    preview, causal = np.array(found, dtype=np.float64).T
+    paths = {seed: folder / f"{seed}.json" for seed in seeds}
+    missing = [seed for seed, path in paths.items() if not path.exists()]
+    progress(len(paths) - len(missing))
+    made = map_in_order(partial(_reference, board), missing, workers)
+    for done, (seed, power) in enumerate(zip(missing, made, strict=True), 1):
+        write_whole(paths[seed], msgspec.json.encode(power))
+        progress(len(paths) - len(missing) + done)
+    kept = [msgspec.json.decode(p.read_bytes(), type=ReferencePower) for p in paths.values()]
+    preview, causal = np.array([(p.preview_W, p.causal_W) for p in kept], dtype=np.float64).T
     return preview, causal
 
 
-def _kept(folder: Path, board: Board, seed: int) -> ReferencePower:
-    path = folder / f"{seed}.json"
-    if path.exists():
-        return msgspec.json.decode(path.read_bytes(), type=ReferencePower)
+def _reference(board: Board, seed: int) -> ReferencePower:
     _, found = episode_references(
         seed,
         rig=board.rig,
@@ -62,9 +63,7 @@ def _kept(folder: Path, board: Board, seed: int) -> ReferencePower:
         spacing_um=max(1, round(1e6 * SPACING * float(np.ptp(board.reach[:, 0])))),
         pressures_Pa=settings_Pa(board.data) if board.pressure else None,
     )
-    power = ReferencePower(_power(found.preview), _power(found.causal))
-    write_whole(path, msgspec.json.encode(power))
-    return power
+    return ReferencePower(_power(found.preview), _power(found.causal))
 
 
 def _power(reference: ReferenceRun | None) -> float | None:

@@ -58,6 +58,7 @@ class ClassifierSettings(TrainerSettings, frozen=True):
     false_alarm_rate: float = 1e-5
     folds: int = 5
     workers: int = 2
+    keep_samples: bool = True
 
     def smoked(self) -> ClassifierSettings:
         """The same training in some seconds."""
@@ -99,7 +100,7 @@ def train(run: TrainingRun, settings: ClassifierSettings) -> dict[str, object]:
     plan = RecordingPlan(
         settings.rig, run.seed, settings.rate_hz, settings.seconds, recordings.training_cases
     )
-    look = WindowSampling(WINDOWS, settings.raw_builds)
+    look = WindowSampling(WINDOWS, settings.raw_builds, settings.keep_samples)
     views = views_of(out, plan, settings.builds, settings.workers, look)
     views.orders.check()
     outer, inner = _split(views, settings.inner_share, rng)
@@ -192,7 +193,7 @@ def _export(
         inputs=FEATURE_NAMES,
         units=(),
         outputs=("heads", "score", "drivers", "normal", "departures"),
-        rate_hz=RATES_HZ,
+        rate_hz=sorted({*RATES_HZ, settings.rate_hz}),
         window=WINDOW_LAYOUT,
         rigs=(settings.rig,),
         domain={},
@@ -222,11 +223,16 @@ def _export(
 
 
 def evaluate(
-    path: Path, seed: int, size: int | None, out: Path, rate_hz: int = 5000
+    path: Path,
+    seed: int,
+    size: int | None,
+    out: Path,
+    rate_hz: int = 5000,
+    settings: JudgeSettings | None = None,
 ) -> dict[str, object]:
     """Judge the model in ``path`` on builds, duties and noise that follow from ``seed``; ``size``
     builds."""
-    settings = JudgeSettings(rate_hz=rate_hz)
+    settings = settings or JudgeSettings(rate_hz=rate_hz)
     if size is not None:
         settings = msgspec.structs.replace(
             settings,
@@ -238,7 +244,14 @@ def evaluate(
         )
     answers = of_file(path)
     known = commissioning.judge(
-        path, settings.rig, rate_hz, settings.commissioned_builds, settings.workers, seed, out
+        path,
+        settings.rig,
+        settings.rate_hz,
+        settings.commissioned_builds,
+        settings.workers,
+        seed,
+        out,
+        settings.keep_samples,
     )
     return {
         "unseen_builds": judge(answers, limits_of(path), settings, seed, out),

@@ -52,7 +52,14 @@ def commissioned_cases(rng: np.random.Generator) -> list[RecordingCase]:
 
 
 def judge(
-    path: Path, rig: str, rate_hz: int, builds: int, workers: int, seed: int, out: Path
+    path: Path,
+    rig: str,
+    rate_hz: int,
+    builds: int,
+    workers: int,
+    seed: int,
+    out: Path,
+    keep_samples: bool = True,
 ) -> dict[str, object]:
     """Figures after so many operating points of commissioning; builds follow from ``seed``.
 
@@ -64,13 +71,13 @@ def judge(
         The file in ``path`` carries no statistics of healthy machines.
     """
     plan = RecordingPlan(rig, SEED + seed, rate_hz, JUDGED_SECONDS, commissioned_cases)
-    settings = _settings(path)
+    settings, look = _settings(path), WindowSampling(keep_samples=keep_samples)
     if "normal" not in settings:
         raise own.NormalError(
             f"{path.name}: carries no statistics of healthy machines; train it again"
         )
     prior, limits = msgspec.convert(settings["normal"], own.Prior), VerdictLimits.of(settings)
-    every = views_of(out, plan, builds, workers, WindowSampling()).orders
+    every = views_of(out, plan, builds, workers, look).orders
     fleet = alarms.find(of_file(path), every, None)
     (white,) = export.session(path).run(
         ["normal"], {"features": fleet.rows.features.astype(np.float32)}

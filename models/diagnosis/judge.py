@@ -50,6 +50,7 @@ class JudgeSettings(TrainerSettings, frozen=True):
     commissioned_builds: int = 40
     other_rate_builds: int = 40
     workers: int = 2
+    keep_samples: bool = True
 
 
 def of_module(module: DiagnosisGraph) -> Answers:
@@ -150,8 +151,9 @@ def _views(
     out: Path,
     raw_builds: int = 0,
 ) -> Views:
+    look = WindowSampling(raw_builds=raw_builds, keep_samples=settings.keep_samples)
     plan = RecordingPlan(settings.rig, JUDGE_SEED + seed, settings.rate_hz, seconds, draw)
-    return views_of(out, plan, builds, settings.workers, WindowSampling(raw_builds=raw_builds))
+    return views_of(out, plan, builds, settings.workers, look)
 
 
 def decisions_of(answers: Answers, data: Dataset, windows: int = WINDOWS) -> Decisions:

@@ -37,6 +37,8 @@ class LadderSettings(TrainerSettings, frozen=True):
     paper_hidden: int = 20
     paper_iterations: int = 40
     epochs: int = 30
+    waveforms: bool = True
+    """Whether the rungs on raw samples are climbed, which the device cannot run."""
 
 
 @dataclass(frozen=True)
@@ -71,10 +73,11 @@ def climb(
         ("logistic regression, order features and ringing", ALL_FEATURES),
     ):
         rungs.append(_heads_rung(name, columns, 0, outer, inner, settings, seed))
-    for name, view, columns_or_none in (
+    papers: list[tuple[str, str, NDArray[np.bool_] | None]] = [
         (f"paper's network, raw 800 points at {rate_hz} Hz", "raw", None),
         ("paper's network, order features over 32 turns", "orders", ORDER_FEATURES),
-    ):
+    ]
+    for name, view, columns_or_none in papers[not settings.waveforms :]:
         with progress_bar(name, settings.paper_iterations) as bar:
             paper = PaperNetwork.fit(
                 getattr(outer, view),
@@ -86,15 +89,8 @@ def climb(
                 bar,
             )
         rungs.append(_paper_rung(name, view, paper))
-    with progress_bar("1-D CNN on 32 turns", settings.epochs) as bar:
-        waves = fit_waveforms(outer.waves, inner.waves, settings.epochs, seed, bar)
-    rungs.append(
-        Rung(
-            "1-D CNN, waveforms of 32 turns",
-            lambda v: waveform_probability(waves, v.waves.features),
-            "waves",
-        )
-    )
+    if settings.waveforms:
+        rungs.append(_waveform_rung(outer, inner, settings, seed))
     for name, columns, hidden in (
         ("logistic regression, own features of each head", OWN_FEATURES, 0),
         (f"network-{settings.hidden}, order features and ringing", ALL_FEATURES, settings.hidden),
@@ -107,6 +103,16 @@ def climb(
         rungs.append(_heads_rung(name, columns, hidden, outer, inner, settings, seed))
     rungs.append(_mean_rung(rungs[-1], OWN_FEATURES, outer, inner, settings, seed))
     return rungs
+
+
+def _waveform_rung(outer: Views, inner: Views, settings: LadderSettings, seed: int) -> Rung:
+    with progress_bar("1-D CNN on 32 turns", settings.epochs) as bar:
+        waves = fit_waveforms(outer.waves, inner.waves, settings.epochs, seed, bar)
+    return Rung(
+        "1-D CNN, waveforms of 32 turns",
+        lambda v: waveform_probability(waves, v.waves.features),
+        "waves",
+    )
 
 
 def _paper_rung(name: str, view: str, paper: PaperNetwork) -> Rung:

@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import hashlib
 import inspect
+import io
+import shutil
 import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass, fields
@@ -38,10 +40,10 @@ from firmware_py.machine.folder import find
 from firmware_py.records import Quality
 from models.diagnosis.data_cache import folder_of, load, make_recordings
 from models.diagnosis.dataset import Dataset, DatasetError, join, pooled
-from models.diagnosis.recordings import Raw, RecordingPlan
+from models.diagnosis.recordings import Raw, RecordingPlan, record_build
+from models.manifest import write_whole
 from models.runs import progress_bar
 from models.workers import map_in_order
-from sim_hil.whole_file import whole_file
 
 ALL_OK: Final = 0xFF
 """Bits of all channels of the standard instrumentation."""
@@ -66,6 +68,8 @@ class WindowSampling:
 
     windows: int = 1
     raw_builds: int = 0
+    keep_samples: bool = True
+    """Whether the recordings stay on disk, to be looked at again in another way."""
 
 
 def views_of(
@@ -79,18 +83,56 @@ def views_of(
     )
     if path.exists():
         return _read(path)
-    with progress_bar(f"recordings of {builds} builds", builds) as bar:
-        files = make_recordings(out, plan, builds, workers, bar)
-    with progress_bar(f"features of {builds} builds", builds) as bar:
-        views = _analysed(files, plan.rig, look, workers, bar)
+    if look.keep_samples:
+        with progress_bar(f"recordings of {builds} builds", builds) as bar:
+            files = make_recordings(out, plan, builds, workers, bar)
+        with progress_bar(f"features of {builds} builds", builds) as bar:
+            views = _analysed(files, plan.rig, look, workers, bar)
+    else:
+        with progress_bar(f"recordings of {builds} builds", builds) as bar:
+            views = _heard(path, plan, builds, look, workers, bar)
+    write_whole(path, _packed(views))
+    shutil.rmtree(path.with_suffix(""), ignore_errors=True)
+    return views
+
+
+def _heard(
+    path: Path,
+    plan: RecordingPlan,
+    builds: int,
+    look: WindowSampling,
+    workers: int,
+    progress: Callable[[int], None],
+) -> Views:
+    """Views of builds that are recorded and looked at in one go; each is kept beside ``path``
+    until all are there."""
+    parts = path.with_suffix("")
+    parts.mkdir(parents=True, exist_ok=True)
+    files = [parts / f"{number:05d}.npz" for number in range(builds)]
+    missing = [number for number, file in enumerate(files) if not file.exists()]
+    progress(builds - len(missing))
+    made = map_in_order(partial(_recorded_views, plan, look), missing, workers)
+    for done, (number, content) in enumerate(zip(missing, made, strict=True), 1):
+        write_whole(files[number], content)
+        progress(builds - len(missing) + done)
+    return joined_views([_read(file) for file in files])
+
+
+def _recorded_views(plan: RecordingPlan, look: WindowSampling, build: int) -> bytes:
+    """One build, on any computer."""
+    return _packed(_looked_at(record_build(plan, build), look, plan.rig, build))
+
+
+def _packed(views: Views) -> bytes:
+    """The bytes of a file of ``views``."""
+    stream = io.BytesIO()
     columns = {
         f"{view.name}_{column.name}": getattr(getattr(views, view.name), column.name)
         for view in fields(Views)
         for column in fields(Dataset)
     }
-    with whole_file(path) as stream:
-        np.savez(stream, **columns)
-    return views
+    np.savez(stream, **columns)
+    return stream.getvalue()
 
 
 def per_decision(views: Views) -> Views:
@@ -134,9 +176,12 @@ def _analysed(
 
 
 def _views_of_build(look: WindowSampling, rig: str, file: Path) -> Views:
-    build = int(file.stem.partition("-")[2])
+    return _looked_at(load(file), look, rig, int(file.stem.partition("-")[2]))
+
+
+def _looked_at(recordings: list[Raw], look: WindowSampling, rig: str, build: int) -> Views:
     views = joined_views(
-        [_views(raw, rig, build, 100 * build + i) for i, raw in enumerate(load(file))]
+        [_views(raw, rig, build, 100 * build + i) for i, raw in enumerate(recordings)]
     )
     orders = pooled(views.orders, look.windows) if look.windows > 1 else views.orders
     raw_rows = slice(None) if build < look.raw_builds else slice(0)

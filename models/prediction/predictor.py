@@ -24,7 +24,7 @@ from firmware_py.brain.intervals import IntervalFactors
 from firmware_py.brain.made_for import figures_of
 from firmware_py.brain.measurement import Errors, Instruments, Measured, information
 from firmware_py.brain.prediction import Predictor
-from firmware_py.brain.store import Model, load_model
+from firmware_py.brain.store import Model, load_model, model_of
 from firmware_py.config import Config
 from firmware_py.machine.contact import contact_volt
 from firmware_py.machine.folder import find
@@ -54,6 +54,8 @@ class PredictorSettings(TrainerSettings, frozen=True):
     """What ``orbitd train predictor`` does; every key may stand in the ``--config`` file."""
 
     rig: str = "bench"
+    surrogate: str = ""
+    """File of the film surrogate that forecasts; empty: the one that the device uses."""
     episodes: int = 2400
     judged_episodes: int = 80
     workers: int = 2
@@ -92,15 +94,16 @@ def train(run: TrainingRun, settings: PredictorSettings) -> dict[str, object]:
     """Hear the training episodes, fit, judge on a few others; returns the report that is written
     beside the factors."""
     started = time.monotonic()
+    film = Path(settings.surrogate).read_bytes() if settings.surrogate else None
     parts = [
         run.kept(
             f"episodes-{numbers.start}",
-            partial(hear, settings.rig, run.seed, numbers, settings.workers),
+            partial(hear, settings.rig, run.seed, numbers, settings.workers, film),
         )
         for numbers in _chunks(settings.episodes)
     ]
     heard = {state: join([part[state] for part in parts]) for state in STATES}
-    config, surrogate = brain(settings.rig)
+    config, surrogate = brain(settings.rig, film)
     fitted = Fitted(
         factors={state: conformal(said) for state, said in heard.items()},
         rival_widths={
@@ -126,9 +129,10 @@ def train(run: TrainingRun, settings: PredictorSettings) -> dict[str, object]:
     )
     numbers = range(settings.judged_episodes)
     fresh = run.kept(
-        "judged", partial(hear, settings.rig, JUDGE_SEED + run.seed, numbers, settings.workers)
+        "judged",
+        partial(hear, settings.rig, JUDGE_SEED + run.seed, numbers, settings.workers, film),
     )
-    found = judge(fitted, settings.rig, run.seed, fresh)
+    found = judge(fitted, settings.rig, run.seed, fresh, film)
     found = {
         **found,
         "training": {
@@ -142,7 +146,13 @@ def train(run: TrainingRun, settings: PredictorSettings) -> dict[str, object]:
     return found
 
 
-def judge(fitted: Fitted, rig_name: str, seed: int, heard: dict[str, Said]) -> dict[str, object]:
+def judge(
+    fitted: Fitted,
+    rig_name: str,
+    seed: int,
+    heard: dict[str, Said],
+    surrogate: bytes | None = None,
+) -> dict[str, object]:
     """Every figure of the predictor on episodes ``heard`` by state, which follow from ``seed`` and
     no training saw."""
     rng = np.random.default_rng([JUDGE_SEED, seed])
@@ -153,22 +163,30 @@ def judge(fitted: Fitted, rig_name: str, seed: int, heard: dict[str, Said]) -> d
         found[state] = report(said, fitted.factors[state], widths, rng)
     return {
         **found,
-        "fisher_information": fisher(rig_name),
-        "milliseconds_16_candidates": latency_ms(rig_name),
+        "fisher_information": fisher(rig_name, surrogate),
+        "milliseconds_16_candidates": latency_ms(rig_name, surrogate),
     }
 
 
-def evaluate(path: Path, seed: int, size: int | None, out: Path) -> dict[str, object]:
+def evaluate(
+    path: Path,
+    seed: int,
+    size: int | None,
+    out: Path,
+    rig_name: str = "bench",
+    surrogate: bytes | None = None,
+) -> dict[str, object]:
     """``orbitd evaluate predictor``: the file at ``path`` on ``size`` episodes, every core; keeps
     nothing."""
-    rig_name = PredictorSettings().rig
-    return judge(of_file(path), rig_name, seed, _unseen(rig_name, seed, size or EVALUATED))
+    heard = _unseen(rig_name, seed, size or EVALUATED, surrogate)
+    return judge(of_file(path), rig_name, seed, heard, surrogate)
 
 
 @cache
-def _unseen(rig_name: str, seed: int, size: int) -> dict[str, Said]:
+def _unseen(rig_name: str, seed: int, size: int, surrogate: bytes | None) -> dict[str, Said]:
     """Episodes that no training saw; heard once, however many files are judged by them."""
-    return hear(rig_name, JUDGE_SEED + seed, range(size), len(os.sched_getaffinity(0)))
+    workers = len(os.sched_getaffinity(0))
+    return hear(rig_name, JUDGE_SEED + seed, range(size), workers, surrogate)
 
 
 def of_file(path: Path) -> Fitted:
@@ -182,10 +200,12 @@ def of_file(path: Path) -> Fitted:
 
 
 @cache
-def brain(rig_name: str) -> tuple[Config, Model]:
-    """The shipped configuration and surrogate."""
+def brain(rig_name: str, surrogate: bytes | None = None) -> tuple[Config, Model]:
+    """The rig's configuration, and the film surrogate: in those bytes, or that of its device."""
     config, _ = configuration.load(find(rig_name))
-    return config, load_model("surrogate", config)
+    if surrogate is None:
+        return config, load_model("surrogate", config)
+    return config, model_of("surrogate", surrogate, config)
 
 
 def _chunks(episodes: int) -> list[range]:
@@ -193,21 +213,23 @@ def _chunks(episodes: int) -> list[range]:
     return [range(first, min(first + CHUNK, episodes)) for first in range(0, episodes, CHUNK)]
 
 
-def hear(rig_name: str, seed: int, numbers: range, workers: int) -> dict[str, Said]:
+def hear(
+    rig_name: str, seed: int, numbers: range, workers: int, surrogate: bytes | None = None
+) -> dict[str, Said]:
     """What was said in the episodes ``numbers`` of ``seed``, with sensors as built and after the
     procedure."""
     parts: list[tuple[Said, Said]] = []
     with progress_bar(f"episodes from {numbers.start}", len(numbers)) as bar:
         for done, part in enumerate(
-            map_in_order(partial(_hear_one, rig_name, seed), numbers, workers), 1
+            map_in_order(partial(_hear_one, rig_name, seed, surrogate), numbers, workers), 1
         ):
             parts.append(part)
             bar(done)
     return {state: join([part[i] for part in parts]) for i, state in enumerate(STATES)}
 
 
-def _hear_one(rig_name: str, seed: int, number: int) -> tuple[Said, Said]:
-    rig, (config, model) = load_rig(rig_name), brain(rig_name)
+def _hear_one(rig_name: str, seed: int, surrogate: bytes | None, number: int) -> tuple[Said, Said]:
+    rig, (config, model) = load_rig(rig_name), brain(rig_name, surrogate)
     episode = draw(rig, seed, number)
     recording = play(rig, episode)
     rng = np.random.default_rng([seed, number, 1])
@@ -218,14 +240,14 @@ def _hear_one(rig_name: str, seed: int, number: int) -> tuple[Said, Said]:
     )
 
 
-def fisher(rig_name: str) -> dict[str, Any]:
+def fisher(rig_name: str, surrogate: bytes | None = None) -> dict[str, Any]:
     """Standard deviations of load, viscosity (shares) and clearance (um) from what each instrument
     adds to the others, at the slowest speed, where the drive starts, and at the fastest and
     lightest.
 
     Diagonals of the Fisher information of one reading, by instrument, at three operating points.
     """
-    config, model = brain(rig_name)
+    config, model = brain(rig_name, surrogate)
     film = Film(
         model.session,
         config.machine.bearing.journal_radius_m,
@@ -277,10 +299,10 @@ def fisher(rig_name: str) -> dict[str, Any]:
     return found
 
 
-def latency_ms(rig_name: str, repeats: int = 30) -> float:
+def latency_ms(rig_name: str, surrogate: bytes | None = None, repeats: int = 30) -> float:
     """Best time of synchronising and forecasting 16 candidates: processor time, which other work
     does not stretch."""
-    config, model = brain(rig_name)
+    config, model = brain(rig_name, surrogate)
     predictor, rig = Predictor(model, config, IntervalFactors()), load_rig(rig_name)
     speed, gap_m = rig.start_rpm * math.pi / 30.0, rig.bearing.clearance_nominal_m
     best = math.inf
