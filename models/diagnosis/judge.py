@@ -172,6 +172,8 @@ def said(found: FoundRows, limits: VerdictLimits) -> dict[str, dict[str, float]]
     report = {}
     for kind, name in enumerate(CLASSES):
         of_kind = words[needed.rows.kind == kind]
+        if not len(of_kind):
+            continue
         shares = {
             "right": of_kind == kind,
             "doubt": of_kind == DOUBT,
