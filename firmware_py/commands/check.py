@@ -24,7 +24,12 @@ from firmware_py.config.simulation import load_simulation
 from firmware_py.config.source import shown
 from firmware_py.guard.plausibility.reading_rows import power_max_W
 from firmware_py.machine import supply
-from firmware_py.machine.domain import fastest_film
+from firmware_py.machine.domain import (
+    TAYLOR_LIMIT,
+    fastest_film,
+    film_range,
+    laminar_up_to_um,
+)
 from firmware_py.machine.folder import METAVAR, find
 from firmware_py.machine.parts import (
     FEED,
@@ -139,12 +144,24 @@ def _check(path: Path, as_json: bool, whole: bool) -> int:
 
 
 def _film(config: Config) -> list[str]:
-    """Where the film leaves its equation, though the guard's laws stand: a caution, no fault."""
+    """Which regime the film is in over the whole declared range, and where it leaves its equation,
+    though the guard's laws stand: a caution, no fault."""
     machine = config.machine
     if not has_film_law(machine):
         return []
     clearance_um, rpm = machine.actuator.safe_radial_clearance_um, machine.operating.speed_max_rpm
-    return [
+    low, high = film_range(machine)
+    lines = [
+        f"film over the declared range: Re {low.reynolds:.3g} .. {high.reynolds:.3g}, Ta "
+        f"{low.taylor:.3g} .. {high.taylor:.3g}, laminar up to Ta = {TAYLOR_LIMIT:g}"
+    ]
+    if high.taylor > TAYLOR_LIMIT:
+        lines.append(
+            f"film wider than {laminar_up_to_um(machine):.3g} um at {rpm:g} rpm in oil of "
+            f"{machine.lubricant.film_max_C:g} degC: not laminar; friction is greater there, and "
+            "whirl begins elsewhere, than the laws of the device have it"
+        )
+    return lines + [
         f"film in {clearance_um:g} um at {rpm:g} rpm: {warning}; its figures are estimates"
         for warning in fastest_film(machine, clearance_um).warnings
     ]

@@ -70,6 +70,37 @@ def fastest_film(machine: Machine, clearance_um: float) -> FilmDomain:
     )
 
 
+def film_range(machine: Machine) -> tuple[FilmDomain, FilmDomain]:
+    """The least and the greatest that a film of ``machine`` can be over its whole declared range:
+    narrowest at the least speed in the coldest oil, widest at the greatest in the hottest."""
+    b, o, oil = machine.bearing, machine.operating, machine.lubricant
+    law = ViscosityTable(oil)
+    low, high = (
+        film_domain(
+            b.journal_radius_m,
+            (um + b.radial_clearance_offset_um) * 1e-6,
+            oil.density_kg_m3,
+            law.law(celsius),
+            rpm * pi / 30.0,
+        )
+        for um, celsius, rpm in (
+            (b.radial_clearance_min_um, oil.inlet_min_C, o.speed_min_rpm),
+            (b.radial_clearance_max_um, oil.film_max_C, o.speed_max_rpm),
+        )
+    )
+    return low, high
+
+
+def laminar_up_to_um(machine: Machine) -> float:
+    """Radial clearance from which on the film may be no longer laminar at the greatest speed in the
+    hottest oil, as the actuator tells it: Ta grows as the clearance to 3/2."""
+    offset_um = machine.bearing.radial_clearance_offset_um
+    widest_um = machine.bearing.radial_clearance_max_um + offset_um
+    taylor = film_range(machine)[1].taylor
+    share: float = (TAYLOR_LIMIT / taylor) ** (2.0 / 3.0)
+    return widest_um * share - offset_um
+
+
 def outside_laws(machine: Machine) -> Iterator[str]:
     """Why the guard's laws of the film are not proven for ``machine``, each with value and limit;
     nothing where they are.

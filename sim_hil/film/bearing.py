@@ -17,6 +17,7 @@ from .records import (
     Inlet,
     Rupture,
 )
+from .turbulence import GREATEST_RE
 
 DEFAULT_GRID = (160, 20)
 _THIN_FILM_LIMIT = 0.1
@@ -40,6 +41,7 @@ class Bearing:
     clearance_rate_m_s: float = 0.0
     grid: tuple[int, int] = DEFAULT_GRID
     pads: PadBore | None = None
+    density_kg_m3: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("radius_m", "length_m", "clearance_m", "viscosity_Pa_s"):
@@ -59,6 +61,12 @@ class Bearing:
                 f"clearance_m = {self.clearance_m}: above {_THIN_FILM_LIMIT} x radius_m = "
                 f"{self.radius_m}, "
                 "not a thin film; clearances are radial and in metres"
+            )
+        inertia = self.density_kg_m3 * abs(self.speed_rad_s) * self.radius_m * self.clearance_m
+        if not 0.0 <= inertia <= GREATEST_RE * self.viscosity_Pa_s:
+            raise FilmError(
+                f"density_kg_m3 = {self.density_kg_m3}: Re = {inertia / self.viscosity_Pa_s:.3g} "
+                f"in the clearance; the turbulent film is fitted from 0 to {GREATEST_RE:g}"
             )
         for name, choices in (("rupture", Rupture), ("inlet", Inlet), ("couette", Couette)):
             if getattr(self, name) not in get_args(choices):

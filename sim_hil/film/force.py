@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from . import solver
+from . import solver, turbulence
 from .bearing import DEFAULT_GRID, Bearing
 from .bore import PadBore
 from .pressure import SolvedFilm, pad_steps, solve_film
@@ -33,6 +33,7 @@ def film_force(
     fields: bool = False,
     grid: tuple[int, int] = DEFAULT_GRID,
     pads: PadBore | None = None,
+    density_kg_m3: float = 0.0,
 ) -> FilmForce:
     """Force, friction and flow of the film around a moving journal.
 
@@ -71,6 +72,9 @@ def film_force(
     pads
         Fixed pads instead of a round bore; `clearance_m` is then that of the circle inscribed in
         them, and the grooves between them are at ambient pressure.
+    density_kg_m3
+        Of the lubricant, for the turbulent film (:mod:`sim_hil.film.turbulence`); 0: laminar at any
+        speed.
 
     Raises
     ------
@@ -101,6 +105,7 @@ def film_force(
         clearance_rate_m_s,
         grid,
         pads,
+        density_kg_m3,
     )
     bearing.check_memory(memory)
     position, velocity = _states(position_m, velocity_m_s)
@@ -175,13 +180,14 @@ def pressure_force(film: SolvedFilm) -> Floats:
 def _friction(bearing: Bearing, film: SolvedFilm, position: Floats, force: Floats) -> float:
     """Torque on the journal against its rotation, N m: shear of the moving wall plus `(e x F) /
     2`."""
-    if bearing.couette == "full" and bearing.pads is None:
+    if bearing.couette == "full" and bearing.pads is None and not bearing.density_kg_m3:
         eps = np.hypot(*position) / bearing.clearance_m
         shear = 2 * np.pi * bearing.length_m / np.sqrt(1 - eps**2)
     else:
         mesh = film.mesh
         fill = film.fill if bearing.couette == "filled" else np.ones(film.fill.shape)
-        ring = (fill / film.thickness[:, None]).T @ mesh.theta_width
+        sheared = turbulence.shear(bearing, film.thickness) / film.thickness
+        ring = (fill * sheared[:, None]).T @ mesh.theta_width
         shear = mesh.copies * (mesh.z_weight @ ring) * bearing.radius_m
     gain = bearing.viscosity_Pa_s * bearing.radius_m**3 / bearing.clearance_m
     pressure_part = (position[0] * force[1] - position[1] * force[0]) / 2

@@ -10,6 +10,7 @@ from .bore import PadBore
 from .conserving import solve_conserving
 from .mesh import Mesh, build_mesh
 from .records import FilmError, FilmMemory, FilmNotConverged, Floats, JournalOutsideClearance
+from .turbulence import resistance
 
 
 @dataclass(frozen=True)
@@ -82,6 +83,9 @@ def unsolved_film(
     supply = -rate[:, None] * mesh.z_width
     around = solver.around_conductance(thickness_face, mesh.theta_gap, mesh.z_width)
     axial = solver.axial_conductance(thickness, mesh.theta_width, mesh.z_gap)
+    if bearing.density_kg_m3:
+        around = around / resistance(bearing, thickness_face)[0][:, None]
+        axial = axial / resistance(bearing, thickness)[1][:, None]
     _close_grooves(mesh, around, axial)
     return SolvedFilm(
         mesh=mesh,

@@ -71,6 +71,7 @@ class FilmRules(TypedDict, total=False):
     clearance_rate_m_s: float
     grid: tuple[int, int]
     pads: "PadBore | None"
+    density_kg_m3: float
 
 
 class FilmArguments(FilmRules, total=False):

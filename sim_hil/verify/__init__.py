@@ -27,7 +27,16 @@ Group = Callable[[], Iterator[ComparisonRow]]
 def groups(quick: bool) -> dict[str, Group]:
     """The groups of rows by title; `quick` leaves out the integrated rotor and the larger
     tables."""
-    from sim_hil.verify import closed_forms, facts, oil, pads, properties, published, rotor
+    from sim_hil.verify import (
+        closed_forms,
+        facts,
+        oil,
+        pads,
+        properties,
+        published,
+        rotor,
+        turbulence,
+    )
 
     short = {
         "Short bearing": closed_forms.short_bearing,
@@ -43,6 +52,7 @@ def groups(quick: bool) -> dict[str, Group]:
         "Flow balance": properties.flow_balance,
         "Fed film": oil.feeds,
         "Fixed pads": pads.pads,
+        "Turbulent film": turbulence.turbulent,
         "Rigid-rotor modes": rotor.rigid_modes,
         "Facts of the rig bench": facts.bench,
         "Facts of the rig seed": facts.seed,

@@ -323,3 +323,12 @@ def test_certificates_are_opened(place: Path) -> None:
     )
     found = said(place, f'[zenoh]\nlisten = ["tls/127.0.0.1:7447"]\n{names}')
     assert list(found) == ["zenoh.tls_certificate", "zenoh.tls_root_ca"]
+
+
+def test_the_regime_of_the_film_is_told_over_the_whole_range(
+    place: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert check.main([str(SHIPPED / "bench")]) == 0
+    text = capsys.readouterr().out
+    assert "film over the declared range: Re 9.19 .. 623, Ta 0.411 .. 55.7, laminar up to" in text
+    assert "film wider than 130 um at 12000 rpm in oil of 60 degC: not laminar" in text

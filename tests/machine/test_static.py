@@ -8,7 +8,14 @@ import msgspec
 import pytest
 
 from firmware_py.config import read_machine
-from firmware_py.machine.domain import TAYLOR_LIMIT, fastest_film, film_domain, outside_laws
+from firmware_py.machine.domain import (
+    TAYLOR_LIMIT,
+    fastest_film,
+    film_domain,
+    film_range,
+    laminar_up_to_um,
+    outside_laws,
+)
 from firmware_py.machine.film import static_film
 from firmware_py.machine.static import (
     greatest_load_N,
@@ -101,3 +108,15 @@ def test_groups_of_a_film() -> None:
     machine = read_machine("bench")
     assert fastest_film(machine, 160.0).taylor > TAYLOR_LIMIT
     assert fastest_film(machine, 50.0).warnings == ()
+
+
+def test_the_range_of_the_film_and_where_it_stops_being_laminar() -> None:
+    machine = read_machine("bench")
+    low, high = film_range(machine)
+    assert high == fastest_film(machine, 160.0)
+    assert low.reynolds < 0.02 * high.reynolds
+    limit_um = laminar_up_to_um(machine)
+    assert fastest_film(machine, limit_um).taylor == pytest.approx(TAYLOR_LIMIT, rel=1e-9)
+    wider = msgspec.structs.replace(machine.bearing, radial_clearance_offset_um=5.0)
+    moved = msgspec.structs.replace(machine, bearing=wider)
+    assert laminar_up_to_um(moved) == pytest.approx(limit_um - 5.0, rel=1e-9)
