@@ -12,10 +12,20 @@ from __future__ import annotations
 
 import math
 
+from sim_hil.film.elementary import exp_of
 from sim_hil.film.table_kernel import EPS_TABLE
 from sim_hil.jit import inlined
-from sim_hil.rotor.film_law import Forces, Law, film_law
-from sim_hil.rotor.parameters import FLOW, OIL, POWER, PRESSURE, FilmOil, FilmParameters, Floats
+from sim_hil.rotor.film_law import Forces, Law, film_law, film_point
+from sim_hil.rotor.parameters import (
+    FLOW,
+    OIL,
+    POWER,
+    PRESSURE,
+    Eight,
+    FilmOil,
+    FilmParameters,
+    Floats,
+)
 
 LEAST_FED = 0.5
 """Share of the film that draws its oil itself from a feed without pressure."""
@@ -28,7 +38,7 @@ def oil_now(film: FilmParameters, scalar: Floats) -> FilmOil:
     if film.pressure_needed > 0.0:
         fed = min(1.0, max(LEAST_FED, scalar[PRESSURE] / film.pressure_needed))
     filled = film.share * fed
-    law = math.exp(-film.viscosity_slope * (scalar[OIL] - film.reference_C))
+    law = exp_of(-film.viscosity_slope * (scalar[OIL] - film.reference_C))
     bears = filled * filled * math.sqrt(filled)  # filled^2.5
     return FilmOil(film.viscosity * law, filled, bears, scalar[PRESSURE])
 
@@ -63,11 +73,45 @@ def bearing_force(
 ) -> Forces:
     """Force (fx, fy), N, friction torque, N m, and side flow, m3/s; arguments as `table_force`."""
     y, r = ey + film.drop, film.radius
-    fx, fy, torque, flow = film_law(
+    force = film_law(
         law, ex, y, vx, vy, omega, c, oil.viscosity * oil.bears, r, film.length, c_rate, oil.supply
     )
+    filled: Forces = _filled(film, oil, force, ex, y, omega, c)
+    return filled
+
+
+@inlined
+def bearing_point(
+    law: Law,
+    film: FilmParameters,
+    oil: FilmOil,
+    held: Eight,
+    fresh: bool,
+    ex: float,
+    ey: float,
+    vx: float,
+    vy: float,
+    omega: float,
+    c: float,
+    c_rate: float,
+) -> tuple[Forces, Eight]:
+    """What :func:`bearing_force` gives, and the slopes of the force as ``film_point`` says."""
+    y, r, mu = ey + film.drop, film.radius, oil.viscosity * oil.bears
+    force, slopes = film_point(
+        law, held, fresh, ex, y, vx, vy, omega, c, mu, r, film.length, c_rate, oil.supply
+    )
+    return _filled(film, oil, force, ex, y, omega, c), slopes
+
+
+@inlined
+def _filled(
+    film: FilmParameters, oil: FilmOil, force: Forces, ex: float, y: float, omega: float, c: float
+) -> Forces:
+    """The film's forces with the friction and the outflow of a band that is not filled."""
+    fx, fy, torque, flow = force
     if oil.filled != 1.0:
-        eps = min(math.hypot(ex, y) / c, EPS_TABLE)
+        r = film.radius
+        eps = min(math.sqrt(ex * ex + y * y) / c, EPS_TABLE)
         shear = (
             2
             * math.pi

@@ -1,119 +1,140 @@
-"""What film and contact add within a step of the machine: linearly implicit, in two ways.
+"""The film within a step of the machine: taken in the middle of the step, linear about a forecast.
 
-In running the slopes ``J = dF/dw`` of the film force on the journal's velocity ``w`` against the
-housing are held over a sampling period and the force is taken near the middle of the step, ``dF =
-theta J dw`` (second order).
+The mean velocity of the journal over the step is forecast from its last acceleration, the force and
+its slopes ``K = dF/de``, ``C = dF/dw`` on the journal's place and velocity against the housing are
+evaluated there, and what the forecast missed is solved for linearly.  The forecast is right to
+second order, so that what the film's curvature adds is of fourth: one film a step gives an accurate
+midpoint rule.  Where the squeeze of the answer has turned against that of the forecast the film is
+evaluated once more at the answer (Newton): a ruptured film resists approach up to 10^4 times more
+than retreat, and slopes of a retreating journal would throw an approaching one through the wall.
 
-That fails where the film is not smooth over a step.  A ruptured film resists approach up to 10^4
-times more than retreat, and at standstill, where nothing but ``w`` squeezes it, slopes held from a
-retreating journal throw an approaching one through the wall.  The same holds near contact, and for
-a journal that crosses its gap in a step. There the slopes are fresh, include position (``K =
-dF/de``, the contact's stiffness with it), and the step is linearly implicit Euler (Hairer and
-Wanner, Solving ODEs II, IV.7), ``dF = J dw + dt K (w + dw)``: first order, damped at any stiffness.
+In contact, and for a journal that crosses its gap in a step, the film is not smooth over a step:
+there the step is linearly implicit Euler (Hairer and Wanner, Solving ODEs II, IV.7), ``dF = C dw +
+dt K (w + dw)``: first order, damped at any stiffness.
 """
 
 from __future__ import annotations
 
-import math
-
-from sim_hil.jit import inlined, kernel
-from sim_hil.rotor.bearing import bearing_force, gap
+from sim_hil.jit import inlined
+from sim_hil.rotor.bearing import bearing_point
 from sim_hil.rotor.film_law import Forces, Law
-from sim_hil.rotor.kernel import relative
-from sim_hil.rotor.parameters import Eight, FilmOil, FilmParameters, Plant, Six, State
+from sim_hil.rotor.parameters import Eight, FilmOil, FilmParameters, Four, Two
 
-THETA = 0.55
-"""Share of the new velocity in the film force: 1/2 is centred, a little more damps the stiffest
-modes."""
-NEAR_CONTACT = 0.02
+NEAR_CONTACT = 0.01
 """Gap, relative to the clearance, below which a step is Euler's."""
-_TURNED_SHARE = 0.5
+NEWTON = 4
+"""Evaluations of the film in a step at most."""
+_TURNED_SHARE = 0.1
+"""Share by which the squeeze velocity may differ from that for which the slopes were taken."""
 _CROSSED_SHARE = 0.5
 
 
-@kernel
-def film_slopes(
-    law: Law,
-    film: FilmParameters,
-    oil: FilmOil,
-    f0: Forces,
-    ex: float,
-    ey: float,
-    vx: float,
-    vy: float,
-    omega: float,
-    c: float,
-    c_rate: float,
-) -> Eight:
-    """Forward differences of the film force from ``f0``, the force there: dF/de (xx, xy, yx, yy),
-    then dF/dv."""
-    de = 1e-5 * max(gap(film, ex, ey, c), 0.01 * c)
-    dv = 1e-4 * (c * abs(omega) + abs(vx) + abs(vy)) + 1e-9
-    f1 = bearing_force(law, film, oil, ex + de, ey, vx, vy, omega, c, c_rate)
-    f2 = bearing_force(law, film, oil, ex, ey + de, vx, vy, omega, c, c_rate)
-    f3 = bearing_force(law, film, oil, ex, ey, vx + dv, vy, omega, c, c_rate)
-    f4 = bearing_force(law, film, oil, ex, ey, vx, vy + dv, omega, c, c_rate)
-    return (
-        (f1[0] - f0[0]) / de,
-        (f2[0] - f0[0]) / de,
-        (f1[1] - f0[1]) / de,
-        (f2[1] - f0[1]) / de,
-        (f3[0] - f0[0]) / dv,
-        (f4[0] - f0[0]) / dv,
-        (f3[1] - f0[1]) / dv,
-        (f4[1] - f0[1]) / dv,
-    )
+@inlined
+def near(film: FilmParameters, ex: float, ey: float, c: float) -> bool:
+    """Whether a journal at ``(ex, ey)`` is in contact."""
+    y, reach = ey + film.drop, (1.0 - NEAR_CONTACT) * c
+    return ex * ex + y * y >= reach * reach
 
 
 @inlined
-def crossing(film: float, wx: float, wy: float, c: float, dt: float) -> bool:
-    """Whether the journal is near contact, or crosses its smallest ``film`` within a step."""
-    return film <= NEAR_CONTACT * c or math.sqrt(wx * wx + wy * wy) * dt >= _CROSSED_SHARE * film
+def crossing(thin: float, ex: float, ey: float, wx: float, wy: float, c: float, dt: float) -> bool:
+    """Whether the journal is in contact, or moves by half its smallest film ``thin`` outwards or
+    inwards within a step."""
+    along, half = (ex * wx + ey * wy) * dt, _CROSSED_SHARE * thin
+    return thin <= NEAR_CONTACT * c or along * along >= half * half * (ex * ex + ey * ey)
 
 
 @inlined
-def turned(sx: float, sy: float, held_x: float, held_y: float) -> bool:
-    """Whether the squeeze velocity is no longer the one of the held slopes."""
-    dx, dy = sx - held_x, sy - held_y
-    return dx * dx + dy * dy >= _TURNED_SHARE * _TURNED_SHARE * (held_x * held_x + held_y * held_y)
-
-
-@inlined
-def film_reaction(
-    plant: Plant,
-    st: State,
-    law: Law,
-    renew: bool,
-    omega: float,
-    c: float,
-    c_rate: float,
-    oil: FilmOil,
+def linear_answer(
+    force: Two,
+    slopes: Eight,
+    forecast: Two,
+    at: Four,
+    push: Two,
+    mobility: Two,
+    reach: float,
+    rough: bool,
     dt: float,
-) -> Six:
-    """``G`` (xx, xy, yx, yy), N s/m, and ``r`` (x, y), N, of ``dF = G dw + r`` over the step to
-    come.
+) -> Four:
+    """Force at the velocity that the linear film answers with, N, and how far that velocity is from
+    its forecast, m/s: fx, fy, dx, dy.
 
-    ``renew`` takes fresh slopes, kept in ``st.film`` with the squeeze velocity that they belong to.
+    ``reach``: time over which the velocity moves the journal until the film counts, s.
     """
-    held = st.film
-    ex, ey = relative(plant, st.q)
-    wx, wy = relative(plant, st.v)
-    sx, sy = wx + 0.5 * omega * ey, wy - 0.5 * omega * ex
-    smooth = not crossing(gap(plant.film, ex, ey, c), wx, wy, c, dt) and not turned(
-        sx, sy, held[4], held[5]
-    )
-    kxx = kxy = kyx = kyy = 0.0
-    if renew or not smooth:
-        force = bearing_force(law, plant.film, oil, ex, ey, wx, wy, omega, c, c_rate)
-        slopes = film_slopes(law, plant.film, oil, force, ex, ey, wx, wy, omega, c, c_rate)
-        kxx, kxy, kyx, kyy, held[0], held[1], held[2], held[3] = slopes
-        held[4], held[5] = sx, sy
-    if smooth:
-        return THETA * held[0], THETA * held[1], THETA * held[2], THETA * held[3], 0.0, 0.0
-    gxx, gxy, gyx, gyy = (
-        held[0] + dt * kxx,
-        held[1] + dt * kxy,
-        held[2] + dt * kyx,
-        held[3] + dt * kyy,
-    )
-    return gxx, gxy, gyx, gyy, dt * (kxx * wx + kxy * wy), dt * (kyx * wx + kyy * wy)
+    kxx, kxy, kyx, kyy, cxx, cxy, cyx, cyy = slopes
+    ux, uy = forecast
+    fx, fy = force
+    if rough:  # the film was evaluated at the start of the way
+        fx += reach * (kxx * ux + kxy * uy)
+        fy += reach * (kyx * ux + kyy * uy)
+    span = dt if rough else 0.5 * dt
+    mx, my = span * mobility[0], span * mobility[1]
+    gxx, gxy, gyx, gyy = cxx + reach * kxx, cxy + reach * kxy, cyx + reach * kyx, cyy + reach * kyy
+    rx, ry = at[2] - ux + span * push[0] + mx * fx, at[3] - uy + span * push[1] + my * fy
+    axx, axy, ayx, ayy = 1 - mx * gxx, -mx * gxy, -my * gyx, 1 - my * gyy
+    per = 1 / (axx * ayy - axy * ayx)
+    dx, dy = (ayy * rx - axy * ry) * per, (axx * ry - ayx * rx) * per
+    return fx + gxx * dx + gxy * dy, fy + gyx * dx + gyy * dy, dx, dy
+
+
+@inlined
+def meet_film(
+    film: FilmParameters,
+    law: Law,
+    oil: FilmOil,
+    held: Eight,
+    fresh: bool,
+    rough: bool,
+    tries: int,
+    at: Four,
+    ahead: Two,
+    push: Two,
+    mobility: Two,
+    back: float,
+    omega: float,
+    c: float,
+    c_rate: float,
+    dt: float,
+) -> tuple[Forces, Four, Eight]:
+    """The film over a step of the journal.
+
+    Parameters
+    ----------
+    held, fresh
+        Slopes for a film that does not know its own, and whether to take new ones.
+    rough
+        Whether the step is Euler's.
+    tries
+        Evaluations of the film at least.
+    at, ahead, push
+        Journal at the start; forecast of its mean velocity; acceleration without the film.
+    mobility
+        Acceleration of the journal against the housing by a unit force, in x and y, 1/kg.
+    back
+        Time from `at` to where the film counts, s: the middle of the step.
+
+    Returns
+    -------
+    forces, mean, slopes
+        Forces of the film where it was evaluated last; mean force of the step, N, and the
+        journal's velocity that it acted at; slopes of the film.
+    """
+    ex, ey, ux, uy = at[0], at[1], ahead[0], ahead[1]
+    reach, into = (dt, 0.0) if rough else (back, back)
+    half = 0.5 * omega
+    for i in range(NEWTON):
+        x, y = ex + into * ux, ey + into * uy
+        force, held = bearing_point(
+            law, film, oil, held, fresh or i > 0, x, y, ux, uy, omega, c, c_rate
+        )
+        fx, fy, dx, dy = linear_answer(
+            (force[0], force[1]), held, (ux, uy), at, push, mobility, reach, rough, dt
+        )
+        sx, sy = ux + half * y, uy - half * x
+        turned_x, turned_y = dx + half * into * dy, dy - half * into * dx
+        ux, uy = ux + dx, uy + dy
+        allowed = _TURNED_SHARE * _TURNED_SHARE * (sx * sx + sy * sy)
+        same = turned_x * turned_x + turned_y * turned_y < allowed
+        if i + 1 >= tries and (rough or same):
+            break
+    return force, (fx, fy, ux, uy), held

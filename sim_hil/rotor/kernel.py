@@ -1,10 +1,9 @@
 """Equation of motion of the whole machine, advanced in place by compiled code.
 
-Positions stand at whole steps, velocities at half steps (leap-frog, second order).  The film is far
-stiffer than any affordable step, so its force is taken linearly implicit: with the reaction ``G,
-r`` of film and contact (:mod:`sim_hil.rotor.film_step`) and the mobility ``A`` of journal and
-housing, ``(I - dt A G) a = A (F + r) + ...`` is solved for the two components that the film joins.
-The gyroscopic coupling is a Cayley rotation.
+Positions stand at whole steps, velocities at half steps (leap-frog, second order); velocities at
+whole steps, which the dampers ask for, are forecast from the last accelerations.  The film is far
+stiffer than any affordable step, so its force is solved for in the two components that it joins
+(:mod:`sim_hil.rotor.film_step`).  The gyroscopic coupling is a Cayley rotation.
 
 Rotor (equation (2) of the paper with its omissions mended: the skew coupling carries the speed,
 gravity acts, moments are cross products), tilts ``A = dx/dz``, ``B = dy/dz``::
@@ -19,9 +18,11 @@ from __future__ import annotations
 
 import math
 
+from sim_hil.film.elementary import direction_of
 from sim_hil.jit import inlined
-from sim_hil.rotor.bearing import bearing_force
+from sim_hil.rotor.bearing import gap
 from sim_hil.rotor.film_law import Law
+from sim_hil.rotor.film_step import crossing, meet_film
 from sim_hil.rotor.joints import foot_forces
 from sim_hil.rotor.parameters import (
     ANGLE,
@@ -42,8 +43,8 @@ from sim_hil.rotor.parameters import (
     FilmOil,
     Floats,
     Plant,
-    Six,
     State,
+    Two,
 )
 from sim_hil.rotor.stator import rub_force
 
@@ -125,25 +126,29 @@ def coupling_force(
     y = q[1] - s.to_coupling * q[3] - q[8]
     vx = v[0] - s.to_coupling * v[2] - (v[7] - plant.motor.axis_height * v[9])
     vy = v[1] - s.to_coupling * v[3] - v[8]
-    tooth = e.tooth_force * math.sin(e.teeth * angle)
+    tooth = e.tooth_force * direction_of(e.teeth * angle)[1]
     carried = s.mass * GRAVITY * s.to_bearing / (s.to_coupling + s.to_bearing)
     fx = -s.coupling_stiffness * x - s.coupling_damping * vx + 0.5 * tooth
     fy = -s.coupling_stiffness * y - s.coupling_damping * vy + tooth + carried
     if e.misaligned_kg_m != 0.0:
         spin = 4 * omega * omega * e.misaligned_kg_m
-        fx += spin * math.cos(2 * angle)
-        fy += spin * math.sin(2 * angle)
+        cosine, sine = direction_of(2 * angle)
+        fx += spin * cosine
+        fy += spin * sine
     return fx, fy
 
 
 @inlined
-def accelerate_feet(plant: Plant, st: State, film_x: float, film_y: float, ambient: Floats) -> None:
-    """Pedestal accelerations into ``st.a[4:7]``: feet, film reaction at the axis, ambient force."""
-    q, v, ped = st.q, st.v, plant.pedestal
+def accelerate_pedestal(
+    plant: Plant, st: State, push_x: float, push_y: float, ambient: Floats
+) -> None:
+    """Pedestal accelerations into ``st.a[4:7]``: feet, reaction at the axis, ambient force."""
+    q, v, ped = st.q, st.ahead, plant.pedestal
     fx, fy, moment = foot_forces(ped, q[4], q[5], q[6], v[4], v[5], v[6], st.slip, 0)
-    st.a[4] = (fx - film_x + ambient[0]) / ped.mass
-    st.a[5] = (fy - film_y + ambient[1]) / ped.mass - GRAVITY
-    st.a[6] = (moment + ped.axis_height * film_x) / ped.inertia
+    per_mass, per_inertia = 1 / ped.mass, 1 / ped.inertia
+    st.a[4] = (fx - push_x + ambient[0]) * per_mass
+    st.a[5] = (fy - push_y + ambient[1]) * per_mass - GRAVITY
+    st.a[6] = (moment + ped.axis_height * push_x) * per_inertia
 
 
 @inlined
@@ -152,42 +157,88 @@ def accelerate_motor(
 ) -> None:
     """Motor accelerations into ``st.a[7:10]``: feet, coupling reaction, own unbalance,
     line-frequency force."""
-    q, v, motor, e = st.q, st.v, plant.motor, plant.excite
+    q, v, motor, e = st.q, st.ahead, plant.motor, plant.excite
     fx, fy, moment = foot_forces(motor, q[7], q[8], q[9], v[7], v[8], v[9], st.slip, 4)
-    angle = st.scalar[ANGLE] + e.motor_angle
+    cosine, sine = direction_of(st.scalar[ANGLE] + e.motor_angle)
     spin = e.motor_unbalance * omega * omega
-    line = e.line_force * math.sin(e.line_rad_s * st.scalar[TIME])
-    push = -coupling_x + spin * math.cos(angle)
-    st.a[7] = (fx + push + ambient[2]) / motor.mass
-    st.a[8] = (fy - coupling_y + spin * math.sin(angle) + line + ambient[3]) / motor.mass - GRAVITY
-    st.a[9] = (moment - motor.axis_height * push) / motor.inertia
+    line = e.line_force * direction_of(e.line_rad_s * st.scalar[TIME])[1]
+    push = -coupling_x + spin * cosine
+    per_mass, per_inertia = 1 / motor.mass, 1 / motor.inertia
+    st.a[7] = (fx + push + ambient[2]) * per_mass
+    st.a[8] = (fy - coupling_y + spin * sine + line + ambient[3]) * per_mass - GRAVITY
+    st.a[9] = (moment - motor.axis_height * push) * per_inertia
 
 
 @inlined
-def join_film(plant: Plant, a: Floats, reaction: Six, dt: float) -> tuple[float, float]:
-    """What the film force changes by during the step, ``dF = dt G a + r``, N, added to the
-    accelerations."""
+def film_mobility(plant: Plant) -> Two:
+    """Acceleration of the journal against the housing by a unit force, in x and y, 1/kg."""
     s, pedestal = plant.shaft, plant.pedestal
     b, height = s.to_bearing, pedestal.axis_height
-    ground_y = 1 / s.mass + b * b / s.diametral + 1 / pedestal.mass
-    ground_x = ground_y + height * height / pedestal.inertia
-    gxx, gxy, gyx, gyy, rx, ry = reaction
-    ax, ay = relative(plant, a)
-    ax += ground_x * rx
-    ay += ground_y * ry
-    mxx, mxy = 1 - dt * ground_x * gxx, -dt * ground_x * gxy
-    myx, myy = -dt * ground_y * gyx, 1 - dt * ground_y * gyy
-    det = mxx * myy - mxy * myx
-    new_x, new_y = (myy * ax - mxy * ay) / det, (mxx * ay - myx * ax) / det
-    dfx, dfy = dt * (gxx * new_x + gxy * new_y) + rx, dt * (gyx * new_x + gyy * new_y) + ry
-    a[0] += dfx / s.mass
-    a[1] += dfy / s.mass
-    a[2] += b * dfx / s.diametral
-    a[3] += b * dfy / s.diametral
-    a[4] -= dfx / pedestal.mass
-    a[5] -= dfy / pedestal.mass
-    a[6] += height * dfx / pedestal.inertia
-    return dfx, dfy
+    across = 1 / s.mass + b * b / s.diametral + 1 / pedestal.mass
+    return across + height * height / pedestal.inertia, across
+
+
+@inlined
+def accelerate(
+    plant: Plant, st: State, omega: float, alpha: float, load: float, ambient: Floats
+) -> float:
+    """Accelerations of all bodies but for the film into ``st.a``; returns the braking friction of a
+    rub, N."""
+    s, film, q, v, a, scalar = plant.shaft, plant.film, st.q, st.ahead, st.a, st.scalar
+    b = s.to_bearing
+    rub_x = rub_y = drag = 0.0
+    if plant.excite.rub_stiffness > 0.0:
+        ex, ey = relative(plant, q)
+        wx, wy = relative(plant, v)
+        dx, dy = ex - scalar[MEAN_X], ey - scalar[MEAN_Y]
+        rub_x, rub_y, drag = rub_force(plant.excite, dx, dy, wx, wy, film.radius * omega)
+    cosine, sine = direction_of(scalar[ANGLE] + s.unbalance_angle)
+    share = s.mass * GRAVITY * s.to_coupling / (s.to_coupling + b)
+    at_x = s.unbalance * (omega * omega * cosine + alpha * sine) + rub_x
+    at_y = s.unbalance * (omega * omega * sine - alpha * cosine) + rub_y - (load - share)
+    coupling_x, coupling_y = coupling_force(plant, q, v, scalar[ANGLE], omega)
+    accelerate_motor(plant, st, coupling_x, coupling_y, omega, ambient)
+    accelerate_pedestal(plant, st, rub_x, rub_y, ambient)
+    per_mass, per_inertia = 1 / s.mass, 1 / s.diametral
+    a[0] = (at_x + coupling_x) * per_mass
+    a[1] = (at_y + coupling_y) * per_mass - GRAVITY
+    turning = plant.excite.misaligned_N_m - s.polar * alpha * q[3]
+    a[2] = (b * at_x - s.to_coupling * coupling_x + turning) * per_inertia
+    a[3] = (b * at_y - s.to_coupling * coupling_y + s.polar * alpha * q[2]) * per_inertia
+    return drag
+
+
+@inlined
+def push(plant: Plant, a: Floats, fx: float, fy: float) -> None:
+    """Add what the film's force on the journal (x, y), N, gives rotor and pedestal."""
+    s, pedestal = plant.shaft, plant.pedestal
+    per_mass, per_inertia, per_pedestal = 1 / s.mass, s.to_bearing / s.diametral, 1 / pedestal.mass
+    a[0] += fx * per_mass
+    a[1] += fy * per_mass
+    a[2] += fx * per_inertia
+    a[3] += fy * per_inertia
+    a[4] -= fx * per_pedestal
+    a[5] -= fy * per_pedestal
+    a[6] += pedestal.axis_height / pedestal.inertia * fx
+
+
+@inlined
+def drive_on(plant: Plant, st: State, omega: float, alpha: float, dt: float) -> None:
+    """Velocities, positions, angle and time after ``dt`` of the accelerations ``st.a``."""
+    s, q, v, a, scalar = plant.shaft, st.q, st.v, st.a, st.scalar
+    g = 0.5 * dt * s.polar * omega / s.diametral
+    tilt_x = v[2] - g * v[3] + dt * a[2]
+    tilt_y = v[3] + g * v[2] + dt * a[3]
+    for i in range(10):
+        v[i] += dt * a[i]
+    per_turn = 1 / (1 + g * g)
+    v[2] = (tilt_x - g * tilt_y) * per_turn
+    v[3] = (tilt_y + g * tilt_x) * per_turn
+    for i in range(10):
+        q[i] += dt * v[i]
+        st.ahead[i] = v[i] + 0.5 * dt * a[i]
+    scalar[ANGLE] += (omega + 0.5 * alpha * dt) * dt
+    scalar[TIME] += dt
 
 
 @inlined
@@ -195,7 +246,7 @@ def substep(
     plant: Plant,
     st: State,
     law: Law,
-    reaction: Six,
+    fresh: bool,
     omega: float,
     alpha: float,
     load: float,
@@ -207,52 +258,37 @@ def substep(
 ) -> None:
     """One step of ``dt``: accelerations into ``st.a``, then velocities, positions, angle and time.
 
-    ``reaction`` is what :func:`sim_hil.rotor.film_step.film_reaction` says of this step.
+    ``fresh``: take new slopes of a film that does not know its own.
     """
-    s, film, q, v, a, scalar = plant.shaft, plant.film, st.q, st.v, st.a, st.scalar
-    b = s.to_bearing
-    ex, ey = relative(plant, q)
-    wx, wy = relative(plant, v)
-    fx, fy, torque, flow = bearing_force(law, film, oil, ex, ey, wx, wy, omega, c, c_rate)
-    rub_x = rub_y = drag = 0.0
+    film, a, scalar, held = plant.film, st.a, st.scalar, st.film
+    ex, ey = relative(plant, st.q)
+    wx, wy = relative(plant, st.v)
+    ahead = relative(plant, st.ahead)
+    rough = crossing(gap(film, ex, ey, c), ex, ey, wx, wy, c, dt)
     if plant.excite.rub_stiffness <= 0.0:
         scalar[MEAN_X] += _MEAN_RATE * dt * (ex - scalar[MEAN_X])
         scalar[MEAN_Y] += _MEAN_RATE * dt * (ey - scalar[MEAN_Y])
-    else:
-        dx, dy = ex - scalar[MEAN_X], ey - scalar[MEAN_Y]
-        rub_x, rub_y, drag = rub_force(plant.excite, dx, dy, wx, wy, film.radius * omega)
-    angle = scalar[ANGLE] + s.unbalance_angle
-    cosine, sine = math.cos(angle), math.sin(angle)
-    share = s.mass * GRAVITY * s.to_coupling / (s.to_coupling + b)
-    at_x = s.unbalance * (omega * omega * cosine + alpha * sine) + rub_x
-    at_y = s.unbalance * (omega * omega * sine - alpha * cosine) + rub_y - (load - share)
-    coupling_x, coupling_y = coupling_force(plant, q, v, scalar[ANGLE], omega)
-    accelerate_motor(plant, st, coupling_x, coupling_y, omega, ambient)
-    accelerate_feet(plant, st, fx + rub_x, fy + rub_y, ambient)
-
-    a[0] = (fx + at_x + coupling_x) / s.mass
-    a[1] = (fy + at_y + coupling_y) / s.mass - GRAVITY
-    turning = plant.excite.misaligned_N_m - s.polar * alpha * q[3]
-    a[2] = (b * (fx + at_x) - s.to_coupling * coupling_x + turning) / s.diametral
-    a[3] = (b * (fy + at_y) - s.to_coupling * coupling_y + s.polar * alpha * q[2]) / s.diametral
-
-    dfx, dfy = join_film(plant, a, reaction, dt)
-    g = 0.5 * dt * s.polar * omega / s.diametral
-    tilt_x = v[2] - g * v[3] + dt * a[2]
-    tilt_y = v[3] + g * v[2] + dt * a[3]
-    for i in range(10):
-        v[i] += dt * a[i]
-    v[2] = (tilt_x - g * tilt_y) / (1 + g * g)
-    v[3] = (tilt_y + g * tilt_x) / (1 + g * g)
-    for i in range(10):
-        q[i] += dt * v[i]
+    drag = accelerate(plant, st, omega, alpha, load, ambient)
+    px, py = relative(plant, a)
+    turning = plant.shaft.to_bearing * plant.shaft.polar * omega / plant.shaft.diametral
+    gyroscopic_x, gyroscopic_y = -turning * st.ahead[3], turning * st.ahead[2]
+    slopes = held[0], held[1], held[2], held[3], held[4], held[5], held[6], held[7]
+    force, mean, slopes = meet_film(
+        film, law, oil, slopes, fresh or rough, rough, 1, (ex, ey, wx, wy),
+        (wx, wy) if rough else ahead, (px + gyroscopic_x, py + gyroscopic_y), film_mobility(plant),
+        0.0, omega, c, c_rate, dt,
+    )  # fmt: skip
+    for i in range(8):
+        held[i] = slopes[i]
+    fx, fy = mean[0], mean[1]
+    push(plant, a, fx, fy)
+    drive_on(plant, st, omega, alpha, dt)
     # work of the force that acted, over the way that was gone (mean of the two half-step
     # velocities)
-    after_x, after_y = relative(plant, v)
-    work = 0.5 * ((fx + dfx) * (wx + after_x) + (fy + dfy) * (wy + after_y))
+    after_x, after_y = relative(plant, st.v)
+    work = 0.5 * (fx * (wx + after_x) + fy * (wy + after_y))
+    torque, flow = force[2], force[3]
     scalar[POWER] = (
         torque * abs(omega) + drag * film.radius * omega - work + film.windage * abs(omega) ** 3
     )
     scalar[FLOW] = flow
-    scalar[ANGLE] += (omega + 0.5 * alpha * dt) * dt
-    scalar[TIME] += dt

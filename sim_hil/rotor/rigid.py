@@ -2,30 +2,20 @@
 ground.
 
 Coordinates `x, y, A = dx/dz, B = dy/dz`; the equation with its omissions mended is that of
-`rotor.kernel`. One step is ROS2 (Verwer, Spee, Blom and Hundsdorfer 1999), second order and
-L-stable with gamma = 1 - 1/sqrt(2):
-
-    (I - gamma dt J) k1 = dt f(w),   (I - gamma dt J) k2 = dt f(w + k1) - 2 k1,   w += 3/2 k1 + 1/2
-    k2
-
-J holds the film alone (the rest is not stiff) and is renewed every few steps, and when the journal
-has moved by a share of its gap since, or its squeeze has turned: ROS2 keeps its order with any J,
-its stability needs one that is near.  Near contact, where the film is not smooth over a step, the
-step is linearly implicit Euler's (:mod:`sim_hil.rotor.film_step`); so it is where the squeeze of a
-fed film turns within the step: between a ruptured film that retreats and a full one that
-approaches, ROS2 has fixed points of its own, where a loaded journal hangs in mid-air.
+`rotor.kernel`. One step is the midpoint rule: unbalance, coupling and gyroscopic moment are taken
+at a forecast of the middle of the step, and the film is solved for there
+(:mod:`sim_hil.rotor.film_step` says how, and where the step is Euler's instead).
 """
 
 from __future__ import annotations
 
-import math
-
 from numba import njit, prange
 
+from sim_hil.film.elementary import direction_of
 from sim_hil.jit import inlined, kernel
-from sim_hil.rotor.bearing import bearing_force, gap, heat_oil, oil_now
-from sim_hil.rotor.film_law import Forces, Law, is_fed
-from sim_hil.rotor.film_step import crossing, film_slopes, turned
+from sim_hil.rotor.bearing import gap, heat_oil, oil_now
+from sim_hil.rotor.film_law import Law
+from sim_hil.rotor.film_step import crossing, meet_film, near
 from sim_hil.rotor.kernel import GRAVITY, move_actuator
 from sim_hil.rotor.parameters import (
     ANGLE,
@@ -36,17 +26,14 @@ from sim_hil.rotor.parameters import (
     PRESSURE,
     ActuatorParameters,
     Eight,
-    FilmOil,
     FilmParameters,
     Floats,
     Four,
     Shaft,
-    Two,
 )
 
-GAMMA = 1 - math.sqrt(0.5)
 RENEW_STEPS = 4
-_RENEW_SHARE = 0.1
+"""Steps for which the slopes are kept of a film that does not know its own."""
 COLUMNS = (
     "x_m",
     "y_m",
@@ -72,33 +59,35 @@ def journal(shaft: Shaft, w: Eight) -> Four:
 
 
 @inlined
-def squeeze(shaft: Shaft, w: Eight, omega: float) -> Two:
-    """Effective squeeze velocity of the film, m/s."""
-    ex, ey, vx, vy = journal(shaft, w)
-    return vx + 0.5 * omega * ey, vy - 0.5 * omega * ex
+def moved(w: Eight, a: Four, share: float, dt: float) -> Eight:
+    """The state after ``dt`` at accelerations ``a``, gone at the velocity ``share`` of the way."""
+    into = share * dt
+    return (
+        w[0] + dt * (w[4] + into * a[0]),
+        w[1] + dt * (w[5] + into * a[1]),
+        w[2] + dt * (w[6] + into * a[2]),
+        w[3] + dt * (w[7] + into * a[3]),
+        w[4] + dt * a[0],
+        w[5] + dt * a[1],
+        w[6] + dt * a[2],
+        w[7] + dt * a[3],
+    )
 
 
 @inlined
-def direction(shaft: Shaft, angle: float) -> Two:
-    """Cosine and sine of the unbalance's angle."""
-    return math.cos(angle + shaft.unbalance_angle), math.sin(angle + shaft.unbalance_angle)
+def without_film(
+    shaft: Shaft, w: Eight, angle: float, omega: float, alpha: float, load: float
+) -> Four:
+    """Accelerations of the coordinates (x, y, A, B) without the film.
 
-
-@inlined
-def rates(
-    shaft: Shaft, force: Forces, w: Eight, heavy: Two, omega: float, alpha: float, load: float
-) -> Eight:
-    """Rates of change of ``w``: the coordinates (x, y, A, B) and their rates.
-
-    `force` is the film's, `heavy` the direction of the unbalance, `load` the total static load at
-    the bearing, N.
+    `angle` is that of the shaft, `load` the total static load at the bearing, N.
     """
     s, b, d = shaft, shaft.to_bearing, shaft.to_coupling
     x, y, tilt_x, tilt_y, x_rate, y_rate, tilt_x_rate, tilt_y_rate = w
-    fx, fy, cosine, sine = force[0], force[1], heavy[0], heavy[1]
+    cosine, sine = direction_of(angle + s.unbalance_angle)
     gravity_share = s.mass * GRAVITY * d / (b + d)
-    bx = fx + s.unbalance * (omega * omega * cosine + alpha * sine)
-    by = fy + s.unbalance * (omega * omega * sine - alpha * cosine) - (load - gravity_share)
+    bx = s.unbalance * (omega * omega * cosine + alpha * sine)
+    by = s.unbalance * (omega * omega * sine - alpha * cosine) - (load - gravity_share)
     k, damping = s.coupling_stiffness, s.coupling_damping
     cx = -k * (x - d * tilt_x) - damping * (x_rate - d * tilt_x_rate)
     cy = (
@@ -107,98 +96,13 @@ def rates(
         + s.mass * GRAVITY
         - gravity_share
     )
+    per_mass, per_inertia = 1 / s.mass, 1 / s.diametral
     return (
-        x_rate,
-        y_rate,
-        tilt_x_rate,
-        tilt_y_rate,
-        (bx + cx) / s.mass,
-        (by + cy) / s.mass - GRAVITY,
-        (b * bx - d * cx - s.polar * (omega * tilt_y_rate + alpha * tilt_y)) / s.diametral,
-        (b * by - d * cy + s.polar * (omega * tilt_x_rate + alpha * tilt_x)) / s.diametral,
+        (bx + cx) * per_mass,
+        (by + cy) * per_mass - GRAVITY,
+        (b * bx - d * cx - s.polar * (omega * tilt_y_rate + alpha * tilt_y)) * per_inertia,
+        (b * by - d * cy + s.polar * (omega * tilt_x_rate + alpha * tilt_x)) * per_inertia,
     )
-
-
-@inlined
-def solve_stage(shaft: Shaft, slopes: Eight, reach: float, move: Eight) -> Eight:
-    """Solve `(I - reach J) k = move` for positions and rates, with the film as the only J."""
-    b = shaft.to_bearing
-    mobility = 1 / shaft.mass + b * b / shaft.diametral
-    kxx, kxy, kyx, kyy, cxx, cxy, cyx, cyy = slopes
-    m0, m1, m2, m3, m4, m5, m6, m7 = move
-    ex, ey, vx, vy = m0 + b * m2, m1 + b * m3, m4 + b * m6, m5 + b * m7
-    gxx, gxy, gyx, gyy = cxx + reach * kxx, cxy + reach * kxy, cyx + reach * kyx, cyy + reach * kyy
-    h = reach * mobility
-    rx = vx + h * (kxx * ex + kxy * ey)
-    ry = vy + h * (kyx * ex + kyy * ey)
-    mxx, mxy, myx, myy = 1 - h * gxx, -h * gxy, -h * gyx, 1 - h * gyy
-    det = mxx * myy - mxy * myx
-    ux, uy = (myy * rx - mxy * ry) / det, (mxx * ry - myx * rx) / det
-    fx, fy = (ux - vx) / mobility, (uy - vy) / mobility
-    k4, k5 = m4 + fx / shaft.mass, m5 + fy / shaft.mass
-    k6, k7 = m6 + b * fx / shaft.diametral, m7 + b * fy / shaft.diametral
-    return m0 + reach * k4, m1 + reach * k5, m2 + reach * k6, m3 + reach * k7, k4, k5, k6, k7
-
-
-@inlined
-def mixed(p: float, a: Eight, q: float, b: Eight) -> Eight:
-    """`p a + q b`."""
-    return (
-        p * a[0] + q * b[0],
-        p * a[1] + q * b[1],
-        p * a[2] + q * b[2],
-        p * a[3] + q * b[3],
-        p * a[4] + q * b[4],
-        p * a[5] + q * b[5],
-        p * a[6] + q * b[6],
-        p * a[7] + q * b[7],
-    )
-
-
-@inlined
-def step(
-    shaft: Shaft,
-    film: FilmParameters,
-    law: Law,
-    oil: FilmOil,
-    slopes: Eight,
-    rough: bool,
-    force: Forces,
-    w: Eight,
-    heavy: Two,
-    ahead: Two,
-    omega: float,
-    alpha: float,
-    load: float,
-    c: float,
-    c_rate: float,
-    dt: float,
-) -> Eight:
-    """State after one step (numbers, not arrays: these stay in registers).
-
-    `force` acts at its start; the unbalance points in the direction `heavy` there and `ahead` at
-    its end.
-    """
-    rate = rates(shaft, force, w, heavy, omega, alpha, load)
-    if rough:
-        after: Eight = mixed(
-            1.0, w, 1.0, solve_stage(shaft, slopes, dt, mixed(dt, rate, 0.0, rate))
-        )
-    else:
-        k1 = solve_stage(shaft, slopes, GAMMA * dt, mixed(dt, rate, 0.0, rate))
-        probe = mixed(1.0, w, 1.0, k1)
-        if is_fed(law) and turned(*squeeze(shaft, probe, omega), *squeeze(shaft, w, omega)):
-            euler: Eight = mixed(
-                1.0, w, 1.0, solve_stage(shaft, slopes, dt, mixed(dt, rate, 0.0, rate))
-            )
-            return euler
-        omega += alpha * dt
-        ex, ey, vx, vy = journal(shaft, probe)
-        force = bearing_force(law, film, oil, ex, ey, vx, vy, omega, c, c_rate)
-        rate = rates(shaft, force, probe, ahead, omega, alpha, load)
-        k2 = solve_stage(shaft, slopes, GAMMA * dt, mixed(dt, rate, -2.0, k1))
-        after = mixed(1.0, mixed(1.0, w, 1.5, k1), 0.5, k2)
-    return after
 
 
 @kernel
@@ -230,63 +134,59 @@ def advance_rotor(
         Written: `COLUMNS`, shape (n, 11).
     """
     dt = period / substeps
+    s, b = shaft, shaft.to_bearing
+    mobility = 1 / s.mass + b * b / s.diametral
+    per_mass, per_inertia = 1 / s.mass, b / s.diametral
     now = (w[0], w[1], w[2], w[3], w[4], w[5], w[6], w[7])
     slopes = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    age, old_x, old_y, old_sx, old_sy = renew, 0.0, 0.0, 0.0, 0.0
-    heavy = direction(shaft, scalar[ANGLE])
+    a = (0.0, 0.0, 0.0, 0.0)
+    tries, age = 2, renew  # the first step knows no acceleration to forecast with
+    per_period = 1 / period
+    ex, ey, _, _ = journal(s, now)
+    thin = gap(film, ex, ey, scalar[CLEARANCE] + film.wear)
     for n in range(out.shape[0]):
-        alpha = (drive[n + 1, 0] - drive[n, 0]) / period
-        load_rate = (drive[n + 1, 1] - drive[n, 1]) / period
+        alpha = (drive[n + 1, 0] - drive[n, 0]) * per_period
+        load_rate = (drive[n + 1, 1] - drive[n, 1]) * per_period
         c = scalar[CLEARANCE] + film.wear
         c_rate = move_actuator(act, scalar, target[n, 0], target[n, 1], period)
         oil = oil_now(film, scalar)
         power, flow, smallest = 0.0, 0.0, 1e9
         for i in range(substeps):
-            omega, load = drive[n, 0] + alpha * dt * i, drive[n, 1] + load_rate * dt * i
-            ex, ey, vx, vy = journal(shaft, now)
-            force = bearing_force(law, film, oil, ex, ey, vx, vy, omega, c, c_rate)
-            thin = gap(film, ex, ey, c)
-            rough = crossing(thin, vx, vy, c, dt)
-            sx, sy = vx + 0.5 * omega * ey, vy - 0.5 * omega * ex
-            dx, dy, near = ex - old_x, ey - old_y, _RENEW_SHARE * max(thin, 0.01 * c)
-            moved = dx * dx + dy * dy > near * near
-            if rough or moved or age >= renew or turned(sx, sy, old_sx, old_sy):
-                slopes = film_slopes(law, film, oil, force, ex, ey, vx, vy, omega, c, c_rate)
-                age, old_x, old_y, old_sx, old_sy = 0, ex, ey, sx, sy
+            half = (i + 0.5) * dt
+            omega, load = drive[n, 0] + alpha * half, drive[n, 1] + load_rate * half
+            middle = moved(now, a, 0.5, 0.5 * dt)
+            angle = scalar[ANGLE] + 0.5 * dt * (omega - 0.25 * alpha * dt)
+            a = without_film(s, middle, angle, omega, alpha, load)
+            ex, ey, wx, wy = at = journal(s, now)
+            x, y, vx, vy = journal(s, middle)
+            rough = crossing(thin, ex, ey, wx, wy, c, dt) or near(film, x, y, c)
             age += 1
-            scalar[ANGLE] += (omega + 0.5 * alpha * dt) * dt
-            ahead = direction(shaft, scalar[ANGLE])
-            now = step(
-                shaft,
-                film,
-                law,
-                oil,
-                slopes,
-                rough,
-                force,
-                now,
-                heavy,
-                ahead,
-                omega,
-                alpha,
-                load,
-                c,
-                c_rate,
-                dt,
+            fresh = rough or age >= renew
+            age = 0 if fresh else age
+            force, mean, slopes = meet_film(
+                film, law, oil, slopes, fresh, rough, tries, at, (wx, wy) if rough else (vx, vy),
+                (a[0] + b * a[2], a[1] + b * a[3]), (mobility, mobility), 0.5 * dt, omega,
+                c + 0.5 * dt * c_rate, c_rate, dt,
+            )  # fmt: skip
+            tries = 1
+            fx, fy, vx, vy = mean
+            a = (
+                a[0] + fx * per_mass,
+                a[1] + fy * per_mass,
+                a[2] + fx * per_inertia,
+                a[3] + fy * per_inertia,
             )
-            heavy = ahead
-            power += (
-                force[2] * abs(omega)
-                - (force[0] * vx + force[1] * vy)
-                + film.windage * abs(omega) ** 3
-            )
+            scalar[ANGLE] += omega * dt
+            power += force[2] * abs(omega) - (fx * vx + fy * vy) + film.windage * abs(omega) ** 3
             flow += force[3]
             c += c_rate * dt
-            ex, ey, _, _ = journal(shaft, now)
-            smallest = min(smallest, gap(film, ex, ey, c))
+            now = moved(now, a, 1.0 if rough else 0.5, dt)
+            ex, ey, _, _ = journal(s, now)
+            thin = gap(film, ex, ey, c)
+            smallest = min(smallest, thin)
         scalar[POWER], scalar[FLOW] = power / substeps, force[3]
         heat_oil(film, scalar, period)
-        out[n, 0], out[n, 1], out[n, 2], out[n, 3] = journal(shaft, now)
+        out[n, 0], out[n, 1], out[n, 2], out[n, 3] = journal(s, now)
         out[n, 4], out[n, 5], out[n, 6], out[n, 7] = smallest, c, scalar[POWER], scalar[OIL]
         out[n, 8], out[n, 9], out[n, 10] = scalar[ANGLE], flow / substeps, scalar[PRESSURE]
     for i in range(8):

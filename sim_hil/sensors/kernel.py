@@ -7,11 +7,13 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from firmware_py.machine.contact import ASPERITY_OHM
+from sim_hil.film.elementary import direction_of, exp_of
 from sim_hil.jit import inlined, kernel
 from sim_hil.rotor.bearing import bearing_force, gap, heat_oil, oil_now
 from sim_hil.rotor.film_law import Law
-from sim_hil.rotor.film_step import film_reaction
 from sim_hil.rotor.kernel import move_actuator, relative, substep
 from sim_hil.rotor.parameters import (
     ANGLE,
@@ -26,12 +28,13 @@ from sim_hil.rotor.parameters import (
     ContactParameters,
     FilmOil,
     Floats,
+    Four,
     Pickup,
     Plant,
     State,
 )
 
-_PASCAL_PER_BAR = 1e5
+_BAR_PER_PASCAL = 1e-5
 _PUMP_TEETH_RAD_S = 2 * math.pi * 225.0
 _PUMP_RIPPLE = 0.01
 
@@ -48,7 +51,7 @@ def contact_voltage(min_film: float, roughness: float, circuit: ContactParameter
     """
     h = max(min_film, 0.0)
     film = circuit.film_ohm_per_m * h
-    asperity = ASPERITY_OHM * math.exp(min(h / roughness, 60.0))
+    asperity = ASPERITY_OHM * exp_of(min(h / roughness, 60.0))
     if film <= 0.0:
         return 0.0
     parallel = 1.0 / (1.0 / film + 1.0 / asperity)
@@ -73,13 +76,14 @@ def sense(plant: Plant, st: State, c: float, dt: float) -> None:
     """Signals of this instant through the sensor lags into the anti-alias history."""
     p, q, v, a, scalar = plant.pickup, st.q, st.v, st.a, st.scalar
     ex, ey = relative(plant, q)
-    c1, s1 = math.cos(scalar[ANGLE]), math.sin(scalar[ANGLE])
+    c1, s1 = direction_of(scalar[ANGLE])
     c2, s2 = c1 * c1 - s1 * s1, 2 * s1 * c1
     c3, s3 = c2 * c1 - s2 * s1, s2 * c1 + c2 * s1
     taps = st.ring.shape[0] // 2
     at = int(scalar[RING])
-    tooth = math.sin(plant.excite.teeth * scalar[ANGLE])
-    ripple = 1 + _PUMP_RIPPLE * math.sin(_PUMP_TEETH_RAD_S * scalar[TIME])
+    _, tooth = direction_of(plant.excite.teeth * scalar[ANGLE])
+    _, pump = direction_of(_PUMP_TEETH_RAD_S * scalar[TIME])
+    ripple = 1 + _PUMP_RIPPLE * pump
     cos_x, sin_x = p.runout_cos[0], p.runout_sin[0]
     cos_y, sin_y = p.runout_cos[1], p.runout_sin[1]
     wobble_x = (
@@ -105,7 +109,7 @@ def sense(plant: Plant, st: State, c: float, dt: float) -> None:
         housing_mode(p, st.mode, 1, a[4] - plant.pedestal.axis_height * a[6], dt),
         housing_mode(p, st.mode, 2, a[8], dt),
         p.sound * (v[4] + v[5] + v[7] + v[8]) + p.tooth_sound * tooth,
-        scalar[PRESSURE] / _PASCAL_PER_BAR * ripple,
+        scalar[PRESSURE] * _BAR_PER_PASCAL * ripple,
         contact_voltage(gap(plant.film, ex, ey, c), p.roughness, p.contact),
     )
     for i in range(8):
@@ -115,13 +119,30 @@ def sense(plant: Plant, st: State, c: float, dt: float) -> None:
 
 
 @inlined
+def _pair(to: Four, tap: float, ring: Floats, i: np.uint64, j: np.uint64, first: int) -> Four:
+    """Four channels of two instants that share a tap, added to what the others gave."""
+    return (
+        to[0] + tap * (ring[i, first] + ring[j, first]),
+        to[1] + tap * (ring[i, first + 1] + ring[j, first + 1]),
+        to[2] + tap * (ring[i, first + 2] + ring[j, first + 2]),
+        to[3] + tap * (ring[i, first + 3] + ring[j, first + 3]),
+    )
+
+
+@inlined
 def filtered(ring: Floats, start: int, taps: Floats, out: Floats) -> None:
     """Anti-alias filter: the last ``len(taps)`` instants of each channel against the impulse
-    response."""
-    out[:] = 0.0
-    for k in range(taps.size):
-        for channel in range(8):
-            out[channel] += taps[k] * ring[start + k, channel]
+    response, whose two halves mirror one another."""
+    low = high = (0.0, 0.0, 0.0, 0.0)
+    half = taps.size // 2
+    # unsigned: no check for an index from the end
+    i, j = np.uint64(start), np.uint64(start + taps.size - 1)
+    for k in range(half):
+        low, high = _pair(low, taps[k], ring, i, j, 0), _pair(high, taps[k], ring, i, j, 4)
+        i, j = i + np.uint64(1), j - np.uint64(1)
+    middle = 0.5 * taps[half]
+    out[0], out[1], out[2], out[3] = _pair(low, middle, ring, i, i, 0)
+    out[4], out[5], out[6], out[7] = _pair(high, middle, ring, i, i, 4)
 
 
 @kernel
@@ -160,8 +181,8 @@ def advance(
             omega = drive[n, 0] + alpha * dt * k
             load = drive[n, 1] + (drive[n + 1, 1] - drive[n, 1]) * k / substeps
             before = scalar[ANGLE]
-            reaction = film_reaction(plant, st, law, k % kept == 0, omega, c, c_rate, oil, dt)
-            substep(plant, st, law, reaction, omega, alpha, load, c, c_rate, oil, ambient[n], dt)
+            fresh = k % kept == 0
+            substep(plant, st, law, fresh, omega, alpha, load, c, c_rate, oil, ambient[n], dt)
             power += scalar[POWER]
             if scalar[ANGLE] >= turn or scalar[ANGLE] < 0.0:
                 sign = 1.0 if scalar[ANGLE] >= turn else -1.0
@@ -182,7 +203,7 @@ def _write_truth(
 ) -> None:
     film, scalar = plant.film, st.scalar
     ex, ey = relative(plant, st.q)
-    wx, wy = relative(plant, st.v)
+    wx, wy = relative(plant, st.ahead)
     fx, fy, _, _ = bearing_force(law, film, oil, ex, ey, wx, wy, drive[0], c, 0.0)
     row[0] = scalar[ANGLE] + 2 * math.pi * scalar[TURNS]
     row[1], row[2] = drive[0], drive[1]

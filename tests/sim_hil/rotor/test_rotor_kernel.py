@@ -51,7 +51,7 @@ def one_step(
         plant,
         state,
         TABLE,
-        (0.0,) * 6,
+        True,
         omega,
         alpha,
         load,
