@@ -13,6 +13,11 @@ from typing import Final
 REFERENCE_CALLS: Final = 2000
 SPEEDS_RPM: Final = (3000, 10000)
 ORBIT_ERROR: Final = 5e-3
+POWER_ERROR: Final = 1e-2
+WHIRL_CLEARANCE_M: Final = 160e-6
+ROTOR_CALLS: Final = 700.0
+RIG_CALLS: Final = 4000.0
+"""A simulated second costs at most so many calls of the reference kernel."""
 RIG_SECONDS: Final = 0.5
 RIG_FACTOR: Final = 30.0
 """Own bar: the whole rig, with its eight sensors, so many times faster than real time."""
@@ -51,7 +56,7 @@ def main(argv: list[str]) -> int:
     )
     parser.add_argument("--json", action="store_true", help="for programs")
     options = parser.parse_args(argv)
-    figures = [*film_figures(), *rotor_figures(), *rig_figures()]
+    figures = [*film_figures(), *rotor_figures(), *whirl_figures(), *rig_figures()]
     if not options.quick:
         figures += [*many_figures(), *hil_figures(), *start_figures()]
     missed = [figure.name for figure in figures if figure.passed is False]
@@ -87,14 +92,35 @@ def rotor_figures() -> Iterator[Figure]:
     from sim_hil.bench.timing import beside
 
     reference = repeat_of_reference(REFERENCE_CALLS)
-    for force, seconds, wanted in (("direct", 0.05, 5.0), ("table", 0.5, 60.0)):
+    cases = (("direct", 0.05, 5.0, None), ("table", 0.5, 60.0, ROTOR_CALLS))
+    for force, seconds, wanted, calls in cases:
         for rpm in SPEEDS_RPM:
             one = orbit(force, rpm)
             timing = beside(reference, one.run(seconds), (REFERENCE_CALLS, 1))
             case = f"one rotor, {force}, {rpm} rpm:"
             yield Figure(f"{case} real-time factor", seconds / timing.seconds, "x", wanted, True)
-            yield Figure(f"{case} simulated second over reference", timing.ratio / seconds, "")
+            yield Figure(
+                f"{case} simulated second over reference", timing.ratio / seconds, "", calls
+            )
             yield Figure(f"{case} orbit error", one.error(), "of the orbit", ORBIT_ERROR)
+
+
+def whirl_figures() -> Iterator[Figure]:
+    """Whirl that fills the clearance, at 60 steps a turn: cost, and errors against an eighth of the
+    step."""
+    from sim_hil.bench.film import repeat_of_reference
+    from sim_hil.bench.rotors import WHIRL_RPM, WHIRL_STEP_S, whirl, whirling
+    from sim_hil.bench.timing import beside
+
+    case = f"whirl in {WHIRL_CLEARANCE_M * 1e6:g} um, table, {WHIRL_RPM:g} rpm:"
+    seconds = 0.5
+    one = whirling(WHIRL_CLEARANCE_M).run(seconds, step_s=WHIRL_STEP_S)
+    timing = beside(repeat_of_reference(REFERENCE_CALLS), one, (REFERENCE_CALLS, 1))
+    yield Figure(f"{case} simulated second over reference", timing.ratio / seconds, "")
+    coarse, fine = (whirl(WHIRL_CLEARANCE_M, WHIRL_STEP_S / cut) for cut in (1, 8))
+    radius, power = coarse.radius_m / fine.radius_m, coarse.power_W / fine.power_W
+    yield Figure(f"{case} orbit error", abs(radius - 1), "of the orbit", ORBIT_ERROR)
+    yield Figure(f"{case} error of the mean power", abs(power - 1), "of the power", POWER_ERROR)
 
 
 def rig_figures() -> Iterator[Figure]:
@@ -111,7 +137,10 @@ def rig_figures() -> Iterator[Figure]:
         "whole rig, 5 kHz: real-time factor", RIG_SECONDS / timing.seconds, "x", RIG_FACTOR, True
     )
     yield Figure(
-        "whole rig, 5 kHz: simulated second over reference", timing.ratio / RIG_SECONDS, ""
+        "whole rig, 5 kHz: simulated second over reference",
+        timing.ratio / RIG_SECONDS,
+        "",
+        RIG_CALLS,
     )
 
 

@@ -33,8 +33,13 @@ CLEARANCE_M: Final = 60e-6
 RPM: Final = 6000.0
 STEP_S: Final = 100e-6
 RENEW: Final = 8
-"""A turn at 10000 rpm is cut into 60 steps; the film's slopes are renewed every eighth."""
+"""A turn at 10000 rpm is cut into 60 steps; slopes of a film that does not know its own are renewed
+every eighth."""
+WHIRL_RPM: Final = 12000.0
+WHIRL_N: Final = 30.0
+WHIRL_STEP_S: Final = 60.0 / WHIRL_RPM / 60
 
+_WHIRL_S = 0.6
 _SETTLE_S = 0.4
 _COMPARED_S = 0.1
 _CONVERGED = 8
@@ -48,6 +53,10 @@ class ReadyRotor:
     law: Law
     start_m: Floats
     speed_rad_s: float
+    load_N: float = LOAD_N
+    clearance_m: float = CLEARANCE_M
+    whirl_rad_s: float = 0.0
+    """Rate at which it whirls about the middle at the start."""
 
     def state(self) -> tuple[Floats, Floats]:
         """Rotor at its equilibrium, and its scalars."""
@@ -55,13 +64,15 @@ class ReadyRotor:
         w = np.zeros(8)
         w[2:4] = self.start_m / (s.to_bearing + s.to_coupling)
         w[0:2] = s.to_coupling * w[2:4]
-        return w, new_state(1, CLEARANCE_M, 1e5, self.plant.film.inlet_C, 0.0).scalar
+        w[4], w[5], w[6], w[7] = self.whirl_rad_s * np.array([-w[1], w[0], -w[3], w[2]])
+        return w, new_state(1, self.clearance_m, 1e5, self.plant.film.inlet_C, 0.0).scalar
 
-    def run(self, seconds: float, refine: int = 1) -> Callable[[], Floats]:
-        """A call that runs `seconds` from the start; the steps are cut into `refine`."""
-        n = round(seconds / STEP_S)
-        drive = np.tile([self.speed_rad_s, LOAD_N], (n + 1, 1))
-        target = np.tile([CLEARANCE_M, 1e5], (n, 1))
+    def run(self, seconds: float, refine: int = 1, step_s: float = STEP_S) -> Callable[[], Floats]:
+        """A call that runs `seconds` from the start in steps of `step_s`, each cut into
+        `refine`."""
+        n = round(seconds / step_s)
+        drive = np.tile([self.speed_rad_s, self.load_N], (n + 1, 1))
+        target = np.tile([self.clearance_m, 1e5], (n, 1))
         out = np.empty((n, len(COLUMNS)))
 
         def call() -> Floats:
@@ -77,7 +88,7 @@ class ReadyRotor:
                 scalar,
                 drive,
                 target,
-                STEP_S,
+                step_s,
                 refine,
                 renew,
                 out,
@@ -108,6 +119,37 @@ def orbit(force: str, rpm: float) -> ReadyRotor:
     law = DirectLaw.make(table) if force == "direct" else table
     start = equilibrium_at(rig, plant, rpm * RAD_S_PER_RPM, LOAD_N, CLEARANCE_M)
     return ReadyRotor(plant, law, start.position_m, rpm * RAD_S_PER_RPM)
+
+
+@dataclass(frozen=True)
+class Whirl:
+    """Mean radius of the journal, m, and mean power, W, over the second half of a run."""
+
+    radius_m: float
+    power_W: float
+
+
+def whirling(clearance_m: float, start: float | None = None) -> ReadyRotor:
+    """The fastest and lightest machine of the rig `bench`, which whirls in wide clearances.
+
+    It starts at its equilibrium, or whirling at half its speed at the eccentricity ratio `start`.
+    """
+    rig, speed = _bench(), WHIRL_RPM * RAD_S_PER_RPM
+    plant = assemble(rig, Build.nominal(rig), WHIRL_STEP_S, thermal=False)
+    law = FilmTable.load(rig.bearing.length_m / (2 * rig.bearing.radius_m)).coefficients
+    if start is None:
+        place = equilibrium_at(rig, plant, speed, WHIRL_N, clearance_m).position_m
+        return ReadyRotor(plant, law, place, speed, WHIRL_N, clearance_m)
+    place = np.array([start * clearance_m, 0.0])
+    return ReadyRotor(plant, law, place, speed, WHIRL_N, clearance_m, 0.5 * speed)
+
+
+def whirl(clearance_m: float, step_s: float, start: float | None = None) -> Whirl:
+    """What :func:`whirling` settles to in steps of `step_s`."""
+    rows = whirling(clearance_m, start).run(_WHIRL_S, step_s=step_s)()
+    last = rows[len(rows) // 2 :]
+    radius_m = np.hypot(last[:, 0], last[:, 1]).mean()
+    return Whirl(float(radius_m), float(last[:, COLUMNS.index("power_W")].mean()))
 
 
 def whole_rig(seconds: float) -> Callable[[], Batch]:
