@@ -64,9 +64,12 @@ def load_settings(kind: type[S], path: Path | None) -> S:
 
 
 def without_places(settings: object) -> dict[str, Any]:
-    """Settings as they are told: a file or folder by its own name, for runs and cards travel."""
+    """Settings as they are told: a file or folder by its own name, for runs and cards travel; not
+    how many processes worked, on which nothing depends."""
     told: dict[str, Any] = {}
     for key, value in msgspec.to_builtins(settings).items():
+        if key == "workers":
+            continue
         if isinstance(value, dict):
             told[key] = without_places(value)
         else:

@@ -4,6 +4,7 @@ unseen builds."""
 from __future__ import annotations
 
 import time
+from functools import partial
 from pathlib import Path
 
 import msgspec
@@ -104,24 +105,26 @@ def train(run: TrainingRun, settings: ClassifierSettings) -> dict[str, object]:
     views = views_of(out, plan, settings.builds, settings.workers, look)
     views.orders.check()
     outer, inner = _split(views, settings.inner_share, rng)
-    rungs = climb(outer, inner, settings.ladder, settings.rate_hz, run.seed)
-    chosen, rows = choose(rungs, inner)
+    recorded_s = time.monotonic() - started
+    judged = judged_views(settings.judge, run.seed, out)
+    started = time.monotonic()
+    chosen, rows, unseen = run.kept(
+        "ladder", partial(_climbed, outer, inner, per_decision(judged), settings, run.seed)
+    )
     for row in rows:
         run.log(row)
     module = _finish(chosen, outer.orders, inner.orders, settings)
-    trained_s = round(time.monotonic() - started, 1)
-    limits = VerdictLimits(
-        NOVELTY_THRESHOLD, _named_above(chosen, views.orders, settings, run.seed)
-    )
-    judged, answers = judged_views(settings.judge, run.seed, out), of_module(module)
-    decided = per_decision(judged)
+    trained_s = round(recorded_s + time.monotonic() - started, 1)
+    odds = run.kept("limits", partial(_named_above, chosen, views.orders, settings, run.seed))
+    limits, answers = VerdictLimits(NOVELTY_THRESHOLD, odds), of_module(module)
     report: dict[str, object] = {
         "chosen": chosen.name,
         "inner_ladder": rows,
-        "ladder_on_unseen_builds": {
-            rung.name: scores.summary(rung.decisions(decided)) for rung in rungs
-        },
+        "ladder_on_unseen_builds": unseen,
         "named_above": _by_fault(limits),
+        "cannot_be_told_apart": scores.confused(
+            scores.required(decisions_of(answers, judged.orders))
+        ),
         "real_recordings": REAL_RECORDINGS,
         "unseen_builds": judge(answers, limits, settings.judge, run.seed, out),
         "training": {
@@ -134,6 +137,18 @@ def train(run: TrainingRun, settings: ClassifierSettings) -> dict[str, object]:
     _export(module, limits, run, views.orders, settings, report)
     figures.classifier(run.folder, decisions_of(answers, judged.orders))
     return report
+
+
+Rows = list[dict[str, object]]
+
+
+def _climbed(
+    outer: Views, inner: Views, unseen: Views, settings: ClassifierSettings, seed: int
+) -> tuple[HeadNetwork, Rows, dict[str, object]]:
+    """The chosen network, a row for each rung on the inner builds, and the rungs on ``unseen``."""
+    rungs = climb(outer, inner, settings.ladder, settings.rate_hz, seed)
+    chosen, rows = choose(rungs, inner)
+    return chosen, rows, {r.name: scores.summary(r.decisions(unseen)) for r in rungs}
 
 
 def _split(views: Views, share: float, rng: np.random.Generator) -> tuple[Views, Views]:

@@ -117,9 +117,8 @@ def at_other_rate(
     answers: Answers, settings: JudgeSettings, seed: int, out: Path
 ) -> dict[str, object]:
     """The classes again, on builds sampled at the other rate that the model's metadata names."""
-    other = msgspec.structs.replace(
-        settings, rate_hz=sum(RATES_HZ) - settings.rate_hz, builds=settings.other_rate_builds
-    )
+    rate_hz = next(rate for rate in RATES_HZ if rate != settings.rate_hz)
+    other = msgspec.structs.replace(settings, rate_hz=rate_hz, builds=settings.other_rate_builds)
     judged = judged_views(other, seed, out).orders
     return {
         "rate_hz": other.rate_hz,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,8 @@ LEAST_PROBABILITY = 1e-4
 LEAST_ODDS = 100.0
 """Odds against normal below which no fault is named: a rarer machine than the training's healthy
 ones reaches them."""
+APART = 0.9
+"""Balanced accuracy of two classes alone below which they cannot be told apart."""
 SPEED_BORDERS = np.log10(np.array([3000.0, 6000.0]) * np.pi / 30.0)
 REGIMES = (LOOPS, DUTIES, ("below 3000 rpm", "3000 to 6000 rpm", "above 6000 rpm"))
 """Names of the columns of :attr:`Decisions.regime`."""
@@ -112,6 +115,20 @@ def required(decisions: Decisions) -> Decisions:
 def balanced_accuracy(truth: NDArray[np.intp], named: NDArray[np.intp]) -> float:
     """Mean recall over the classes that occur."""
     return float(np.mean([np.mean(named[truth == kind] == kind) for kind in np.unique(truth)]))
+
+
+def confused(decisions: Decisions) -> list[dict[str, object]]:
+    """Pairs of classes that are confused, the worst first: each decision between the two alone."""
+    found = []
+    for a, b in combinations(np.unique(decisions.kind).tolist(), 2):
+        rows = decisions.subset((decisions.kind == a) | (decisions.kind == b))
+        named = np.where(rows.probability[:, a] >= rows.probability[:, b], a, b)
+        score = balanced_accuracy(rows.kind, named)
+        if score < APART:
+            found.append((score, CLASSES[a], CLASSES[b]))
+    return [
+        {"classes": [a, b], "balanced_accuracy": round(score, 4)} for score, a, b in sorted(found)
+    ]
 
 
 def calibration_error(decisions: Decisions) -> float:

@@ -3,6 +3,7 @@ and rivals."""
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -75,9 +76,10 @@ def train(run: TrainingRun, settings: SurrogateSettings) -> dict[str, object]:
     targets, fits = targets_of(samples), []
     for seed in range(settings.seeds):
         rng = np.random.default_rng([run.seed, seed])
-        fits.append(
-            fit(net, targets, _search(settings), rng, f"seed {seed}", run.folder.parent, run.log)
+        one = partial(
+            fit, net, targets, _search(settings), rng, f"seed {seed}", run.folder.parent, run.log
         )
+        fits.append(run.kept(f"fit-{seed}", one))
     best = min(fits, key=lambda one: one.score)
     module = _module(net, best, settings)
     judged = unseen(settings, run.seed, run.folder.parent)
