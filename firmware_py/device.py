@@ -118,11 +118,17 @@ class Device:
         *,
         ramp: PlannedRamp | None = None,
         action: str = "",
+        target: str = "",
+        owner: str = "",
+        reason: str = "",
     ) -> int:
         """Queue a person's command for the next cycle, to the stage that answers it; its sequence
         number."""
         self._command_seq += 1
-        request = CommandRequest(self._command_seq, verb, value, mode, ORIGIN, ramp, action)
+        request = CommandRequest(
+            self._command_seq, verb, value, mode, ORIGIN, ramp, action,
+            target=target, owner=owner, reason=reason,
+        )  # fmt: skip
         self._asked.append(request)
         if action == "forget":
             self._forgets.add(request.seq)

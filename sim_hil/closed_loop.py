@@ -74,9 +74,14 @@ class ClosedLoop:
         *,
         ramp: PlannedRamp | None = None,
         action: str = "",
+        target: str = "",
+        owner: str = "",
+        reason: str = "",
     ) -> int:
         """See :meth:`firmware_py.device.Device.command`."""
-        return self.device.command(verb, value, mode, ramp=ramp, action=action)
+        return self.device.command(
+            verb, value, mode, ramp=ramp, action=action, target=target, owner=owner, reason=reason
+        )
 
     def step(self) -> Decision:
         """One cycle of the guard: rig, guard, brain, in the order of the wires."""

@@ -77,6 +77,8 @@ REQUESTS = {
     2400: ("commission", "start"),
     2500: ("commission", "cancel"),
     2600: ("set_pressure", 1.0),
+    2640: ("bypass", {"target": "disp_x", "seconds": 9.0, "owner": "A. P.", "reason": "probe"}),
+    2660: ("shelve", {"target": "disp_x_alert", "seconds": 9.0}),
     2700: ("disarm", None),
     2800: ("reset", None),
 }
@@ -314,6 +316,8 @@ def ask(loop: ClosedLoop, verb: str, value: object) -> None:
         loop.command(verb, mode=Mode[str(value).upper()])
     elif verb == "announce":
         loop.command(verb, ramp=RAMP)
+    elif isinstance(value, dict):
+        loop.command(verb, value["seconds"], **{k: v for k, v in value.items() if k != "seconds"})
     elif verb == "commission":
         loop.command(verb, action=str(value))
     else:

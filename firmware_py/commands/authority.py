@@ -26,49 +26,49 @@ GUARD_WITHIN_S: Final = 1.0
 
 def mode(argv: list[str]) -> int:
     """``orbitd mode monitor|manual|auto``."""
-    parser = _parser(
+    parser = parser_of(
         "mode", "who chooses the targets: nobody (monitor), a person (manual), the model (auto)"
     )
     parser.add_argument("mode", choices=[each.name.lower() for each in Mode])
     options = parser.parse_args(argv)
-    return _ask(options, "mode", options.mode)
+    return ask(options, "mode", options.mode)
 
 
 def arm(argv: list[str]) -> int:
     """``orbitd arm``."""
-    return _ask(_parser("arm", "allow the device to move the actuator").parse_args(argv), "arm")
+    return ask(parser_of("arm", "allow the device to move the actuator").parse_args(argv), "arm")
 
 
 def disarm(argv: list[str]) -> int:
     """``orbitd disarm``."""
-    parser = _parser("disarm", "stop moving the actuator; the node goes to its safe value")
+    parser = parser_of("disarm", "stop moving the actuator; the node goes to its safe value")
     options = parser.parse_args(argv)
     reply = disarm_socket.ask(launch.place(options).runtime, uuid.uuid4().hex, GUARD_WITHIN_S)
-    return _ask(options, "disarm") if reply is None else _tell(options, "disarm", reply)
+    return ask(options, "disarm") if reply is None else tell(options, "disarm", reply)
 
 
 def reset(argv: list[str]) -> int:
     """``orbitd reset``."""
-    return _ask(
-        _parser("reset", "clear latched alarms and trips whose cause is gone").parse_args(argv),
+    return ask(
+        parser_of("reset", "clear latched alarms and trips whose cause is gone").parse_args(argv),
         "reset",
     )
 
 
 def set_target(argv: list[str]) -> int:
     """``orbitd set clearance UM`` and ``orbitd set pressure BAR``."""
-    parser = _parser("set", "set a target by hand; needs mode manual")
+    parser = parser_of("set", "set a target by hand; needs mode manual")
     parser.add_argument("what", choices=["clearance", "pressure"])
     parser.add_argument(
         "value", type=finite, help="radial clearance in um, or supply pressure in bar"
     )
     options = parser.parse_args(argv)
-    return _ask(options, f"set_{options.what}", options.value)
+    return ask(options, f"set_{options.what}", options.value)
 
 
 def announce(argv: list[str]) -> int:
     """``orbitd announce --in S --for S --speed RPM --load N``."""
-    parser = _parser(
+    parser = parser_of(
         "announce",
         "tell a ramp that is faster than the declared unannounced ones; refused, it must wait",
     )
@@ -91,12 +91,13 @@ def announce(argv: list[str]) -> int:
     )
     options = parser.parse_args(argv)
     end_s = options.start_s + options.lasts_s
-    return _ask(
+    return ask(
         options, "announce", PlannedRamp(options.start_s, end_s, options.speed, options.load)
     )
 
 
-def _parser(name: str, text: str) -> argparse.ArgumentParser:
+def parser_of(name: str, text: str) -> argparse.ArgumentParser:
+    """Options of a command to a running device."""
     parser = argparse.ArgumentParser(prog=f"orbitd {name}", description=text)
     launch.add_options(parser)
     parser.add_argument("--json", action="store_true", help="the answer as JSON")
@@ -118,15 +119,19 @@ def connect(options: argparse.Namespace) -> Client:
     return Client(found.runtime, keys.prefix(found.device.site, found.device.rig))
 
 
-def _ask(
-    options: argparse.Namespace, verb: str, value: float | str | PlannedRamp | None = None
+def ask(
+    options: argparse.Namespace,
+    verb: str,
+    value: float | str | PlannedRamp | dict[str, object] | None = None,
 ) -> int:
+    """Put a request to the device, and print its answer."""
     with connect(options) as client:
         reply = client.ask(verb, value)
-    return _tell(options, verb, reply)
+    return tell(options, verb, reply)
 
 
-def _tell(options: argparse.Namespace, verb: str, reply: CommandReply) -> int:
+def tell(options: argparse.Namespace, verb: str, reply: CommandReply) -> int:
+    """Print an answer; the exit code says whether it is yes."""
     print(msgspec.json.encode(reply).decode() if options.json else _words(verb, reply))
     return 0 if reply.accepted else 1
 

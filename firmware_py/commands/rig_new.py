@@ -127,6 +127,7 @@ def watched(config: Config) -> Config:
         limits_at=[],
         measure=[],
         group=[],
+        multiply=[],
         bus=msgspec.structs.replace(config.bus, schema=2),
     )
     off = with_limits({"limits": {}, "machine": msgspec.to_builtins(config.machine)})["limits"]

@@ -72,7 +72,7 @@ def _alarm(alarm: Alarm, now_ns: int) -> str:
         if alarm.limit
         else ""
     )
-    latched = ", latched" if alarm.latched else ""
+    latched = (", latched" if alarm.latched else "") + (", shelved" if alarm.shelved else "")
     return f"{Severity(alarm.severity).name.lower()} {alarm.name} {since}{latched}{said}"
 
 
@@ -92,6 +92,7 @@ def _guard_lines(guard: GuardState) -> list[str]:
     lines = [
         f"guard       {standing}; {authority}",
         f"run permit  {permit}",
+        *([f"first out   {guard.first_out}"] if guard.first_out else []),
         f"rotor       {guard.speed_rad_s * RAD_S_TO_RPM:.0f} rpm, orbit {x_um:.1f} x {y_um:.1f} um "
         f"peak to peak",
         *others,

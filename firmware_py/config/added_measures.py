@@ -24,6 +24,9 @@ def added(config: Config) -> tuple[Measure, ...]:
     )
 
 
+SMAX_SHARE: Final = 0.5
+"""Smax is a radius: its cap by the clearance is half of that of a peak-to-peak."""
+
 UNITS: Final = {
     "peak_to_peak": "um", "amplitude_1x": "um", "amplitude_not_1x": "um", "smax": "um",
     "position": "share", "velocity_rms": "mm/s", "speed": "rpm",

@@ -202,7 +202,53 @@ def _of_added(i: int, each: MeasureConfig) -> Iterator[Found]:
             yield f"measure[{i}].{key}", value, "belongs to an added measure; write quantity"
 
 
+def _bypassed(config: Config) -> Iterator[Found]:
+    """No bypass takes the last vote of a group, and only dangers are bypassed."""
+    there = _dangers(config)
+    allowed = {each.name: i for i, each in enumerate(config.measure) if each.may_bypass}
+    for name, i in allowed.items():
+        if not there.get(name, True):
+            cause = f"{name} has no danger that could be bypassed; remove it"
+            yield f"measure[{i}].may_bypass", True, cause
+    for group in config.group:
+        if len(group.measures) == 1 and group.measures[0] in allowed:
+            cause = (
+                f"{group.measures[0]} is the last channel of {group.name}; remove it, or let the "
+                f"whole group be bypassed"
+            )
+            yield f"measure[{allowed[group.measures[0]]}].may_bypass", True, cause
+
+
+def _multiplied(config: Config) -> Iterator[Found]:
+    """A window has an end, a way to begin anew, and set points that can be multiplied."""
+    if not config.multiply:
+        return
+    rising = {row.name for row in vibration(config)}
+    rising |= {m.name for m in config.measure if m.quantity and m.sense == "rising"}
+    names = [each.name for each in config.multiply]
+    for i, each in enumerate(config.multiply):
+        key = f"multiply[{i}]"
+        if each.name in names[:i]:
+            yield f"{key}.name", each.name, "named twice; give each window its own name"
+        if not each.measures:
+            yield f"{key}.measures", "[]", "names no measure; name one"
+        for k, name in enumerate(each.measures):
+            if name not in rising:
+                cause = f"no rising measure of that name, there are: {', '.join(sorted(rising))}"
+                yield f"{key}.measures[{k}]", name, f"{cause}; correct it"
+        if each.from_rpm >= each.to_rpm:
+            yield f"{key}.from_rpm", each.from_rpm, f"not below to_rpm ({each.to_rpm:g}); lower it"
+        if each.max_s is None:
+            yield f"{key}.max_s", None, "a multiply without end; say for how long at most"
+        if each.reset_rpm is None:
+            cause = "a window without reset; say below which speed its time counts anew"
+            yield f"{key}.reset_rpm", None, cause
+        elif each.reset_rpm >= each.from_rpm:
+            cause = f"not below from_rpm ({each.from_rpm:g}); lower it"
+            yield f"{key}.reset_rpm", each.reset_rpm, cause
+
+
 MEASURE_CHECKS: Final = (
     _known, _whole, _vibration_crossed, _oil_crossed, _readable, _votes, _one_vote,
-    *ADDED_CHECKS,
+    _bypassed, _multiplied, *ADDED_CHECKS,
 )  # fmt: skip

@@ -57,6 +57,8 @@ class MeasureConfig(Section, frozen=True):
     """An alarm ends this share of the set point within it."""
     latching: bool | None = None
     """Whether the danger alarm stands until `reset`; one that trips alone always does."""
+    may_bypass: bool = False
+    """Whether a person may bypass it, with owner, reason and end."""
     alert_effect: EffectWord | None = None
     """What alert does: event, alarm, authority, retreat."""
     danger_effect: EffectWord | None = None
@@ -98,3 +100,24 @@ class GroupConfig(Section, frozen=True):
     1oo1), in 2oo2_strict it does not."""
     all_not_ok: Literal["alarm", "authority", "retreat", "trip"] = "authority"
     """What is done while every measure of the group is not OK."""
+    may_bypass: bool = False
+    """Whether a person may bypass the whole group, with owner, reason and end."""
+
+
+class MultiplyConfig(Section, frozen=True):
+    """Set-point multiply: higher set points in a window of speed, for a limited time."""
+
+    name: GroupName
+    """Name of the window, such as first_critical."""
+    measures: list[MeasureName]
+    """Measures whose set points are multiplied; the cap by the clearance holds."""
+    factor: Annotated[float, Meta(ge=1.0, le=5.0)]
+    """By what; 2 or 3 are usual."""
+    from_rpm: WindowRpm
+    """Least speed of the window."""
+    to_rpm: WindowRpm
+    """Greatest speed of the window."""
+    max_s: Annotated[float, Meta(ge=0.1, le=3600.0)] | None = None
+    """For at most so long; must be set."""
+    reset_rpm: WindowRpm | None = None
+    """The time counts anew once the speed was below this; must be set, below from_rpm."""

@@ -71,6 +71,14 @@ def probes_at(config: Config, bearing: str) -> tuple[int, int]:
     return first, second
 
 
+def may_bypass(config: Config) -> tuple[str, ...]:
+    """Measures and groups that a person may bypass."""
+    return (
+        *(each.name for each in config.measure if each.may_bypass),
+        *(each.name for each in config.group if each.may_bypass),
+    )
+
+
 def voted(found: Iterable[GroupConfig]) -> frozenset[str]:
     """Names of the measures whose danger votes."""
     return frozenset(name for group in found for name in group.measures)

@@ -7,7 +7,12 @@ from typing import Annotated, Any, Final, Literal
 import msgspec
 from msgspec import Meta
 
-from firmware_py.config.measure_schema import MEASURE_WORDS, GroupConfig, MeasureConfig
+from firmware_py.config.measure_schema import (
+    MEASURE_WORDS,
+    GroupConfig,
+    MeasureConfig,
+    MultiplyConfig,
+)
 from firmware_py.machine import Machine, values
 from firmware_py.machine.supply import full_film_bar
 from firmware_py.machine.values import Name, PressureBar, Section, SpeedRpm, Word
@@ -262,6 +267,7 @@ class Config(Section, frozen=True):
     limits_at: list[LimitsAt] = msgspec.field(default_factory=list)
     measure: list[MeasureConfig] = msgspec.field(default_factory=list)
     group: list[GroupConfig] = msgspec.field(default_factory=list)
+    multiply: list[MultiplyConfig] = msgspec.field(default_factory=list)
     bus: Bus = Bus()
     sampling: Sampling = Sampling()
     authority: AuthorityConfig = AuthorityConfig()

@@ -50,7 +50,9 @@ class Client:
         self._prefix = prefix
         self._session = session.open_client(runtime)
 
-    def ask(self, verb: str, value: float | str | PlannedRamp | None = None) -> CommandReply:
+    def ask(
+        self, verb: str, value: float | str | PlannedRamp | dict[str, object] | None = None
+    ) -> CommandReply:
         """Ask for ``verb``; the answer is the guard's, or the gate's when the guard is silent.
 
         Raises

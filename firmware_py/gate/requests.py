@@ -29,6 +29,8 @@ _EXAMPLES: Final = {
     "set_clearance": "60.0",
     "set_pressure": "1.5",
     "commission": '"start"',
+    "bypass": '{"target": "disp_x", "seconds": 600, "owner": "A. Person", "reason": "new probe"}',
+    "shelve": '{"target": "disp_x_alert", "seconds": 600}',
     "announce": '{"start_s": 3, "end_s": 5, "speed_rpm": 9000, "load_N": 60}',
 }
 
@@ -43,6 +45,18 @@ class ClientRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     id: Annotated[str, msgspec.Meta(pattern=REQUEST_ID)]
     value: Any = None
+
+
+Said = Annotated[str, msgspec.Meta(max_length=80, pattern=r"^[^\x00-\x1f\x7f]*\Z")]
+
+
+class BypassRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The value of ``bypass`` and ``shelve``; no seconds end it."""
+
+    target: Said
+    seconds: Annotated[float, msgspec.Meta(ge=0.0, le=1e6)]
+    owner: Said = ""
+    reason: Said = ""
 
 
 def read(verb: str, payload: bytes) -> ClientRequest:
@@ -83,6 +97,12 @@ def parse(seq: int, verb: str, value: object, origin: str, request_id: str = "")
         return msgspec.structs.replace(request, mode=_mode(value))
     if verb in UNITS:
         return msgspec.structs.replace(request, value=_number(verb, value))
+    if verb in ("bypass", "shelve"):
+        bypass = _bypass(verb, value)
+        return msgspec.structs.replace(
+            request, target=bypass.target, value=float(bypass.seconds), owner=bypass.owner,
+            reason=bypass.reason,
+        )  # fmt: skip
     if verb == "announce":
         return msgspec.structs.replace(request, ramp=_ramp(value))
     if verb == "commission":
@@ -117,6 +137,16 @@ def _ramp(value: object) -> PlannedRamp:
         said = str(error)[:SAID_LETTERS]
         raise MalformedCommandError(
             f"announce: {said}; send e.g. {_EXAMPLES['announce']} as the value"
+        ) from error
+
+
+def _bypass(verb: str, value: object) -> BypassRequest:
+    try:
+        return msgspec.convert(value, BypassRequest)
+    except (msgspec.ValidationError, OverflowError) as error:
+        said = str(error)[:SAID_LETTERS]
+        raise MalformedCommandError(
+            f"{verb}: {said}; send e.g. {_EXAMPLES[verb]} as the value"
         ) from error
 
 

@@ -102,6 +102,7 @@ def situation(g: Stages, cycle: Cycle, gap: bool) -> Situation:
         tripped=g.tripped,
         passed=passed,
         retreats=retreats,
+        bypassed=g.bypasses.said,
         brain_connected=cycle.brain_connected,
         monitor_only=g.monitor_only,
         doubts=g.readings.doubts

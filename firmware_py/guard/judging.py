@@ -22,6 +22,7 @@ def judge(g: Stages, acquired: AcquireOutput, now_ns: int) -> list[Notice]:
     if acquired.restarted or acquired.node_info is not None or acquired.figures is not None:
         a = g.acquire
         g.memory.node_reasons = node_reasons(g.config, a.node_info, a.figures)
+    notices += exceptions(g, now_ns)
     notices += slow_readings(g, acquired, now_ns)
     notices += g.more.step(acquired.readings, now_ns)
     notices += supervise(g, acquired, now_ns)
@@ -34,7 +35,19 @@ def judge(g: Stages, acquired: AcquireOutput, now_ns: int) -> list[Notice]:
         notices += bearing.step(acquired.blocks, g.readings.value(OIL))
     if g.added.rows:
         notices += g.added.step(acquired.blocks, acquired.readings, added_facts(g), now_ns)
-    return notices + g.voting.step(g.ballot, now_ns)
+    return notices + g.voting.step(g.ballot, now_ns, g.bypasses.groups)
+
+
+def exceptions(g: Stages, now_ns: int) -> list[Notice]:
+    """What is bypassed, and by what set points are multiplied, in this cycle."""
+    speed = g.acquire.speed
+    rpm = speed.speed_rad_s * 30 / pi if speed.known else None
+    notices = g.bypasses.step(now_ns) + g.multiply.step(rpm, now_ns)
+    bypassed, factors = g.bypasses.measures, g.multiply.factors
+    for each in g.set_points:
+        each.bypass(bypassed)
+        each.factors = factors
+    return notices
 
 
 def added_facts(g: Stages) -> AddedFacts:

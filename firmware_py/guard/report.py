@@ -5,6 +5,8 @@ from __future__ import annotations
 from math import pi
 from typing import Final
 
+import msgspec
+
 from firmware_py.guard.alarms.alarm import Notice
 from firmware_py.guard.envelope.target import Target
 from firmware_py.guard.protection.vibration import zone
@@ -65,6 +67,8 @@ def standing(g: Stages) -> list[Alarm]:
         *g.readings.standing(),
         *g.oil.standing(),
         *g.added.standing(),
+        *g.multiply.standing(),
+        *g.bypasses.standing(),
         *g.voting.standing(),
         *g.speed_high.standing(),
         *g.speed_check.standing(),
@@ -76,7 +80,11 @@ def standing(g: Stages) -> list[Alarm]:
         *(link if m.link_fault else []),
         *g.arming.standing(),
     ]
-    return list({alarm.name: alarm for alarm in reversed(found)}.values())[::-1]
+    alarms = list({alarm.name: alarm for alarm in reversed(found)}.values())[::-1]
+    shelved = g.bypasses.state.shelved
+    if not shelved:
+        return alarms
+    return [msgspec.structs.replace(a, shelved=True) if a.name in shelved else a for a in alarms]
 
 
 def guard_state(g: Stages, now_ns: int) -> GuardState:
@@ -119,4 +127,5 @@ def guard_state(g: Stages, now_ns: int) -> GuardState:
         channel_causes=causes,
         monitor_only=g.monitor_only,
         other_peak_to_peak_um=others,
+        first_out=g.first_out,
     )

@@ -30,6 +30,8 @@ def answer(g: Stages, commands: list[CommandRequest], situation: Situation) -> A
             reply, told = CommandReply(request.seq, False, refused), list[Notice]()
         elif request.verb == "reset":
             reply, told = _reset(g, request, situation)
+        elif request.verb in ("bypass", "shelve"):
+            reply, told = _bypass(g, request, situation.now_ns)
         elif request.verb == "announce":
             reply, told = _announce(g, request, situation.now_ns)
         else:
@@ -77,4 +79,19 @@ def _announce(g: Stages, request: CommandRequest, now_ns: int) -> RequestAnswer:
         return RequestAnswer(reply, [])
     ramps = len(g.announcements.state)
     text = f"announce accepted from {request.origin}: {ramps} ramps ahead"
+    return RequestAnswer(reply, [Notice(Severity.INFO, "command", text)])
+
+
+def _bypass(g: Stages, request: CommandRequest, now_ns: int) -> RequestAnswer:
+    """Bypass a measure or a group, or shelve an alarm."""
+    if request.verb == "bypass":
+        refused = g.bypasses.request(request, now_ns, g.ballot)
+    else:
+        refused = g.bypasses.shelve(request, now_ns)
+    reply = CommandReply(request.seq, not refused, refused)
+    if refused:
+        return RequestAnswer(reply, [])
+    why = f" by {request.owner}: {request.reason}" if request.owner else ""
+    seconds = request.value or 0.0
+    text = f"{request.verb} of {request.target} for {seconds:g} s from {request.origin}{why}"
     return RequestAnswer(reply, [Notice(Severity.INFO, "command", text)])

@@ -31,6 +31,8 @@ from firmware_py.guard.plausibility.rest import Rest, RestState
 from firmware_py.guard.plausibility.speed_check import SpeedCheck, SpeedCheckState
 from firmware_py.guard.protection.added import AddedMeasures, AddedState
 from firmware_py.guard.protection.bearing import BearingGuard, BearingGuardState
+from firmware_py.guard.protection.bypass import Bypasses, BypassesState
+from firmware_py.guard.protection.multiply import Multiply, MultiplyState
 from firmware_py.guard.protection.oil import OilProtection, OilProtectionState
 from firmware_py.guard.protection.permit import Permit, PermitState, Start
 from firmware_py.guard.protection.set_points import Ballot, SetPointAlarms
@@ -97,6 +99,8 @@ class CoreState(msgspec.Struct):
     bearings: dict[str, BearingGuardState] = {}
     groups: dict[str, GroupState] = {}
     added: AddedState = msgspec.field(default_factory=AddedState)
+    multiply: dict[str, MultiplyState] = {}
+    bypasses: BypassesState = msgspec.field(default_factory=BypassesState)
 
 
 class Stages:
@@ -140,6 +144,7 @@ class Stages:
         self.speed_check, self.rest = SpeedCheck(config), Rest(config.machine)
         self.bearings = [BearingGuard(view, names) for view in others]
         self.voting, self.added = Voting(config, names), AddedMeasures(config, names)
+        self.multiply, self.bypasses = Multiply(config), Bypasses(config)
         owned = {SPEED_HIGH, *self.oil.state.alarms, *self.voting.owned}
         owned |= set(self.added.set_points.states)
         owned |= {name for bearing in self.bearings for name in bearing.alarms}
@@ -193,6 +198,8 @@ class Stages:
             {bearing.name: bearing.state for bearing in self.bearings},
             self.voting.state,
             self.added.state,
+            self.multiply.state,
+            self.bypasses.state,
         )
 
     @state.setter
@@ -220,6 +227,7 @@ class Stages:
             if bearing.name in state.bearings:
                 bearing.restore(state.bearings[bearing.name])
         self.voting.state, self.added.state = state.groups, state.added
+        self.multiply.state, self.bypasses.state = state.multiply, state.bypasses
 
     @property
     def vibrations(self) -> list[Protection]:
@@ -244,6 +252,17 @@ class Stages:
         """Names of all latched alarms, whether they trip or vote: kept over a restart."""
         alone = [name for each in self.set_points for name in each.latched()]
         return alone + self.speed_high.tripped + self.voting.tripped
+
+    @property
+    def first_out(self) -> str:
+        """The alarm that tripped first of those that are latched; of a group with the measure that
+        was in danger first."""
+        since = {name: a.since_ns for each in self.set_points for name, a in each.states.items()}
+        since |= {SPEED_HIGH: self.speed_high.state.since_ns} | self.voting.since_ns
+        first = min(self.tripped, key=lambda name: since[name], default="")
+        members = [name for name in self.voting.dangers(first) if name in self.latched]
+        began = min(members, key=lambda name: since[name], default="")
+        return f"{first} ({began})" if began else first
 
     def ballot(self, measure: str) -> Ballot:
         """What a measure of a group says."""

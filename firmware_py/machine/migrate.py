@@ -28,6 +28,7 @@ _NAMES: Final = (
     "limits_at",
     "measure",
     "group",
+    "multiply",
     "authority",
     "models",
     "drive",

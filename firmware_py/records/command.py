@@ -30,12 +30,21 @@ class CommandRequest(Record, frozen=True, tag=True):
     action: str = ""
     id: str = ""
     """The asker's own name for this request; a repeated one is not executed twice."""
+    target: str = ""
+    """Of ``bypass`` a measure or a group, of ``shelve`` an alarm; ``value`` is for how long, s, and
+    0 ends it."""
+    owner: str = ""
+    reason: str = ""
+    """Who bypasses, and why."""
 
 
 REQUEST_ID: Final = r"^[!-~]{1,64}\Z"
 """What the id of a request may be."""
 
-VERBS: Final = ("mode", "arm", "disarm", "reset", "set_clearance", "set_pressure", "announce")
+VERBS: Final = (
+    "mode", "arm", "disarm", "reset", "set_clearance", "set_pressure", "announce", "bypass",
+    "shelve",
+)  # fmt: skip
 """What the guard answers."""
 BRAIN_VERBS: Final = ("commission",)
 """What the brain answers; ``commission`` takes one of

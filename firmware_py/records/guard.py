@@ -51,6 +51,8 @@ class Alarm(Record, frozen=True, tag=True):
     limit: float
     latched: bool
     text: str = ""
+    shelved: bool = False
+    """A person wants it out of the way for a time; nothing but the display changes."""
 
 
 class GuardState(Record, frozen=True, tag=True):
@@ -85,3 +87,5 @@ class GuardState(Record, frozen=True, tag=True):
     """Why the machine is monitor only: load, clearances and targets above are 0 and say nothing."""
     other_peak_to_peak_um: dict[str, tuple[float, float]] = msgspec.field(default_factory=dict)
     """Vibration of the further bearings, by name."""
+    first_out: str = ""
+    """The alarm that tripped first of those that are latched; empty while none is."""

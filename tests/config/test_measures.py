@@ -345,3 +345,46 @@ def test_a_bearing_without_a_clearance_has_no_position(tmp_path: Path) -> None:
     device.write_text(device.read_text() + "alert = 0.5\n")
     with pytest.raises(config.ConfigError, match="the clearance of the bearing is not known"):
         config.load(rig)
+
+
+def test_windows_and_bypasses_that_cannot_be_are_refused_all_at_once(tmp_path: Path) -> None:
+    text = """
+[[measure]]
+name = "disp_x"
+may_bypass = true
+[[measure]]
+name = "oil_outlet_low"
+may_bypass = true
+[[group]]
+name = "alone"
+measures = ["disp_x"]
+vote = "1oo1"
+[[multiply]]
+name = "critical"
+measures = []
+factor = 2.0
+from_rpm = 3000.0
+to_rpm = 2000.0
+[[multiply]]
+name = "critical"
+measures = ["disp_x", "oil_pressure_low"]
+factor = 3.0
+from_rpm = 3000.0
+to_rpm = 4000.0
+max_s = 20.0
+reset_rpm = 3000.0
+"""
+    found = faults(tmp_path, text)
+    words = {
+        "measure[0].may_bypass": "disp_x is the last channel of alone",
+        "measure[1].may_bypass": "has no danger that could be bypassed",
+        "multiply[0].measures": "names no measure",
+        "multiply[0].from_rpm": "not below to_rpm (2000)",
+        "multiply[0].max_s": "a multiply without end",
+        "multiply[0].reset_rpm": "a window without reset",
+        "multiply[1].name": "named twice",
+        "multiply[1].measures[1]": "no rising measure of that name",
+        "multiply[1].reset_rpm": "not below from_rpm (3000)",
+    }
+    assert set(found) == set(words)
+    assert {key: text for key, text in words.items() if text not in found[key]} == {}

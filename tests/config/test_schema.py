@@ -82,6 +82,10 @@ def table() -> dict[str, Any]:
          "danger_delay_s": 1.0, "hysteresis_share": 0.1}
     ]  # fmt: skip
     tables["group"] = [{"name": "shaft", "measures": ["disp_x", "disp_y"], "vote": "2oo2"}]
+    tables["multiply"] = [
+        {"name": "critical", "measures": ["disp_x"], "factor": 2.0, "from_rpm": 2000.0,
+         "to_rpm": 3000.0, "max_s": 30.0, "reset_rpm": 1000.0}
+    ]  # fmt: skip
     return tables
 
 

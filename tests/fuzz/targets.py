@@ -251,6 +251,7 @@ def zenoh_payloads() -> tuple[Feeder, Sequence[bytes]]:
         b'{"id": "b", "value": 60.0}',
         b'{"id": "c", "value": "auto"}',
         b'{"id": "d", "value": {"start_s": 3, "end_s": 5, "speed_rpm": 9000, "load_N": 60}}',
+        b'{"id": "e", "value": {"target": "x", "seconds": 3, "owner": "o", "reason": "r"}}',
         b"-17",
         b"3",
     ]

@@ -48,9 +48,24 @@ def test_an_announcement_becomes_a_request():
     assert parse(3, "announce", value, "here") == expected
 
 
+@pytest.mark.parametrize("verb", ["bypass", "shelve"])
+def test_a_bypass_and_a_shelved_alarm_become_requests(verb):
+    value = {"target": "disp_x", "seconds": 60, "owner": "A. Person", "reason": "new probe"}
+    expected = CommandRequest(
+        seq=3, verb=verb, origin="here", value=60.0, target="disp_x", owner="A. Person",
+        reason="new probe",
+    )  # fmt: skip
+    assert parse(3, verb, value, "here") == expected
+
+
 @pytest.mark.parametrize(
     ("verb", "value", "cause"),
     [
+        ("bypass", b"null", "bypass"),
+        ("bypass", b'{"target": "x"}', "seconds"),
+        ("bypass", b'{"target": "x\\n", "seconds": 1}', "target"),
+        ("shelve", b'{"target": "x", "seconds": 1e9}', "seconds"),
+        ("shelve", b'{"target": "x", "seconds": 1, "more": 2}', "more"),
         ("announce", b"null", "announce"),
         ("announce", b'{"start_s": 3, "end_s": 5, "load_N": 60}', "speed_rpm"),
         ("announce", b"[" * 3000, "too deeply"),

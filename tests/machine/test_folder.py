@@ -122,7 +122,7 @@ def test_a_table_in_the_other_file_is_unknown_there(rig: Path) -> None:
     change(rig, "device.toml", "[machine.feed]\n", "")
     (fault,) = faults(rig)
     assert (fault.key, fault.file) == ("bearing", "my_rig/device.toml")
-    assert "known are device, limits, limits_at, measure, group, bus" in fault.next_step
+    assert "known are device, limits, limits_at, measure, group, multiply, bus" in fault.next_step
 
 
 def test_files_that_cannot_be_read_are_named_both(rig: Path) -> None:

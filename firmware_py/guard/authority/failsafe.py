@@ -60,6 +60,8 @@ class Situation(msgspec.Struct):
     vibration_limit_um: float = 0.0
     passed: dict[str, str] = {}
     """Alarms of protection that take authority now, each in words."""
+    bypassed: dict[str, str] = {}
+    """Every bypass, in words."""
     retreats: dict[str, str] = {}
     """Alarms of protection that ask for a retreat now, each in words."""
     monitor_only: str = ""
@@ -69,6 +71,11 @@ class Situation(msgspec.Struct):
     def passed_said(self) -> str:
         """What takes authority, in words."""
         return "; ".join(self.passed.values())
+
+    @property
+    def bypassed_said(self) -> str:
+        """What is bypassed, in words."""
+        return "; ".join(self.bypassed.values())
 
     @property
     def retreats_said(self) -> str:
@@ -263,6 +270,13 @@ FAILSAFES: Final = (
         "the shaft vibration, {s.vibration_um:.4g} um peak-to-peak, is above the danger set point "
         "of this "
         "clearance, {s.vibration_limit_um:.4g}; reduce speed or load and look at the diagnosis",
+    ),
+    Failsafe(
+        "bypassed",
+        lambda s: bool(s.bypassed),
+        Action.RECOVER,
+        True,
+        "{s.bypassed_said}; end the bypass",
     ),
     Failsafe(
         "protection_retreat",

@@ -17,7 +17,7 @@ import msgspec
 from firmware_py import signals
 from firmware_py.acquire.slow_pages import doubt_of
 from firmware_py.config import Config
-from firmware_py.config.added_measures import added
+from firmware_py.config.added_measures import SMAX_SHARE, added
 from firmware_py.config.instances import slow_signals
 from firmware_py.config.measure_types import JudgedWhile, Measure, SetPoint
 from firmware_py.config.measures import probes_at, voted
@@ -39,9 +39,6 @@ READING_AGE_NS: Final = 250_000_000
 
 NOT_JUDGED: Final = frozenset({ChannelCause.OPEN, ChannelCause.STUCK})
 LOOK: Final = "look at the machine"
-
-SMAX_SHARE: Final = 0.5
-"""Smax is a radius: its cap is half of that of a peak-to-peak."""
 
 
 class HeldReading(msgspec.Struct):
@@ -96,6 +93,9 @@ class AddedMeasures:
         self._set = SetPointAlarms(self.rows, voted(config.group))
         self._set.latch(latched)
         self._meters = {row.name: meter for row in self.rows if (meter := _meter(config, row))}
+        seated = {channel.name: channel.bearing for channel in config.machine.channel}
+        first = config.machine.bearing.name
+        self._at = {row.name: seated.get(row.source, row.source) or first for row in self.rows}
         names = {row.source for row in self.rows if row.kind == "reading"}
         self._slow = [row for row in slow_signals(config) if row.name in names]
         self._state = AddedState(
@@ -158,11 +158,12 @@ class AddedMeasures:
                 for block in blocks[-1:]:
                     notices += self._position(row, block, facts)
             elif row.kind == "speed":
-                notices += self._judge(row, facts.speed_rpm, facts, now_ns)
+                rpm = facts.speed_rpm
+                notices += self._judge(row, rpm, facts, now_ns, ok=rpm is not None)
             else:
                 held = self._state.readings[row.source]
                 value = held.value if now_ns - held.t_ns <= READING_AGE_NS else None
-                notices += self._judge(row, value, facts, now_ns)
+                notices += self._judge(row, value, facts, now_ns, ok=value is not None)
         return notices
 
     # ------------------------------------------------------------------ values
@@ -189,8 +190,9 @@ class AddedMeasures:
             ok = ok and cause in (ChannelCause.OK, ChannelCause.SATURATED) and not unknown
         t_ns = block.t_acq_ns + block.instants * block.period_ns
         self._hold_until(row, block.t_acq_ns)
-        if silent or found is None:
-            return self._judge(row, None, facts, t_ns)
+        ok = ok and (facts.speed_rpm is not None or not isinstance(meter, OrderMeter))
+        if silent or found is None:  # a meter that has just begun says nothing, and is OK
+            return self._judge(row, None, facts, t_ns, ok=ok and not silent)
         whole = found.whole and not saturated
         return self._judge(row, found.value, facts, t_ns, whole=whole, ok=ok)
 
@@ -198,7 +200,7 @@ class AddedMeasures:
         now = facts.bearings[row.source]
         t_ns = block.t_acq_ns + block.instants * block.period_ns
         if not now.ok:
-            return self._judge(row, None, facts, t_ns)
+            return self._judge(row, None, facts, t_ns, ok=False)
         x, y = now.motion.mean_x_m, now.motion.mean_y_m
         share = sqrt(x * x + y * y) * 1e6 / now.clearance_um
         return self._judge(row, share, facts, t_ns, whole=now.motion.complete)
@@ -220,7 +222,7 @@ class AddedMeasures:
         whole: bool = True,
         ok: bool = True,
     ) -> list[Notice]:
-        self._note(row.name, ok and value is not None)
+        self._note(row.name, ok)
         low, high = row.speeds_rpm
         inside = facts.speed_rpm is None or low <= facts.speed_rpm <= high
         notices = list[Notice]()
@@ -243,11 +245,12 @@ class AddedMeasures:
 
     def _limits(self, row: Measure, facts: AddedFacts) -> list[float]:
         """The set points in force, alert first."""
+        factor = self._set.factor(row)
         if not row.capped:
-            return in_force(row)
+            return in_force(row, factor=factor)
         share = SMAX_SHARE if row.kind == "smax" else 1.0
-        clearance_um = min(each.clearance_um for each in facts.bearings.values())
-        return in_force(row, cap=share * self._share * clearance_um)
+        clearance_um = facts.bearings[self._at[row.name]].clearance_um
+        return in_force(row, factor=factor, cap=share * self._share * clearance_um)
 
     def _note(self, name: str, ok: bool) -> None:
         found = self._state.not_ok

@@ -56,6 +56,8 @@ class SetPointAlarms:
             for name, point in self.points.items()
             if point.effect is not Effect.TRIP or self.measures[name].name in voted
         )
+        self.bypassed: frozenset[str] = frozenset()
+        self.factors: dict[str, float] = {}
         self._acting = tuple(
             name
             for name, point in self.points.items()
@@ -95,6 +97,9 @@ class SetPointAlarms:
         """
         limit = point.limit if limit is None else limit
         alarm = self.states[point.alarm]
+        if measure.name in self.bypassed and point.severity is Severity.DANGER:
+            self.leave(alarm, t_ns)
+            return False
         bad, most = measure.sign * (value - measure.reference), limit - measure.reference
         most = measure.sign * most
         if point.low is not None:  # a window: how far from its middle
@@ -112,6 +117,19 @@ class SetPointAlarms:
         )
         alarm.value, alarm.limit = value, limit
         return began
+
+    def bypass(self, measures: frozenset[str]) -> None:
+        """The danger of ``measures`` is not judged now: its timers begin anew, and a latched alarm
+        stays until it is reset."""
+        self.bypassed = measures
+        for name in measures:
+            alarm = self.states.get(self._dangers.get(name, ""))
+            if alarm is not None:
+                alarm.forget()
+
+    def factor(self, measure: Measure) -> float:
+        """By what its set points are multiplied now."""
+        return self.factors.get(measure.name, 1.0)
 
     def leave(self, alarm: AlarmState, t_ns: int) -> None:
         """A set point is not to be judged now: its timer begins anew, and its alarm ends unless it
@@ -149,7 +167,9 @@ class SetPointAlarms:
     def ballot(self, measure: str, ok: bool) -> Ballot:
         """The vote of ``measure``, which is OK or not."""
         name = self._dangers[measure]
-        return Ballot(ok, self.states[name].standing, self.said(name))
+        return Ballot(
+            ok and measure not in self.bypassed, self.states[name].standing, self.said(name)
+        )
 
     def said(self, name: str) -> str:
         """What is passed, for people: value, set point, and the place of the key."""

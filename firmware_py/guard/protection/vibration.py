@@ -213,13 +213,15 @@ class Protection:
 
     def set_points_um(self, clearance_um: float) -> tuple[float, float]:
         """Displacement alert and danger (um peak-to-peak) at a radial clearance: those of the probe
-        whose danger is the lower."""
-        rows = self._rows[: len(DISPLACEMENTS)]
-        return min((self._limits(row, clearance_um) for row in rows), key=itemgetter(1))
+        whose danger is the lower, multiplied by nothing."""
+        cap_um = self._share * clearance_um
+        limits = [in_force(row, cap=cap_um) for row in self._rows[: len(DISPLACEMENTS)]]
+        alert, danger = min(limits, key=itemgetter(1))
+        return alert, danger
 
     def _limits(self, row: Measure, clearance_um: float) -> tuple[float, float]:
         """Alert and danger in force: of a displacement at most a share of the clearance."""
-        alert, danger = in_force(row, cap=self._share * clearance_um)
+        alert, danger = in_force(row, factor=self._set.factor(row), cap=self._share * clearance_um)
         return alert, danger
 
     # ------------------------------------------------------------------ one block

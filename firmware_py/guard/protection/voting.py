@@ -9,6 +9,7 @@ the configured reaction holds.  A danger that is latched votes until it is reset
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from typing import Final
 
 import msgspec
 
@@ -20,14 +21,23 @@ from firmware_py.guard.alarms.condition import Condition, ConditionState
 from firmware_py.guard.protection.set_points import Ballot
 from firmware_py.records import Alarm, Severity
 
+NEVER_NS: Final = -1
+LOST_NS: Final = 1_000_000_000
+"""So long every measure is not OK before ``all_not_ok = "trip"`` trips."""
+
+FIRST_NS: Final = 3_000_000_000
+"""The same, of measures that have not been OK since the guard started."""
+
 
 class GroupState(msgspec.Struct):
-    """The latched trip of a group, whether all of it is not OK, and whether its vote cannot be
-    reached."""
+    """The latched trip of a group, whether all of it is not OK and since when, whether one was ever
+    OK, and whether its vote cannot be reached."""
 
     trip: AlarmState
     not_ok: ConditionState = msgspec.field(default_factory=ConditionState)
     defeated: ConditionState = msgspec.field(default_factory=ConditionState)
+    lost_ns: int = NEVER_NS
+    seen: bool = False
 
 
 class GroupVote:
@@ -54,28 +64,29 @@ class GroupVote:
         self.state = state
         self._not_ok.state, self._defeated.state = state.not_ok, state.defeated
 
-    def step(self, ballots: list[Ballot], now_ns: int) -> list[Notice]:
-        """Count the votes of the group's measures, in its order."""
+    def step(self, ballots: list[Ballot], now_ns: int, *, bypassed: bool = False) -> list[Notice]:
+        """Count the votes of the group's measures, in its order; ``bypassed``: there is no vote."""
         counted = [ballot for ballot in ballots if ballot.ok]
         dangers = [ballot.said for ballot in counted if ballot.danger]
         vote, here, trip = self._vote, len(counted), self.state.trip
         needed = vote.needed if vote.strict else min(vote.needed, here)
         names = ", ".join(self.group.measures)
         notices = self._not_ok.step(
-            not here,
+            not here and not bypassed,
             f"every measure of {self.group.name} is not OK ({names}): its trip is defeated, and "
             f"all_not_ok = {self.group.all_not_ok.name.lower()} holds; repair the sensors",
             now_ns,
         )
         notices += self._defeated.step(
-            0 < here < needed,
+            0 < here < needed and not bypassed,
             f"{self.group.name} needs {needed} of {names} and {here} is OK: a strict vote does not "
             f"follow, its trip is defeated; repair the sensor",
             now_ns,
         )
-        blind_trip = not here and self.group.all_not_ok is Effect.TRIP
+        lost = self._lost(bool(here), now_ns)
+        blind_trip = lost and self.group.all_not_ok is Effect.TRIP
         voted = blind_trip or (here > 0 and len(dangers) >= needed)
-        if not voted or trip.standing:
+        if bypassed or not voted or trip.standing:
             return notices
         trip.standing, trip.since_ns = True, now_ns
         trip.value, trip.limit = float(len(dangers)), float(needed)
@@ -85,6 +96,13 @@ class GroupVote:
             f"needed: {said}; find the cause, then `reset`"
         )
         return [*notices, Notice(Severity.DANGER, trip.name, text, trip.value, trip.limit)]
+
+    def _lost(self, here: bool, now_ns: int) -> bool:
+        """Whether every measure has been not OK for longer than a start, or a hitch, takes."""
+        s = self.state
+        s.seen = s.seen or here
+        s.lost_ns = NEVER_NS if here else now_ns if s.lost_ns == NEVER_NS else s.lost_ns
+        return not here and now_ns - s.lost_ns >= (LOST_NS if s.seen else FIRST_NS)
 
     @property
     def acting(self) -> list[tuple[str, Effect, str]]:
@@ -148,17 +166,31 @@ class Voting:
         """Names of the trips that are its own."""
         return frozenset(each.group.trip for each in self._groups)
 
-    def step(self, ballot: Callable[[str], Ballot], now_ns: int) -> list[Notice]:
-        """Count the votes; ``ballot`` says what a measure says."""
+    def step(
+        self, ballot: Callable[[str], Ballot], now_ns: int, bypassed: frozenset[str] = frozenset()
+    ) -> list[Notice]:
+        """Count the votes; ``ballot`` says what a measure says, ``bypassed`` are groups that do not
+        vote."""
         notices = list[Notice]()
         for each in self._groups:
-            notices += each.step([ballot(name) for name in each.group.measures], now_ns)
+            ballots = [ballot(name) for name in each.group.measures]
+            notices += each.step(ballots, now_ns, bypassed=each.group.name in bypassed)
         return notices
 
     @property
     def tripped(self) -> list[str]:
         """Names of latched trips."""
         return [each.group.trip for each in self._groups if each.state.trip.standing]
+
+    @property
+    def since_ns(self) -> dict[str, int]:
+        """When each trip began."""
+        return {each.group.trip: each.state.trip.since_ns for each in self._groups}
+
+    def dangers(self, trip: str) -> tuple[str, ...]:
+        """Danger alarms of the measures that vote for a trip."""
+        found = (each.group.measures for each in self._groups if each.group.trip == trip)
+        return tuple(f"{name}_danger" for names in found for name in names)
 
     def acting(self) -> Iterable[tuple[str, Effect, str]]:
         """Alarms of groups that do something now."""

@@ -68,15 +68,20 @@ def test_the_vote_counts_those_that_are_ok(
 @pytest.mark.parametrize("effect", [Effect.ALARM, Effect.AUTHORITY, Effect.RETREAT, Effect.TRIP])
 def test_a_group_without_any_channel_does_what_is_configured_and_says_so(effect: Effect) -> None:
     stage = vote("2oo2", OUT, OUT, all_not_ok=effect)
+    assert not stage.state.trip.standing, "a start takes a moment"
+    stage.step([OUT, OUT], 4 * NS)
     names = [alarm.name for alarm in stage.standing()]
     assert names == ["g_trip", "g_not_ok"] if effect is Effect.TRIP else ["g_not_ok"]
     assert [(name, does) for name, does, _ in stage.acting] == [("g_not_ok", effect)]
     if effect is Effect.TRIP:
         (reason,) = stage.reset([OUT, OUT])
         assert "every measure of g is not OK" in reason
-    stage.step([NO, OUT], 2 * NS)
+    stage.step([NO, OUT], 5 * NS)
     assert stage.reset([NO, OUT]) == []
     assert stage.standing() == []
+    for seconds, trips in ((6.0, False), (6.9, False), (7.0, effect is Effect.TRIP)):
+        stage.step([OUT, OUT], round(seconds * NS))
+        assert stage.state.trip.standing is trips
 
 
 def test_a_strict_vote_that_cannot_be_reached_is_shown() -> None:
@@ -242,7 +247,7 @@ def test_all_channels_lost_is_never_silent(reaction: str, arm_state: ArmState) -
     row = b.node._row
     still = row(0)[:4]
     b.node._row = lambda n: still + row(n)[4:]  # type: ignore[method-assign]
-    b.run(1.0)
+    b.run(2.0)
     state = told(b)
     assert "shaft_not_ok" in {a.name for a in state.alarms}
     assert state.arm_state == arm_state
