@@ -139,6 +139,18 @@ def _groove_drawn(config: Config) -> Iterator[Found]:
         yield f"machine.feed.{key}", None, f"missing beside {GROOVE[given.index(True)]}; set it"
 
 
+def _pads(config: Config) -> Iterator[Found]:
+    """The pads fit into a turn."""
+    pads = config.machine.pads
+    if pads is not None and pads.arc_deg * pads.count > 360.0 * (1.0 + 1e-9):
+        yield (
+            "machine.pads.arc_deg",
+            pads.arc_deg,
+            f"{pads.count} pads of that arc take {pads.arc_deg * pads.count:g} deg; at most "
+            f"{360.0 / pads.count:g} each (machine.pads.count)",
+        )
+
+
 def _nominal_pressure(config: Config) -> Iterator[Found]:
     feed = config.machine.feed
     nominal = feed.pressure_nominal_bar
@@ -208,6 +220,7 @@ MACHINE_CHECKS: Final[tuple[Callable[[Config], Iterator[Found]], ...]] = (
     _mode,
     _shaft,
     _groove_drawn,
+    _pads,
     _nominal_pressure,
     _pump,
     _full_film,

@@ -179,7 +179,8 @@ def has_reading(machine: Machine, name: str) -> bool:
 
 def has_film_law(machine: Machine) -> bool:
     """Whether the film at rest can be computed: size, clearance, load and lubricant are known."""
-    return all(has(machine, part) for part in (BEARING, CLEARANCE, LOAD, LUBRICANT))
+    known = all(has(machine, part) for part in (BEARING, CLEARANCE, LOAD, LUBRICANT))
+    return known and machine.pads is None
 
 
 REASONS: Final = (
@@ -191,6 +192,10 @@ REASONS: Final = (
             (LUBRICANT, "no [lubricant]: the film cannot be computed"),
             (ROTOR, "no [rotor]: the onset of whirl cannot be computed"),
         )
+    ),
+    Reason(
+        lambda m: m.pads is not None,
+        "[pads]: the guard's laws of the film are proven for a round bore only",
     ),
     Reason(
         lambda m: m.foreign is not None,

@@ -81,6 +81,26 @@ class OtherBearing(JournalBearing, frozen=True):
     """Greatest static load on this bearing. From: the rotor's weight on it, and its process."""
 
 
+class FixedPads(MachineTable, frozen=True):
+    """Equal fixed pads instead of one round bore (lemon, three-lobe, offset halves), evenly around
+    the shaft; the bearing's radial clearance is then that of the circle inscribed in them."""
+
+    count: Annotated[int, Meta(ge=1, le=12)]
+    """Number of pads. From: the drawing."""
+    arc_deg: Annotated[float, Meta(ge=1.0, le=360.0)]
+    """Arc of each pad; what is left of the turn between two of them is an axial groove as long as
+    the bearing. From: the drawing."""
+    preload: Annotated[float, Meta(ge=0.0, le=0.95)]
+    """1 less the bearing's clearance over that to which the pads are machined; 0: round. From: the
+    drawing, or two lift checks."""
+    angle_deg: AngleDeg = 90.0
+    """Middle of the first pad, counted as the channels' angles are (0 right, 90 up). From: the
+    drawing."""
+    offset_share: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.5
+    """Where on its arc, in the direction of rotation, each pad stands nearest to a shaft in the
+    middle: 0.5 in its middle, 1 at its end (offset halves). From: the drawing."""
+
+
 class Lubricant(MachineTable, frozen=True):
     """Viscosity, ``mu = mu_40 exp(-k (T - 40))`` (:mod:`~firmware_py.machine.lubricant`), and the
     inlet range that the retreat value must cover."""
@@ -340,6 +360,7 @@ class Machine(Section, frozen=True):
     """Slow readings in wire order; empty: the standard ones."""
     readings: SlowReadings = SlowReadings()
     contact: ContactCircuit | None = None
+    pads: FixedPads | None = None
     other_bearing: list[OtherBearing] = msgspec.field(default_factory=list)
     foreign: ForeignBus | None = None
     map: list[MappedSignal] = msgspec.field(default_factory=list)

@@ -18,6 +18,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from firmware_py.machine import FixedPads
+
+from .pad_shape import pad_shear
 from .records import FeedPatch, FilmError, Floats
 
 _WHOLE_TURN = 2 * math.pi
@@ -62,6 +65,29 @@ class PadBore:
             raise FilmError(f"pads: an offset of {self.offset:g}; from 0 to 1")
         if not math.isfinite(self.angle_rad):
             raise FilmError(f"pads: at {self.angle_rad} rad; must be finite")
+
+    @classmethod
+    def of(cls, pads: FixedPads | None) -> PadBore | None:
+        """The bore of a machine; None where it is round."""
+        if pads is None:
+            return None
+        angle, arc = math.radians(pads.angle_deg), math.radians(pads.arc_deg)
+        return cls(pads.count, angle, arc, pads.preload, pads.offset_share)
+
+    def shear(self, position: Floats) -> float:
+        """Integral of the clearance over the film around the pads, the journal at `position` over
+        the clearance; the grooves between them are deep and shear nothing."""
+        return float(
+            pad_shear(
+                self.count,
+                self.angle_rad,
+                self.arc_rad / 2,
+                self.shift,
+                (self.offset - 0.5) * self.arc_rad,
+                float(position[0]),
+                float(position[1]),
+            )
+        )
 
     @property
     def middles_rad(self) -> Floats:

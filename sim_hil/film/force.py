@@ -180,12 +180,19 @@ def pressure_force(film: SolvedFilm) -> Floats:
 def _friction(bearing: Bearing, film: SolvedFilm, position: Floats, force: Floats) -> float:
     """Torque on the journal against its rotation, N m: shear of the moving wall plus `(e x F) /
     2`."""
-    if bearing.couette == "full" and bearing.pads is None and not bearing.density_kg_m3:
+    if bearing.couette == "full" and not bearing.density_kg_m3:
         eps = np.hypot(*position) / bearing.clearance_m
-        shear = 2 * np.pi * bearing.length_m / np.sqrt(1 - eps**2)
+        ring = (
+            2 * np.pi / np.sqrt(1 - eps**2)
+            if bearing.pads is None
+            else bearing.pads.shear(position / bearing.clearance_m)
+        )
+        shear = ring * bearing.length_m
     else:
         mesh = film.mesh
         fill = film.fill if bearing.couette == "filled" else np.ones(film.fill.shape)
+        if bearing.pads is not None:  # the grooves between pads are deep
+            fill = np.where(mesh.port, 0.0, fill)
         sheared = turbulence.shear(bearing, film.thickness) / film.thickness
         ring = (fill * sheared[:, None]).T @ mesh.theta_width
         shear = mesh.copies * (mesh.z_weight @ ring) * bearing.radius_m

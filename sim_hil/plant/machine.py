@@ -10,12 +10,13 @@ import numpy as np
 
 from firmware_py.errors import OrbitdError
 from sim_hil.faults import FaultSet, apply_machine_faults, check_fault, sensor_fault
-from sim_hil.film.table_kernel import table_force
+from sim_hil.film.bore import PadBore
 from sim_hil.plant.build import Build
 from sim_hil.plant.response import on_the_wall
 from sim_hil.plant.validity import refusal, step_for
 from sim_hil.rigs import RigData
 from sim_hil.rotor.assembly import assemble, rig_film
+from sim_hil.rotor.film_law import film_law
 from sim_hil.rotor.kernel import GRAVITY
 from sim_hil.rotor.parameters import (
     CLEARANCE,
@@ -280,7 +281,7 @@ class SimulatedMachine:
         """Film force, N, of a journal resting at ``(ex, ey)`` of the nominal bearing: a load
         estimate."""
         b, mu = self.rig.bearing, self.rig.oil.viscosity_at(oil_C)
-        fx, fy, _, _ = table_force(
+        fx, fy, _, _ = film_law(
             self._unfed,
             ex_m,
             ey_m,
@@ -300,7 +301,8 @@ class SimulatedMachine:
         shaft, pedestal, q = self._healthy.shaft, self._healthy.pedestal, self._state.q
         c = float(self._state.scalar[CLEARANCE]) + self.wear_m
         q[5] = -(pedestal.mass * GRAVITY + load_N) / sum(pedestal.stiffness)
-        place = on_the_wall(c, load_N).position_m + np.array([0.0, q[5]])
+        lies = on_the_wall(c, load_N, PadBore.of(self.rig.bearing.pads))
+        place = lies.position_m + np.array([0.0, q[5]])
         q[2:4] = place / (shaft.to_bearing + shaft.to_coupling)
         q[:2] = shaft.to_coupling * q[2:4]
 

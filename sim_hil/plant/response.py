@@ -18,6 +18,7 @@ from firmware_py.errors import OrbitdError
 from sim_hil.film import FilmError, FilmNotConverged
 from sim_hil.film.balance import position_of_load
 from sim_hil.film.bearing import Bearing
+from sim_hil.film.bore import PadBore
 from sim_hil.film.equilibrium import linear_coefficients
 from sim_hil.film.model import FilmModel, load_model, tabulate
 from sim_hil.film.table import FilmTable
@@ -251,22 +252,25 @@ def equilibrium_at(
     """
     film = plant.film
     c = clearance_m + film.wear
+    bore = PadBore.of(rig.bearing.pads)
     if speed_rad_s == 0.0:
-        return on_the_wall(c, load_N)
+        return on_the_wall(c, load_N, bore)
     bearing = Bearing(
         film.radius,
         film.length,
         c,
         _viscosity(plant, film.inlet_C),
         speed_rad_s,
+        feed=bore.grooves(film.length) if bore else (),
         grid=(96, 12),
+        pads=bore,
     )
     try:
         place = position_of_load(bearing, np.array([0.0, -load_N])) if load_N else np.zeros(2)
     except FilmNotConverged:
-        return on_the_wall(c, load_N)
-    if np.hypot(*place) >= EPS_TABLE * c:
-        return on_the_wall(c, load_N)
+        return on_the_wall(c, load_N, bore)
+    if bearing.gap_m(place) <= (1 - EPS_TABLE) * c:
+        return on_the_wall(c, load_N, bore)
     return StaticStart(place, *linear_coefficients(bearing, place, np.eye(2)), load_N)
 
 
@@ -275,11 +279,12 @@ def _viscosity(plant: Plant, oil_C: float) -> float:
     return film.viscosity * math.exp(-film.viscosity_slope * (oil_C - film.reference_C))
 
 
-def on_the_wall(clearance_m: float, load_N: float) -> StaticStart:
+def on_the_wall(clearance_m: float, load_N: float, bore: PadBore | None = None) -> StaticStart:
     """A journal that lies on the asperities in the direction of its load, in the middle without
     one."""
-    depth = EPS_TABLE * clearance_m + abs(load_N) / CONTACT_STIFFNESS_N_M if load_N else 0.0
-    place = np.array([0.0, -math.copysign(depth, load_N)])
+    reach = 1.0 if bore is None else bore.reach(-math.copysign(math.pi / 2, load_N))
+    depth = EPS_TABLE * reach * clearance_m + abs(load_N) / CONTACT_STIFFNESS_N_M
+    place = np.array([0.0, -math.copysign(depth, load_N) if load_N else 0.0])
     return StaticStart(place, np.zeros((2, 2)), np.zeros((2, 2)), load_N)
 
 
@@ -344,6 +349,12 @@ def _law(rig: RigData, plant: Plant, force: Force, start: StaticStart) -> Law:
             start.stiffness_N_m,
             start.damping_N_s_m,
         )
+    if rig.bearing.pads is not None:
+        if force != "table":
+            raise SimulationError(
+                f"force = {force!r} with pads: only the table knows them; take force='table'"
+            )
+        return rig_film(rig, fed=False)
     try:
         table = FilmTable.load(shape) if force in ("table", "direct") else _table_of(force, shape)
     except FilmError as error:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_py.config import Config
-from firmware_py.machine import ContactCircuit
+from firmware_py.machine import ContactCircuit, FixedPads
 from firmware_py.machine.probes import PROBES
 from firmware_py.machine.simulation import (
     BoltedFoundation,
@@ -41,6 +41,7 @@ class BearingData:
     clearance_min_m: float
     clearance_max_m: float
     clearance_nominal_m: float
+    pads: FixedPads | None = None
 
 
 @dataclass(frozen=True)

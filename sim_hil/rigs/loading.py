@@ -12,7 +12,7 @@ from firmware_py.config import Config
 from firmware_py.config.instances import fast_signals
 from firmware_py.config.simulation import load_simulation
 from firmware_py.errors import OrbitdError
-from firmware_py.machine import FastChannel, Feed, JournalBearing, Machine, RotorDrawing
+from firmware_py.machine import FastChannel, Feed, Machine, RotorDrawing
 from firmware_py.machine.folder import find, simulated_names
 from firmware_py.machine.probes import as_built
 from firmware_py.machine.simulation import BuildSpread, OilNode, Simulation
@@ -97,7 +97,7 @@ def rig_of(config: Config, simulation: Simulation) -> RigData:
     windage, most_N = true.windage_W_s3, true.load_max_N
     return RigData(
         name=machine.name,
-        bearing=_bearing(machine.bearing),
+        bearing=_bearing(machine),
         oil=OilData(
             given.viscosity_at_40C_Pa_s if thin is None else thin,
             given.viscosity_slope_per_K,
@@ -152,13 +152,15 @@ def _build_errors(machine: Machine, spread: BuildSpread) -> BuildErrors:
     )
 
 
-def _bearing(b: JournalBearing) -> BearingData:
+def _bearing(machine: Machine) -> BearingData:
+    b = machine.bearing
     return BearingData(
         b.journal_radius_m,
         b.length_m,
         shifted(b.radial_clearance_min_um, -6),
         shifted(b.radial_clearance_max_um, -6),
         shifted(b.radial_clearance_nominal_um, -6),
+        machine.pads,
     )
 
 

@@ -9,7 +9,10 @@ import numpy as np
 from firmware_py.errors import OrbitdError
 from firmware_py.machine import ContactCircuit
 from firmware_py.machine.simulation import BoltedBody
+from sim_hil.film.bore import PadBore
 from sim_hil.film.fed import FedLaw, FedTable
+from sim_hil.film.pad_kernel import PadLaw
+from sim_hil.film.pad_table import PadTable, shape_of
 from sim_hil.film.records import FilmError
 from sim_hil.film.table import FilmTable
 from sim_hil.plant.build import Build
@@ -142,15 +145,22 @@ def _refuse_absurd(plant: Plant, rig: RigData) -> None:
         )
 
 
-def rig_film(rig: RigData, fed: bool) -> Floats | FedLaw:
-    """The tabulated film of ``rig``: unfed and periodic, or fed from its groove.
+def rig_film(rig: RigData, fed: bool) -> Floats | FedLaw | PadLaw:
+    """The tabulated film of ``rig``: unfed and periodic, between its pads, or fed from its groove.
 
     Raises
     ------
     FilmError
         No table of that bearing is shipped, or the rig is not fed from one axial groove.
     """
-    shape = rig.bearing.length_m / (2 * rig.bearing.radius_m)
+    shape, bore = rig.bearing.length_m / (2 * rig.bearing.radius_m), PadBore.of(rig.bearing.pads)
+    if bore is not None:
+        if fed:
+            raise FilmError(
+                f"fed film of rig {rig.name}: the grooves between its pads are at ambient "
+                "pressure, and no other is tabulated; take the periodic film"
+            )
+        return PadTable.load(bore, shape).law
     if not fed:
         return FilmTable.load(shape).coefficients
     groove = rig.supply.groove
@@ -216,6 +226,7 @@ def _foot(rig: RigData, build: Build, body: BoltedBody, bolt: Floats) -> Foot:
 
 def _film(rig: RigData, build: Build, inlet_C: float, thermal: bool) -> FilmParameters:
     oil = rig.oil
+    pads = shape_of(PadBore.of(rig.bearing.pads))
     return FilmParameters(
         radius=rig.bearing.radius_m,
         length=rig.bearing.length_m,
@@ -232,6 +243,11 @@ def _film(rig: RigData, build: Build, inlet_C: float, thermal: bool) -> FilmPara
         pressure_needed=rig.supply.full_film_Pa,
         windage=rig.windage_W_s3,
         thermal=1.0 if thermal else 0.0,
+        pads=float(pads.pads),
+        pad_angle=pads.angle,
+        pad_half_arc=pads.half_arc,
+        pad_shift=pads.shift,
+        pad_nearest=pads.nearest,
     )
 
 

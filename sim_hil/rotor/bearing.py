@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 
 from sim_hil.film.elementary import exp_of
+from sim_hil.film.pad_shape import pad_gap
 from sim_hil.film.table_kernel import EPS_TABLE
 from sim_hil.jit import inlined
 from sim_hil.rotor.film_law import Forces, Law, film_law, film_point
@@ -55,6 +56,17 @@ def heat_oil(film: FilmParameters, scalar: Floats, dt: float) -> None:
 def gap(film: FilmParameters, ex: float, ey: float, c: float) -> float:
     """Smallest film, m, of a journal at ``(ex, ey)`` from the middle of the unworn bore."""
     y = ey + film.drop
+    if film.pads > 0.0:
+        least: float = pad_gap(
+            int(film.pads),
+            film.pad_angle,
+            film.pad_half_arc,
+            film.pad_shift,
+            film.pad_nearest,
+            ex / c,
+            y / c,
+        )[0]
+        return c * least
     return c - math.sqrt(ex * ex + y * y)
 
 

@@ -1,7 +1,8 @@
 """One call for the film force, whatever stands behind it; chosen by type when a kernel is compiled.
 
-A law is the coefficient array of a `FilmTable`, a `FedLaw`, a `DirectLaw`, a `ReynoldsLaw`, a
-`LinearLaw`, or a network of `network_law`. The supply pressure counts for the `FedLaw` alone.
+A law is the coefficient array of a `FilmTable`, a `FedLaw`, a `PadLaw`, a `DirectLaw`, a
+`ReynoldsLaw`, a `LinearLaw`, or a network of `network_law`. The supply pressure counts for the
+`FedLaw` alone.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from numba.extending import overload
 from sim_hil.film.direct import DirectFilm, direct_force
 from sim_hil.film.direct_reynolds import ReynoldsLaw, reynolds_force
 from sim_hil.film.fed_kernel import FedLaw, fed_force
+from sim_hil.film.pad_kernel import PadLaw, pad_force
 from sim_hil.film.table_kernel import (
     EPS_TABLE,
     contact_force,
@@ -75,7 +77,16 @@ class LinearLaw(NamedTuple):
         return cls._make(numbers.tolist())
 
 
-Law = Floats | FedLaw | DirectLaw | ReynoldsLaw | LinearLaw | ReducedNetworkLaw | RawNetworkLaw
+Law = (
+    Floats
+    | FedLaw
+    | PadLaw
+    | DirectLaw
+    | ReynoldsLaw
+    | LinearLaw
+    | ReducedNetworkLaw
+    | RawNetworkLaw
+)
 
 
 @kernel
@@ -223,6 +234,7 @@ _KERNELS = {
     DirectLaw: _direct,
     ReynoldsLaw: _reynolds,
     LinearLaw: _linear,
+    PadLaw: pad_force,
     ReducedNetworkLaw: reduced_forces,
     RawNetworkLaw: raw_forces,
 }

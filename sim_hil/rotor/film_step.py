@@ -16,7 +16,7 @@ dt K (w + dw)``: first order, damped at any stiffness.
 from __future__ import annotations
 
 from sim_hil.jit import inlined
-from sim_hil.rotor.bearing import bearing_point
+from sim_hil.rotor.bearing import bearing_point, gap
 from sim_hil.rotor.film_law import Forces, Law
 from sim_hil.rotor.parameters import Eight, FilmOil, FilmParameters, Four, Two
 
@@ -32,6 +32,9 @@ _CROSSED_SHARE = 0.5
 @inlined
 def near(film: FilmParameters, ex: float, ey: float, c: float) -> bool:
     """Whether a journal at ``(ex, ey)`` is in contact."""
+    if film.pads > 0.0:
+        thin: bool = gap(film, ex, ey, c) <= NEAR_CONTACT * c
+        return thin
     y, reach = ey + film.drop, (1.0 - NEAR_CONTACT) * c
     return ex * ex + y * y >= reach * reach
 

@@ -7,6 +7,7 @@ from typing import Final, NamedTuple
 
 from firmware_py.machine import Machine, RotorDrawing
 from sim_hil.film import equilibrium
+from sim_hil.film.bore import PadBore
 from sim_hil.rotor.modes import Floats, Modes, Support, modes
 
 TURNING: Final = 1e-3
@@ -34,7 +35,8 @@ class LinearFilm(NamedTuple):
 def linear_film(
     machine: Machine, clearance_m: float, viscosity_Pa_s: float, speed_rad_s: float, load_N: float
 ) -> LinearFilm:
-    """The unfed Reynolds film of ``machine`` around its equilibrium, and the rotor on it.
+    """The unfed Reynolds film of ``machine`` around its equilibrium, between its pads where it has
+    them and turbulent where it is, and the rotor on it.
 
     Raises
     ------
@@ -49,6 +51,8 @@ def linear_film(
         clearance_m=clearance_m,
         viscosity_Pa_s=viscosity_Pa_s,
         speed_rad_s=speed_rad_s,
+        pads=PadBore.of(machine.pads),
+        density_kg_m3=machine.lubricant.density_kg_m3,
     )
     found = _modes(machine.rotor, state.stiffness_N_m, state.damping_N_s_m, speed_rad_s)
     rows = zip(found.frequency_rad_s, found.damping_ratio, found.forward, strict=True)

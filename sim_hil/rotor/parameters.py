@@ -77,7 +77,8 @@ class FilmParameters(NamedTuple):
     """Bearing and oil (:mod:`sim_hil.rotor.bearing`).
 
     ``share`` is the part of the film that is filled, ``wear`` adds radial clearance, and ``drop``
-    is how far wear has moved the middle of the bore in the direction of the load.
+    is how far wear has moved the middle of the bore in the direction of the load; the pads are
+    those of :class:`sim_hil.film.pad_shape.PadShape`, none in a round bore.
     """
 
     radius: float
@@ -95,6 +96,11 @@ class FilmParameters(NamedTuple):
     pressure_needed: float
     windage: float
     thermal: float
+    pads: float
+    pad_angle: float
+    pad_half_arc: float
+    pad_shift: float
+    pad_nearest: float
 
 
 class FilmOil(NamedTuple):

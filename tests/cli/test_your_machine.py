@@ -28,6 +28,7 @@ def change(text: str) -> None:
     path = Path(text.partition("\n")[0].removeprefix("# "))
     file = path.read_text()
     for table, keys in tomllib.loads(text).items():
+        file = re.sub(rf"^# \[{table}\]$", f"[{table}]", file, flags=re.M)
         for key, value in keys.items():
             head = rf"(^\[{table}\]$(?:(?!^\[).)*?)"
             row = f"{key} = {toml_value(value)}"

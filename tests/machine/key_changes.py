@@ -74,8 +74,9 @@ NEEDS: Final[Mapping[str, Mapping[str, Any]]] = {
 """What else a key needs to say anything (``table@row.key``); it stands in the machine before and
 after."""
 
-WATCHED: Final = ("other_bearing.", "bearing.name", "channel.bearing", "foreign.", "map.")
-"""Keys of bearings that are only watched, and of foreign buses: the bench has none."""
+WATCHED: Final = ("other_bearing.", "bearing.name", "channel.bearing", "foreign.", "map.", "pads.")
+"""Keys of bearings that are only watched, and of foreign buses: the bench has none, and a machine
+with pads is monitor only."""
 
 SCHEMA_2: Final = (
     "channel.name",

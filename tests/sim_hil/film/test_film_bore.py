@@ -66,6 +66,9 @@ def test_zero_preload_is_the_round_bore():
     at, moving = (0.4 * C, -0.5 * C), (1e-4, 2e-3)
     plain, padded = (film_force(at, moving, **fine, **more) for more in ({}, {"pads": round_bore}))
     np.testing.assert_allclose(padded.force_N, plain.force_N, rtol=2e-3)
+    assert round_bore.shear(np.array([0.4, -0.5])) == pytest.approx(
+        2 * np.pi / math.sqrt(1 - 0.41), rel=1e-9
+    )
     assert padded.friction_torque_N_m == pytest.approx(plain.friction_torque_N_m, rel=1e-3)
     assert padded.min_film_m == pytest.approx(plain.min_film_m, rel=1e-12)
 
@@ -89,7 +92,9 @@ def test_the_friction_is_that_of_the_shear_at_the_journal():
     middle = (gap + np.roll(gap, -1)) / 2
     slope = np.trapezoid(np.roll(p, -1, axis=0) - p, film.z_m, axis=1)
     width = np.diff(np.append(theta, theta[0] + 2 * np.pi))
-    shear = 0.01 * 300.0 * 0.02**3 * 0.02 * (width / middle).sum()
+    place = np.remainder(theta + width / 2 - LEMON.angle_rad + np.pi / 2, np.pi) - np.pi / 2
+    on_pad = np.abs(place) <= LEMON.arc_rad / 2
+    shear = 0.01 * 300.0 * 0.02**3 * 0.02 * (width / middle)[on_pad].sum()
     expected = shear + 0.5 * 0.02 * (middle * slope).sum()
     assert film.friction_torque_N_m == pytest.approx(expected, rel=1e-3)
 
