@@ -31,6 +31,8 @@ from sim_hil.film.table import FilmTable
 from sim_hil.rigs import RigData
 
 SURROGATE: Final = "surrogate.onnx"
+REUSED: Final = "reused"
+"""Where a copy of what ships with the package lies."""
 PROBED: Final = 4
 """Windows in which it is tried which features a sensor takes part in."""
 
@@ -50,17 +52,14 @@ def film_surrogate(build: RigBuild, rig: RigData) -> StageResult:
     except (ModelError, OSError) as error:
         reason = str(error)
     else:
-        kept = build.work / "reused"
+        kept = build.work / REUSED
         kept.mkdir(parents=True, exist_ok=True)
         for name in (SURROGATE, "surrogate.md", "surrogate.json"):
             shutil.copyfile(SHIPPED / name, kept / name)
         told = {"reused": model.described, "domain": model.card.domain}
         names = (SURROGATE, "surrogate.md", "surrogate.json")
-        return StageResult(told, {name: f"reused/{name}" for name in names})
-    settings = msgspec.structs.replace(
-        build.sizes.surrogate, rig=str(build.folder), length_over_diameter=_shape(rig)
-    )
-    report = build.train("surrogate", surrogate, settings)
+        return StageResult(told, {name: f"{REUSED}/{name}" for name in names})
+    report = build.train("surrogate", surrogate, _surrogate(build, rig))
     return StageResult({"trained_because": reason, **report}, _files(build, "surrogate", SURROGATE))
 
 
@@ -127,13 +126,14 @@ def sealed(build: RigBuild, rig: RigData, results: dict[str, StageResult]) -> St
     report: Report = {}
     files = {}
     evaluations = {
+        SURROGATE: ("surrogate", partial(_judge_surrogate, build, rig)),
         "predictor.json": ("predictor", partial(_judge_predictor, build)),
         "classifier.onnx": ("classifier", partial(_judge_classifier, build)),
         "actor.onnx": ("actor", partial(_judge_actor, build)),
     }
     for name, (kind, evaluate) in evaluations.items():
         given = next((r.files for r in results.values() if name in r.files), None)
-        if given is None:
+        if given is None or given[name].startswith(REUSED):
             continue
         for each, path in given.items():
             shutil.copyfile(build.work / path, out / each)
@@ -148,6 +148,12 @@ def sealed(build: RigBuild, rig: RigData, results: dict[str, StageResult]) -> St
             judged["left_out"] = str(error)
         report[kind] = judged
     return StageResult(report, files)
+
+
+def _judge_surrogate(
+    build: RigBuild, rig: RigData, path: Path, seed: int, size: int
+) -> dict[str, object]:
+    return surrogate.evaluate(path, seed, size, build.work, _surrogate(build, rig))
 
 
 def _judge_predictor(build: RigBuild, path: Path, seed: int, size: int) -> dict[str, object]:
@@ -187,7 +193,7 @@ STAGES: Final[dict[str, Callable[[RigBuild, RigData], StageResult]]] = {
 def film_file(build: RigBuild) -> Path:
     """The file of the film surrogate of this build."""
     trained = build.work / build.path("surrogate", SURROGATE)
-    return trained if trained.is_file() else build.work / "reused" / SURROGATE
+    return trained if trained.is_file() else build.work / REUSED / SURROGATE
 
 
 def _classifier(build: RigBuild) -> classifier.ClassifierSettings:
@@ -196,6 +202,12 @@ def _classifier(build: RigBuild) -> classifier.ClassifierSettings:
     judge = msgspec.structs.replace(settings.judge, rig=rig, rate_hz=rate, workers=build.workers)
     return msgspec.structs.replace(
         settings, rig=rig, rate_hz=rate, workers=build.workers, judge=judge
+    )
+
+
+def _surrogate(build: RigBuild, rig: RigData) -> surrogate.SurrogateSettings:
+    return msgspec.structs.replace(
+        build.sizes.surrogate, rig=str(build.folder), length_over_diameter=_shape(rig)
     )
 
 

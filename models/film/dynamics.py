@@ -27,6 +27,8 @@ any speed."""
 _STEP = 0.01
 """Reach of the differences, in gaps, as :func:`sim_hil.equilibrium` takes them."""
 
+HIGH_VIBRATION: Final = 1.954
+"""Eccentricity of the mass over the clearance where vibration is high."""
 CASES: Final = ("steady", "high_vibration", "run_up", "half_order_whirl")
 
 
@@ -34,11 +36,14 @@ def conditions_of(rig: RigData) -> dict[str, tuple[float, float, float, float, f
     """Of each of :data:`CASES`: speeds at start and end, rpm, load, N, clearance, m, and unbalance
     over the rig's normal one."""
     rpm, load, gap = rig.start_rpm, rig.start_load_N, rig.bearing.clearance_nominal_m
+    fast, widest = rig.speed_max_rpm, rig.bearing.clearance_max_m
+    wide = min(gap / 0.6, widest)
+    shaking = HIGH_VIBRATION * wide * rig.rotor.effective_mass_kg / rig.rotor.unbalance_kg_m
     return {
         "steady": (rpm, rpm, load, gap, 1.0),
-        "high_vibration": (rpm, rpm, load, gap / 0.6, 20.0),
+        "high_vibration": (rpm, rpm, load, wide, shaking),
         "run_up": (0.5 * rpm, 1.5 * rpm, load, gap, 5.0),
-        "half_order_whirl": (rig.speed_max_rpm, rig.speed_max_rpm, rig.load_min_N, 1.25 * gap, 1.0),
+        "half_order_whirl": (fast, fast, rig.load_min_N, min(1.25 * gap, widest), 1.0),
     }
 
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -123,10 +124,17 @@ def judge(
     return film_judge.verdict(bars)
 
 
-def evaluate(path: Path, seed: int, points: int | None, out: Path) -> dict[str, object]:
+def evaluate(
+    path: Path,
+    seed: int,
+    points: int | None,
+    out: Path,
+    settings: SurrogateSettings | None = None,
+) -> dict[str, object]:
     """Bars of an exported file on films that follow from ``seed``, with the spline table and K, C
     beside."""
-    settings = SurrogateSettings(judge_points=points or SurrogateSettings().judge_points)
+    settings = settings or SurrogateSettings()
+    settings = msgspec.structs.replace(settings, judge_points=points or settings.judge_points)
     judged = unseen(settings, seed, out)
     shape = settings.length_over_diameter
     return {
