@@ -6,11 +6,14 @@ the items: the same bits anywhere on processors that round alike.
 
 from __future__ import annotations
 
+import hashlib
 import multiprocessing
 import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
 from typing import Any, Final, TypeVar
 
 from firmware_py import __version__
@@ -107,7 +110,7 @@ def spread(address: str, rig: str = "") -> Iterator[int]:
 
 def identity(rig: str) -> str:
     """What must be the same wherever work is done: versions, and the figures of the rig."""
-    versions = f"orbitd {__version__}, physics {PHYSICS_VERSION}"
+    versions = f"orbitd {__version__}, physics {PHYSICS_VERSION}, code {code_digest()}"
     if not rig:
         return versions
     from sim_hil.rigs import load_rig
@@ -116,6 +119,18 @@ def identity(rig: str) -> str:
         return f"{versions}, {rig} {load_rig(rig).digest}"
     except OrbitdError as error:
         return f"{versions}, {error}"
+
+
+@cache
+def code_digest() -> str:
+    """Changes with the code of device, simulator and trainers, and with the simulator's tables."""
+    root, digest = Path(__file__).resolve().parents[1], hashlib.sha256()
+    for package in ("firmware_py", "sim_hil", "models"):
+        for path in sorted((root / package).rglob("*")):
+            if path.suffix in (".py", ".npz"):
+                digest.update(path.relative_to(root).as_posix().encode())
+                digest.update(path.read_bytes())
+    return digest.hexdigest()[:12]
 
 
 def _map_spread(client: Any, make: Callable[[T], R], items: Sequence[T]) -> Iterator[R]:

@@ -1,7 +1,7 @@
 """One build: its machine, what is done for it and what is left out, and what is kept of each stage.
 
-Everything lies in ``FOLDER/build/SIZE-seedN-DIGEST``: an edited machine, another version or another
-seed begins anew, and the same one goes on wherever it was interrupted.
+Everything lies in ``FOLDER/build/SIZE-seedN-DIGEST``: an edited machine, other code or another seed
+begins anew, and the same one goes on wherever it was interrupted.
 """
 
 from __future__ import annotations
@@ -21,7 +21,6 @@ from typing import Any, Final
 import msgspec
 import numpy as np
 
-from firmware_py import __version__
 from firmware_py.acquire.features import RATE_HZ
 from firmware_py.config import Config
 from firmware_py.machine.folder import SIMULATION
@@ -32,6 +31,7 @@ from models.builder import BuildError
 from models.builder.sizes import Size, Sizes, sizes_of
 from models.manifest import write_whole
 from models.runs import TrainerSettings, TrainingRun
+from models.workers import code_digest
 from sim_hil.rigs import NotSimulated, RigData, load_rig
 
 WORK: Final = "build"
@@ -94,7 +94,7 @@ class RigBuild:
         rig = self.rig.digest if self.rig else ""
         rate = self.config.sampling.rate_hz
         trained = replace(self.sizes, sealed=False)
-        told = repr((rig, rate, __version__, PHYSICS_VERSION, trained))
+        told = repr((rig, rate, code_digest(), PHYSICS_VERSION, trained))
         digest = hashlib.sha256(told.encode()).hexdigest()[:12]
         return self.folder / WORK / f"{self.size}-seed{self.seed}-{digest}"
 
