@@ -1,5 +1,8 @@
 """Gymnasium environment ``orbitd/Rotor-v0``: choose the bearing clearance of a running machine.
 
+Gymnasium imports what stands before the colon:
+``gymnasium.make("sim_hil.gym.environment:orbitd/Rotor-v0")``.
+
 The whole plant with its sensors is integrated in time with the table film.  One step is 0.1 s.  The
 observation (:data:`OBSERVATIONS`) is what a rig can measure, from the quantised, noisy displacement
 channels and the status readings.  Action: clearance target in [-1, 1], linear over the bearing's

@@ -1,4 +1,4 @@
-"""Many rotors at once for training: ``gymnasium.make_vec("orbitd/Rotor-v0", num_envs=16)``.
+"""Many rotors at once for training: ``gymnasium.make_vec`` with the same name.
 
 The task is that of :mod:`sim_hil.gym.environment` (:mod:`sim_hil.gym.control_task`), the plant is
 less: the rotor of equation (2) alone on its film and coupling (:mod:`sim_hil.rotor.rigid`, steps of

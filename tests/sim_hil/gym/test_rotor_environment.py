@@ -1,5 +1,10 @@
 """The Gymnasium environment: its checker, its seeds, its reward, its observation."""
 
+import re
+import subprocess
+import sys
+from pathlib import Path
+
 import gymnasium
 import numpy as np
 import pytest
@@ -18,11 +23,21 @@ from sim_hil.plant.duty import Duty
 from sim_hil.rigs import load_rig
 
 RIG = load_rig("bench")
+ROOT = Path(__file__).resolve().parents[3]
 NAMES = list(OBSERVATIONS)
 
 
 def test_gymnasium_accepts_it() -> None:
     check_env(gymnasium.make(ENVIRONMENT_ID).unwrapped, skip_render_check=True)
+
+
+def test_the_readme_makes_it_in_a_fresh_interpreter(tmp_path: Path) -> None:
+    (call,) = re.findall(r"gymnasium\.make\([^)]*\)", (ROOT / "README.md").read_text())
+    said = subprocess.run(
+        [sys.executable, "-c", f"import gymnasium; print({call}.spec.id)"],
+        cwd=tmp_path, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert (said.returncode, said.stdout.strip()) == (0, ENVIRONMENT_ID), said.stderr
 
 
 def rollout(seed: int, steps: int = 5) -> list[tuple[list[float], float]]:
