@@ -31,6 +31,7 @@ def test_a_machine_that_holds_still_is_learnt() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(3600)
 @pytest.mark.parametrize("kind", KINDS)
 def test_in_a_thousand_runs_of_each_kind_at_most_one_excludes_the_truth(kind: str) -> None:
     found = [learnt(seed, kind) for seed in range(1, 1001)]
