@@ -315,8 +315,8 @@ class SimulatedMachine:
             raise MachineError(
                 f"speed or load at {self.time_s:.3f} s is not finite: {drive[0]} to {drive[-1]}"
             )
-        fastest = max(abs(float(drive[0, 0])), abs(float(drive[-1, 0])))
-        if why := refusal(self.rig, fastest, self.period_s / self._substeps):
+        low, high = sorted((float(drive[0, 0]), float(drive[-1, 0])))
+        if why := refusal(self.rig, low, high, self.period_s / self._substeps):
             raise MachineError(why)
 
     def _check_targets(self, clearance_m: float, pressure_Pa: float) -> None:

@@ -200,8 +200,8 @@ def simulate(
     )
     drive = duty.at(time_s)
     steps = max(1, math.ceil(period / dt_s - 1e-9))
-    fastest = float(np.abs(drive[:, 0]).max())
-    if why := refusal(rig, fastest, period / steps):
+    low, high = float(drive[:, 0].min()), float(drive[:, 0].max())
+    if why := refusal(rig, low, high, period / steps):
         raise SimulationError(why)
     start = equilibrium_at(rig, plant, float(drive[0, 0]), float(drive[0, 1]), float(target[0, 0]))
     law = _fed_law(rig, force) if fed else _law(rig, plant, force, start)
@@ -228,7 +228,7 @@ def simulate(
         )
     widest = float(target[:, 0].max()) + plant.film.wear
     thinnest = _viscosity(plant, float(rows[:, COLUMNS.index("oil_C")].max()))
-    unproven = doubts(rig, fastest, widest, thinnest, period / steps)
+    unproven = doubts(rig, max(-low, high), widest, thinnest, period / steps)
     return Trajectory(time_s[1:], rows, _events(time_s[1:], rows), unproven)
 
 
@@ -318,16 +318,14 @@ def _check_clearance(rig: RigData, clearance_m: Floats) -> None:
         if not low - 1e-12 <= value <= high + 1e-12:
             raise SimulationError(
                 f"clearance = {value * 1e6:.2f} um: outside the radial range {low * 1e6:g} to "
-                f"{high * 1e6:g} um of "
-                f"rig {rig.name}"
+                f"{high * 1e6:g} um of rig {rig.name}"
             )
 
 
 def _fed_law(rig: RigData, force: Force) -> Law:
     if force != "table":
         raise SimulationError(
-            f"force = {force!r} with fed = True: only the table knows the groove; take "
-            f"force='table'"
+            f"force = {force!r} with fed = True: only the table knows the groove; take it"
         )
     try:
         return rig_film(rig, fed=True)

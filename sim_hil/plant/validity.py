@@ -21,9 +21,18 @@ least of all."""
 _RPM: Final = 30 / math.pi
 
 
-def refusal(rig: RigData, speed_rad_s: float, step_s: float) -> str:
-    """Why a run at that speed and step is refused, with value and limit; empty when it is not."""
-    rpm, most_rpm = abs(speed_rad_s) * _RPM, OVERSPEED * rig.speed_max_rpm
+def refusal(rig: RigData, slowest_rad_s: float, fastest_rad_s: float, step_s: float) -> str:
+    """Why a run between those speeds, of any sign, is refused, with value and limit; empty when it
+    is not."""
+    speed_rad_s = max(abs(slowest_rad_s), abs(fastest_rad_s))
+    rpm, most_rpm = speed_rad_s * _RPM, OVERSPEED * rig.speed_max_rpm
+    pads = rig.bearing.pads
+    if slowest_rad_s < 0.0 and pads is not None and pads.offset_share != 0.5:
+        return (
+            f"speed = {slowest_rad_s * _RPM:g} rpm: backwards, and pads.offset_share = "
+            f"{pads.offset_share:g} says which way the shaft turns; the film is tabulated for that "
+            "way alone"
+        )
     if rpm > most_rpm:
         return (
             f"speed = {rpm:g} rpm: above {most_rpm:g}, {OVERSPEED:g} times the greatest declared "
@@ -34,7 +43,7 @@ def refusal(rig: RigData, speed_rad_s: float, step_s: float) -> str:
     if steps < FEWEST_STEPS:
         return (
             f"step = {step_s:g} s: {steps:.3g} steps a turn at {rpm:g} rpm, at least "
-            f"{FEWEST_STEPS}; take at most {2 * math.pi / (FEWEST_STEPS * abs(speed_rad_s)):.3g} s"
+            f"{FEWEST_STEPS}; take at most {2 * math.pi / (FEWEST_STEPS * speed_rad_s):.3g} s"
         )
     return ""
 

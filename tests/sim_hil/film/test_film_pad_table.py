@@ -140,5 +140,11 @@ def test_other_films_between_pads_are_refused_by_name(small):
     rig = padded_rig()
     with pytest.raises(SimulationError, match="only the table knows them"):
         simulate(rig, Duty.hold(3000.0, 100.0, 0.1), clearance=C, force="direct")
+    offset = FixedPads(2, 160.0, 0.5, 90.0, 1.0)
+    bearing = dataclasses.replace(rig.bearing, pads=offset)
+    with pytest.raises(SimulationError, match=r"backwards, and pads\.offset_share = 1"):
+        simulate(
+            dataclasses.replace(rig, bearing=bearing), Duty.hold(-3000.0, 100.0, 0.1), clearance=C
+        )
     with pytest.raises(FilmError, match="grooves between its pads are at ambient"):
         rig_film(rig, fed=True)
