@@ -19,6 +19,7 @@ from firmware_py.records import (
     CommandRequest,
     Cycle,
     Decision,
+    ModelsInUse,
     Normal,
     PeerRecord,
     PlannedRamp,
@@ -87,6 +88,7 @@ class Device:
         self._waiting: dict[tuple[Stage, Stage], list[PeerRecord]] = defaultdict(list)
         self._normal: Normal | None = None
         self._forgets: set[int] = set()
+        self._sets: tuple[object, object] = ([], None)
 
     @property
     def brain_runs(self) -> bool:
@@ -176,11 +178,16 @@ class Device:
                     self._waiting[source, stage].append(record)
 
     def _keep(self, record: PeerRecord) -> None:
-        """Store the machine's normal state, as the gate does for the next brain; or forget it."""
+        """Store the machine's normal state, as the gate does for the next brain and for other
+        models; or forget it."""
         if isinstance(record, Normal):
             self._normal = record
         elif isinstance(record, CommandReply) and record.accepted and record.seq in self._forgets:
             self._normal = None
+        elif isinstance(record, ModelsInUse):
+            before, self._sets = self._sets, (record.active, record.beside)
+            if self._sets != before and self._normal is not None:
+                self.adopt(self._normal)  # a set that has just come knows nothing of this machine
 
     def _tell(self, record: PeerRecord, now_ns: int) -> None:
         for listener in self._listeners:

@@ -35,6 +35,7 @@ from firmware_py.records import (
     Event,
     Forecast,
     GuardState,
+    ModelsInUse,
     Normal,
     PeerRecord,
     Record,
@@ -88,6 +89,7 @@ _RECORDS: Final[tuple[type[Record], ...]] = (
     BrainStep,
     BrainSnapshot,
     ShadowDiagnosis,
+    ModelsInUse,
 )
 _ROWS: Final = {row.record: row for row in signals.STREAMS}
 

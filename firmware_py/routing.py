@@ -28,6 +28,7 @@ from firmware_py.records import (
     EventAck,
     Forecast,
     GuardState,
+    ModelsInUse,
     Normal,
     PeerRecord,
     Record,
@@ -73,6 +74,7 @@ ROUTES: Final = (
     Route(CycleRecord, _GUARD, (_GATE,)),
     Route(BrainSnapshot, _BRAIN, (_GATE,)),
     Route(BrainStep, _BRAIN, (_GATE,)),
+    Route(ModelsInUse, _BRAIN, (_GATE,)),  # on disk before a promotion is answered
     Route(CommandReply, _BRAIN, (_GATE,)),
     Route(Normal, _BRAIN, (_GATE,)),
     Route(Diagnosis, _BRAIN, (_GATE,)),

@@ -176,6 +176,7 @@ STREAMS: Final = (
     Stream("Advice", "ag/advice", "json", True, "10 Hz"),
     Stream("BrainState", "ha/state", "json", True, "1 Hz"),
     Stream("CommissionState", "ha/commission", "json", True, "1 Hz"),
+    Stream("ModelsInUse", "ha/models", "json", True, "1 Hz"),
     Stream("Normal", "ha/normal", "msgpack", False, "once"),
     Stream("WallClock", "clock", "json", False, "1 Hz"),
     Stream("BrainStep", "brain/step", "msgpack", False, "each step of the brain"),

@@ -17,6 +17,7 @@ from firmware_py.brain.core import BrainCore
 from firmware_py.clock import SimClock
 from firmware_py.gate import keys, session
 from firmware_py.gate.core import Gate, GateParts
+from firmware_py.gate.models_file import ModelsFile
 from firmware_py.gate.normal_file import NormalFile
 from firmware_py.gate.telemetry import Telemetry
 from firmware_py.guard.core import GuardCore
@@ -76,6 +77,7 @@ REQUESTS = {
     2300: ("announce", msgspec.to_builtins(RAMP)),
     2400: ("commission", "start"),
     2500: ("commission", "cancel"),
+    2550: ("models", {"action": "rollback"}),
     2600: ("set_pressure", 1.0),
     2640: ("bypass", {"target": "disp_x", "seconds": 9.0, "owner": "A. P.", "reason": "probe"}),
     2660: ("shelve", {"target": "disp_x_alert", "seconds": 9.0}),
@@ -158,7 +160,9 @@ class TappedGuard(GuardCore):
 class TappedBrain(BrainCore):
     heard: Heard
 
-    def step(self, records: list[PeerRecord], now_ns: int) -> list[PeerRecord]:
+    def step(
+        self, records: list[PeerRecord], now_ns: int, late: tuple[int, int] = (0, 0)
+    ) -> list[PeerRecord]:
         of_gate = [r for r in records if isinstance(r, CommandRequest | Normal)]
         assert records[: len(of_gate)] == of_gate, "the gate's come first"
         self.heard.requests += [r for r in of_gate if isinstance(r, CommandRequest)]
@@ -166,7 +170,7 @@ class TappedBrain(BrainCore):
         of_guard = records[len(of_gate) :]
         self.heard.note(Stage.GUARD, Stage.BRAIN, of_guard)
         self.heard.at_brain += [(type(r), r.seq) for r in of_guard]  # type: ignore[union-attr]
-        return super().step(records, now_ns)
+        return super().step(records, now_ns, late)
 
 
 def make_rig() -> Rig:
@@ -228,6 +232,7 @@ class Live(SimClock):
             Telemetry(session.open_device(BENCH.zenoh, folder, prefix), prefix),
             None,
             stored,
+            ModelsFile(folder / "state" / "models", lambda: 1),
         )
         self._tap()
         self.gate = Gate(BENCH, self.doors, {}, lambda: 1)
@@ -320,6 +325,8 @@ def ask(loop: ClosedLoop, verb: str, value: object) -> None:
         loop.command(verb, value["seconds"], **{k: v for k, v in value.items() if k != "seconds"})
     elif verb == "commission":
         loop.command(verb, action=str(value))
+    elif verb == "models":
+        loop.command(verb, action=value["action"])  # type: ignore[index]
     else:
         loop.command(verb, value)  # type: ignore[arg-type]
 

@@ -12,14 +12,23 @@ from numpy.typing import NDArray
 from firmware_py.acquire.channel_map import ChannelMap
 from firmware_py.acquire.windows import Window, Windower, WindowerState
 from firmware_py.brain import tree
-from firmware_py.brain.commissioning import Commissioner, CommissionerState
-from firmware_py.brain.diagnosis import Diagnoser, DiagnoserState
+from firmware_py.brain.commissioning import CommissionerState
+from firmware_py.brain.comparison import ComparisonState
+from firmware_py.brain.diagnosis import DiagnoserState
 from firmware_py.brain.journal import RecentBlocks, Snapshots, split, taken
+from firmware_py.brain.line import LineState
 from firmware_py.brain.observation import Observer, ObserverState
-from firmware_py.brain.policy import Policy, PolicyState, Proposal
-from firmware_py.brain.prediction import HORIZON_S, slow_roll_forward
+from firmware_py.brain.policy import PolicyState, Proposal
+from firmware_py.brain.prediction import HORIZON_S
 from firmware_py.brain.shadow import Shadow, ShadowState
 from firmware_py.brain.store import Models
+from firmware_py.brain.succession import (
+    Library,
+    Succession,
+    SuccessionState,
+    SuccessionTree,
+    named,
+)
 from firmware_py.brain.watch import OrbitWatch, WatchState
 from firmware_py.brain.watch_commissioning import WatchCommissioner, WatchCommissionState
 from firmware_py.config import Config
@@ -73,6 +82,8 @@ class BrainTree(msgspec.Struct):
     watch: WatchState | None = None
     watch_commissioner: WatchCommissionState | None = None
     shadow: ShadowState | None = None
+    succession: SuccessionTree | None = None
+    """None: the device's own models, and nothing beside."""
 
 
 class BrainCore:
@@ -87,23 +98,32 @@ class BrainCore:
     cpu_features
         Written into every :class:`~firmware_py.records.WindowRecord`: diagnoses are bit-exact only
         there.
+    start, library
+        What is in use at the start (``models`` are those of ``start.active``), and where other sets
+        come from.
     """
 
-    def __init__(self, config: Config, models: Models, cpu_features: str = "") -> None:
+    def __init__(
+        self,
+        config: Config,
+        models: Models,
+        cpu_features: str = "",
+        start: SuccessionState | None = None,
+        library: Library | None = None,
+    ) -> None:
+        self._config = config
         self._monitor_only = monitor_only(config.machine)
         self._watch = OrbitWatch(config) if self._monitor_only else None
         channels = self._watch.channels if self._watch else ChannelMap.from_config(config)
         self._windower = Windower(channels, config.sampling.rate_hz)
         self._observer = Observer(channels)
-        slow_roll_m = slow_roll_forward(config)
-        self._diagnoser = Diagnoser(models.classifier, config.machine, slow_roll_m)
-        self._commissioner = Commissioner(models.classifier, config, self._diagnoser, slow_roll_m)
+        self._sets = Succession(config, models, start, library)
         self._own = WatchCommissioner(self._watch, config) if self._watch else None
-        self._policy = Policy(models, config)
-        self._shadow = Shadow(models.shadow, config) if models.shadow else None
+        self._shadow: Shadow | None = None
+        self._models_due = False
+        self._renew_shadow()
         self._pressure_bar = config.machine.actuator.safe_pressure_bar
         self._cpu_features = cpu_features
-        self._predictor_label = models.surrogate.label if models.surrogate else ""
         self._recent = RecentBlocks(self._windower.most)
         self._snapshots = Snapshots(cpu_features)
         self._state = StepState()
@@ -113,8 +133,8 @@ class BrainCore:
         """Every count of the brain by name."""
         return {
             **self._windower.counters,
-            **self._diagnoser.counters,
-            **self._policy.counters,
+            **self._sets.active.diagnoser.counters,
+            **self._sets.active.policy.counters,
             **(self._shadow.counters if self._shadow else {}),
             "windows_dropped": self._state.windows_dropped,
         }
@@ -145,6 +165,8 @@ class BrainCore:
             Another version wrote it.
         ValueError
             A part or a block is missing.
+        ModelError, SetError
+            A set of models that was in use then is not there.
         """
         if [part.part for part in snapshot] != list(range(snapshot[0].parts)):
             raise ValueError("a part of the brain's snapshot is missing")
@@ -155,8 +177,13 @@ class BrainCore:
             self._recent.take(block)
         self._windower.restore(state.windower, self.recent)
         self._observer.restore(state.observer, self.recent)
-        self._diagnoser.state, self._commissioner.state = state.diagnoser, state.commissioner
-        self._policy.state = state.policy
+        self._sets.restore(
+            state.succession or SuccessionTree(SuccessionState(), None, ComparisonState())
+        )
+        self._sets.active.state = LineState(
+            state.diagnoser, state.commissioner, state.policy, state.step.diagnosis
+        )
+        self._renew_shadow()
         if self._watch and self._own and state.watch and state.watch_commissioner:
             self._watch.restore(state.watch, self.recent)
             self._own.state = state.watch_commissioner
@@ -168,35 +195,47 @@ class BrainCore:
         self._snapshots.due_ns = 0
 
     def _encoded(self) -> bytes:
+        line, sets = self._sets.active.state, self._sets.tree
+        self._state.diagnosis = line.diagnosis
         return tree.encode(
             BrainTree(
                 self._state,
                 self._windower.state,
                 self._observer.state,
-                self._diagnoser.state,
-                self._commissioner.state,
-                self._policy.state,
+                line.diagnoser,
+                line.commissioner,
+                line.policy,
                 self._watch.save() if self._watch else None,
                 self._own.state if self._own else None,
                 self._shadow.state if self._shadow else None,
+                sets if sets.state != SuccessionState() else None,
             )
         )
 
-    def _journal(self, records: list[PeerRecord], now_ns: int) -> list[PeerRecord]:
+    def _journal(
+        self, records: list[PeerRecord], now_ns: int, late: tuple[int, int]
+    ) -> list[PeerRecord]:
         """What a replay needs of this step: a part of a snapshot now and then, and what it
         takes."""
         state = self._state
         if now_ns >= self._snapshots.due_ns:
             self._snapshots.put(state.step_seq, now_ns, self.recent, self._encoded())
-        step = taken(records, state.step_seq, now_ns)
+        step = taken(records, state.step_seq, now_ns, late)
         state.step_seq += 1
         return [*self._snapshots.next_part(), step]
 
-    def step(self, records: list[PeerRecord], now_ns: int) -> list[PeerRecord]:
-        """Take what guard and gate sent; return what is due at ``now_ns``, oldest first."""
-        out, state = self._journal(records, now_ns), self._state
+    def step(
+        self, records: list[PeerRecord], now_ns: int, late: tuple[int, int] = (0, 0)
+    ) -> list[PeerRecord]:
+        """Take what guard and gate sent; return what is due at ``now_ns``, oldest first.
+
+        ``late`` are answers that came after their deadline since the step before
+        (:meth:`take_late`).
+        """
+        out, state = self._journal(records, now_ns, late), self._state
         for request in [record for record in records if isinstance(record, CommandRequest)]:
             out += self._obey(request, now_ns)
+        refused = self._sets.refusals()
         windows = [window for record in records for window in self._take(record)]
         state.windows_dropped += max(0, len(windows) - WINDOWS_PER_STEP)
         for window in windows[-WINDOWS_PER_STEP:]:
@@ -207,13 +246,32 @@ class BrainCore:
             behind = now_ns >= due_ns + ADVICE_PERIOD_NS
             state.next_advice_ns = (now_ns if behind else due_ns) + ADVICE_PERIOD_NS
             out += self._advise(now_ns)
+        if self._sets.judge(refused, late, now_ns):
+            self._renew_shadow()
+            self._models_due = True
+        if self._models_due:
+            self._models_due = False
+            out.append(self._sets.report(state.advice_seq, now_ns))
         return out
+
+    def take_late(self) -> tuple[int, int]:
+        """Late answers since the last call, of the models in use and of those beside: a figure of
+        this computer's, to be handed to the next :meth:`step`."""
+        beside = self._sets.beside
+        return self._sets.active.take_late(), beside.take_late() if beside else 0
+
+    def _renew_shadow(self) -> None:
+        """Run the classifier of one's own recordings that the sets bring, if any."""
+        own = self._sets.own
+        if own is None or self._shadow is None or self._shadow.model is not own:
+            self._shadow = Shadow(own, self._config) if own else None
 
     def _in_shadow(self, records: Sequence[PeerRecord]) -> list[PeerRecord]:
         """What the model in shadow would say."""
         if self._shadow is None:
             return []
-        active = self._state.diagnosis.verdict if self._state.diagnosis else "none"
+        diagnosis = self._sets.active.diagnosis
+        active = diagnosis.verdict if diagnosis else "none"
         blocks = [record for record in records if isinstance(record, Block)]
         return [said for block in blocks for said in self._shadow.step(block, active)]
 
@@ -232,31 +290,35 @@ class BrainCore:
         elif isinstance(record, GuardState):
             self._state.guard = msgspec.structs.replace(record, counters={})
         elif isinstance(record, Normal):
-            (self._own or self._commissioner).adopt(record)
+            (self._own or self._sets).adopt(record)
         return []
 
     def _obey(self, request: CommandRequest, now_ns: int) -> list[PeerRecord]:
-        """The answer to a wish about commissioning, how that stands now, and what was learned."""
-        commissioner = self._own or self._commissioner
+        """The answer to a wish about models or commissioning, how that stands now, and what was
+        learned."""
+        if request.verb == "models":
+            answer = self._sets.obey(request)
+            self._renew_shadow()
+            self._models_due = True
+            return [answer]
+        commissioner = self._own or self._sets.active.commissioner
         reply, learned = commissioner.obey(request)
+        if request.action == "forget" and self._sets.beside:
+            self._sets.beside.commissioner.obey(request)
         said: list[PeerRecord] = [reply, commissioner.report(self._state.advice_seq, now_ns)]
         return [*said, learned] if learned else said
 
     def diagnose(self, window: Window) -> list[PeerRecord]:
         """Diagnosis of ``window`` and the record that lets a replay find the same window."""
-        normal_name = self._diagnoser.normal_name
+        line = self._sets.active
         if self._watch and self._own:
-            diagnosis = self._watch.step(window)
+            diagnosis = line.diagnosis = self._watch.step(window)
             self._own.gather(diagnosis, self._state.guard)
             normal_name = self._own.normal_name
         else:
-            diagnosis, orders = self._diagnoser.step(window)
-            self._commissioner.gather(
-                window, orders, diagnosis, self._diagnoser.answer, self._state.guard
-            )
-            if orders is not None:
-                self._policy.learn(window, orders)
-        self._state.diagnosis = diagnosis
+            normal_name = line.diagnoser.normal_name
+            diagnosis = line.look(window, self._state.guard)
+            self._sets.look_beside(window, self._state.guard)
         return [
             diagnosis,
             WindowRecord(
@@ -270,12 +332,8 @@ class BrainCore:
         ]
 
     def _advise(self, now_ns: int) -> list[PeerRecord]:
-        state = self._state
-        proposal = (
-            Proposal(None, [f"monitor only: {reason}" for reason in self._monitor_only])
-            if self._monitor_only
-            else self._policy.step(self._observer.present(), state.diagnosis, state.guard, now_ns)
-        )
+        state, sets = self._state, self._sets.state
+        proposal = self._propose(now_ns)
         state.advice_seq += 1
         forecast = self._forecast(proposal)
         proposes = proposal.clearance_m is not None
@@ -286,21 +344,35 @@ class BrainCore:
             lifetime_ns=LIFETIME_NS,
             clearance_um=proposal.clearance_m * 1e6 if proposal.clearance_m is not None else None,
             pressure_bar=self._pressure_bar if proposes else None,
-            qualified=self._policy.qualified,
+            qualified=self._sets.active.policy.qualified,
             reasons=proposal.reasons,
             forecast=forecast,
+            models=named(sets.active),
+            beside=named(sets.beside or []),
+            rolled_back=sets.rolled_back,
         )
         said: list[PeerRecord] = [forecast, advice] if forecast else [advice]
         if state.advice_seq % STATE_EVERY == 0:
+            self._models_due = True
             said += [
                 BrainState(state.advice_seq, now_ns, self.counters),
-                (self._own or self._commissioner).report(state.advice_seq, now_ns),
+                (self._own or self._sets.active.commissioner).report(state.advice_seq, now_ns),
             ]
         return said
+
+    def _propose(self, now_ns: int) -> Proposal:
+        """What the active models would do; those beside are asked the same."""
+        if self._monitor_only:
+            return Proposal(None, [f"monitor only: {reason}" for reason in self._monitor_only])
+        present, guard = self._observer.present(), self._state.guard
+        proposal = self._sets.active.propose(present, guard, now_ns)
+        self._sets.propose_beside(proposal, present, guard, now_ns)
+        return proposal
 
     def _forecast(self, proposal: Proposal) -> Forecast | None:
         """The record of the forecast for where the clearance will be; None without one."""
         outlook, estimate, sensed, um = proposal.forecast, proposal.estimate, proposal.sensed, 1e6
+        surrogate = self._sets.active.models.surrogate
         if outlook is None or estimate is None:
             return None
         return Forecast(
@@ -317,7 +389,7 @@ class BrainCore:
             load_N=estimate.load_interval_N,
             viscosity_Pa_s=estimate.viscosity_interval_Pa_s,
             unbalance_kg_m=proposal.unbalance_kg_m,
-            model=self._predictor_label,
+            model=surrogate.label if surrogate else "",
             now_min_film_um=_triple(sensed.min_film_m[0] * um) if sensed else None,
             now_friction_W=_triple(sensed.friction_W[0]) if sensed else None,
             time_to_limit_s=proposal.time_to_limit_s,

@@ -34,8 +34,10 @@ PART_BYTES: Final = 64 * 1024
 """A record between two processes is at most twice as large."""
 
 
-def taken(records: Sequence[PeerRecord], seq: int, now_ns: int) -> BrainStep:
-    """The record of step ``seq`` that takes ``records``."""
+def taken(
+    records: Sequence[PeerRecord], seq: int, now_ns: int, late: tuple[int, int] = (0, 0)
+) -> BrainStep:
+    """The record of step ``seq`` that takes ``records`` and hears of ``late`` answers."""
     return BrainStep(
         seq,
         now_ns,
@@ -44,6 +46,7 @@ def taken(records: Sequence[PeerRecord], seq: int, now_ns: int) -> BrainStep:
         runs(record.seq for record in records if isinstance(record, GuardState)),
         [record.seq for record in records if isinstance(record, CommandRequest)],
         [digest(record) for record in records if isinstance(record, Normal)],
+        list(late) if any(late) else [],
     )
 
 

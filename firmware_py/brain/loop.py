@@ -8,20 +8,13 @@ import os
 import signal
 import sys
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-import numpy as np
-
 from firmware_py import background, launch, notify
 from firmware_py.brain.core import BrainCore
-from firmware_py.brain.errors import ModelAnswerError
-from firmware_py.brain.store import Models, load_models
+from firmware_py.brain.library import ShelfLibrary
 from firmware_py.clock import Clock, MonotonicClock
-from firmware_py.config import Config
-from firmware_py.model_sets.errors import SetError
-from firmware_py.model_sets.shelf import Shelf
 from firmware_py.records import Advice
 from firmware_py.routing import BRAIN_PERIOD_NS, Stage, in_order, receivers
 from firmware_py.wire.peers import PeerClient
@@ -34,31 +27,20 @@ def main(argv: list[str]) -> int:
     parser = argparse.ArgumentParser(prog="orbitd brain", description=__doc__)
     launch.add_options(parser)
     start = launch.from_options(parser.parse_args(argv))
-    models = in_use(start.config)
+    state = launch.state_dir(start.config, os.environ)
+    library = ShelfLibrary(start.config, launch.shelf_folder(start.config, state))
+    models, sets = library.in_use()
     for kind, text in models.off.items():
         print(f"orbitd brain: {kind} is off: {text}", file=sys.stderr, flush=True)
     for kind, text in models.refusals.items():
         print(f"orbitd brain: {kind} not used: {text}", file=sys.stderr, flush=True)
-    prewarm(models)
-    core = BrainCore(start.config, models, cpu_features())
+    core = BrainCore(start.config, models, cpu_features(), sets, library)
     stopped: list[int] = []
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda signum, _frame: stopped.append(signum))
     gc.freeze()
     run(core, start.runtime, MonotonicClock(), notify.from_environment(), lambda: bool(stopped))
     return 0
-
-
-def in_use(config: Config) -> Models:
-    """The models that the pointer names; where it cannot be followed the device's own, and nothing
-    is advised."""
-    shelf = Shelf(launch.shelf_folder(config, launch.state_dir(config, os.environ)))
-    try:
-        return load_models(config, shelf.folders(list(shelf.pointer().active)))
-    except SetError as error:
-        own = load_models(config)
-        own.refusals["set"] = str(error)
-        return own
 
 
 def run(
@@ -77,31 +59,23 @@ def run(
     peers = {Stage.GUARD: guard, Stage.GATE: gate}
     background.restore()
     notifier.ready()
-    next_ns = clock.now_ns()
+    next_ns, late = clock.now_ns(), (0, 0)
     while not stopped():
         now_ns, connections = clock.now_ns(), gate.counters["connected"]
         records = [*gate.poll(now_ns), *guard.poll(now_ns)]
         if gate.counters["connected"] != connections:
             core.record_from_here()
-        for record in in_order(Stage.BRAIN, core.step(records, now_ns)):
+        for record in in_order(Stage.BRAIN, core.step(records, now_ns, late)):
             for stage in receivers(Stage.BRAIN, record):
                 peers[stage].send(record)
             if isinstance(record, Advice):
                 notifier.watchdog()
+        late = core.take_late()
         next_ns = max(next_ns + BRAIN_PERIOD_NS, clock.now_ns())
         clock.sleep_until(next_ns)
     notifier.stopping()
     guard.close()
     gate.close()
-
-
-def prewarm(models: Models) -> None:
-    """Let every session allocate before the first real question; its answer to zeros is of no
-    interest."""
-    for model in (models.classifier, models.actor, models.surrogate, models.shadow):
-        if model is not None:
-            with suppress(ModelAnswerError):
-                model.session.run(np.zeros((1, model.session.columns)))
 
 
 def cpu_features(cpuinfo: Path = Path("/proc/cpuinfo")) -> str:

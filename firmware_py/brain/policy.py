@@ -124,6 +124,12 @@ class Policy:
         except NO_FORECAST:
             self.counters["forecasts_refused"] += 1
 
+    def power_W(self, present: Present, estimate: Estimate, clearances_m: Floats) -> Floats:
+        """Shaft power (n,) that is expected at each of ``clearances_m`` (n,), the rest as it is."""
+        if self._predictor is None:
+            return np.full(len(clearances_m), np.nan)
+        return self._predictor.forecast(present.measured(), estimate, clearances_m).power_W[:, 1]
+
     def step(
         self,
         present: Present | None,

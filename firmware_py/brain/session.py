@@ -3,6 +3,8 @@ answers."""
 
 from __future__ import annotations
 
+import math
+import time
 from functools import cache
 from typing import Any
 
@@ -83,11 +85,18 @@ class Session:
         self.outputs: tuple[str, ...] = tuple(output.name for output in self._session.get_outputs())
         self._input = inputs[0].name
         self._dtype = _DTYPES[inputs[0].type]
+        self.deadline_s = math.inf
+        self._late = 0
 
     @property
     def metadata(self) -> dict[str, str]:
         """The file's own metadata."""
         return dict(self._session.get_modelmeta().custom_metadata_map)
+
+    def take_late(self) -> int:
+        """Answers that took longer than ``deadline_s`` since the last call."""
+        late, self._late = self._late, 0
+        return late
 
     def run(self, rows: NDArray[np.floating[Any]]) -> dict[str, NDArray[np.float64]]:
         """Answers by output name for ``rows`` of shape (batch, columns).
@@ -97,7 +106,9 @@ class Session:
         ModelAnswerError
             An answer is not finite.
         """
+        start_s = time.perf_counter()
         answers = self._session.run(None, {self._input: np.ascontiguousarray(rows, self._dtype)})
+        self._late += time.perf_counter() - start_s > self.deadline_s
         named: dict[str, NDArray[np.float64]] = {}
         for name, answer in zip(self.outputs, answers, strict=True):
             if not np.isfinite(answer).all():

@@ -95,7 +95,7 @@ class Shadow:
     def __init__(self, model: Model, config: Config) -> None:
         names = [channel.name for channel in config.machine.channel]
         rows = [config.machine.channel[names.index(name)] for name in model.card.channels]
-        self._model = model
+        self.model = model
         self._options = OwnOptions.of(model.card.settings)
         self._columns = [names.index(row.name) for row in rows]
         self._scale = np.array([row.scale for row in rows])
@@ -151,14 +151,14 @@ class Shadow:
             score=decision.score,
             windows=len(state.answers),
             active=active,
-            model=self._model.label,
+            model=self.model.label,
         )
 
     def _decision(self) -> OwnVerdict:
         state = self.state
         bad = [
             name
-            for name, column in zip(self._model.card.channels, self._columns, strict=True)
+            for name, column in zip(self.model.card.channels, self._columns, strict=True)
             if not all(block.channel_ok >> column & 1 for block in self._blocks)
         ]
         if bad:
@@ -202,7 +202,7 @@ class Shadow:
 
     def _ask(self, row: Floats) -> OwnAnswer | None:
         try:
-            said = self._model.session.run(row[None, :])
+            said = self.model.session.run(row[None, :])
         except ModelAnswerError:
             self.state.answers_refused += 1
             return None

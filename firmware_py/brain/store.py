@@ -259,6 +259,7 @@ def model_of(kind: str, data: bytes, config: Config, by: str = "") -> Model:
     session = Session(name, data)
     card = read_card(name, session.metadata)
     _check_fit(kind, name, card, session, config)
+    session.deadline_s = 1e-3 * config.models.deadline_ms
     return Model(card, session, hashlib.sha256(data).hexdigest(), by)
 
 

@@ -18,7 +18,7 @@ from pathlib import Path
 import msgspec
 
 from firmware_py.brain.core import BrainCore
-from firmware_py.brain.loop import prewarm
+from firmware_py.brain.library import prewarm
 from firmware_py.brain.store import Models, load_models
 from firmware_py.config import Config
 from firmware_py.config.checks_network import DATAGRAM, Address, parse_endpoint

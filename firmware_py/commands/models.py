@@ -1,16 +1,16 @@
 """``orbitd models``: which models the device thinks with, and how another set comes into use.
 
 list  what is in use, on the shelf and in shadow;  add FILE|FOLDER  check a set and put it on the
-shelf;  shadow SET  let it run beside (`none`: nothing);  promote  let what is in shadow decide;
-rollback  take that back.
+shelf;  shadow SET  let it run beside (`none`: nothing);  compare  what both have said;  promote
+let what is in shadow decide;  rollback  take that back.
 
-`list` changes nothing.  The others hold from the next start of the device.
+`list` and `compare` change nothing.  The others are commands to the device where one runs; else
+they hold from its next start.
 """
 
 from __future__ import annotations
 
 import argparse
-import sys
 import time
 from pathlib import Path
 
@@ -18,8 +18,21 @@ import msgspec
 
 from firmware_py import launch
 from firmware_py.brain.candidate import check_useful, examine, read_source
-from firmware_py.brain.store import Model, Models, load_models
+from firmware_py.brain.store import load_models
+from firmware_py.commands.authority import connect
+from firmware_py.commands.models_words import (
+    Compared,
+    Listing,
+    compared,
+    compared_words,
+    layers,
+    list_words,
+)
 from firmware_py.config import Config
+from firmware_py.gate.client import Client
+from firmware_py.gate.session import SessionError
+from firmware_py.gate.view import DeviceState
+from firmware_py.model_sets.compared import pair, read_compared
 from firmware_py.model_sets.errors import SetError
 from firmware_py.model_sets.manifest import files_in
 from firmware_py.model_sets.shelf import (
@@ -31,9 +44,24 @@ from firmware_py.model_sets.shelf import (
     rolled_back,
     shadowed,
 )
+from firmware_py.records import CommandReply
 
-NEXT_START = "no device runs here: it holds from the next start"
 NONE = "none"
+NEXT_START = "no device runs here: it holds from the next start"
+
+
+class Outcome(msgspec.Struct, frozen=True):
+    """What a change came to: ``reply`` of a running device, ``pointer`` without one."""
+
+    action: str
+    set: str
+    reply: CommandReply | None
+    pointer: Pointer | None
+
+    @property
+    def done(self) -> bool:
+        """Whether it was carried out."""
+        return self.reply is None or self.reply.accepted
 
 
 def main(argv: list[str]) -> int:
@@ -41,16 +69,15 @@ def main(argv: list[str]) -> int:
     options = _parser().parse_args(argv)
     place = launch.shelf_place(options)
     shelf = Shelf(place.folder)
-    done: dict[str, object]
     if options.action == "list":
-        done = listed(shelf, place.config)
-        print(msgspec.json.encode(done).decode() if options.json else "\n".join(list_words(done)))
-        return 0
-    if options.action == "add":
-        done = {"set": add(shelf, place.config, options.source, options.name)}
-        return _tell(options, done)
-    done = {"pointer": _step(shelf, place.config, options), "note": NEXT_START}
-    return _tell(options, done)
+        found = listed(shelf, place.config, options)
+        return _print(options, found, list_words(found))
+    if options.action == "compare":
+        both = comparison(shelf, options)
+        return _print(options, both, compared_words(both))
+    outcome = change(shelf, place.config, options)
+    _print(options, outcome, _words(outcome))
+    return 0 if outcome.done else 1
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -64,6 +91,7 @@ def _parser() -> argparse.ArgumentParser:
         ("list", "what is in use and on the shelf"),
         ("add", "check a set or a single model, and put it on the shelf"),
         ("shadow", "let a set run beside the active one"),
+        ("compare", "what the active set and the one beside have said"),
         ("promote", "let the set in shadow decide"),
         ("rollback", "take the last promotion back"),
     ):
@@ -80,6 +108,58 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
+def change(shelf: Shelf, config: Config, options: argparse.Namespace) -> Outcome:
+    """Carry out what ``options`` ask for: by the running device, else on files.
+
+    Raises
+    ------
+    ModelError, SetError
+        It is refused here; nothing has changed.
+    """
+    action = options.action
+    named = "" if action == "rollback" else getattr(options, "set", None) or ""
+    if action == "add":
+        stored = add(shelf, config, options.source, options.name)
+    elif named in ("", NONE):
+        stored = None
+    else:
+        stored = shelf.find(named)
+    if action == "shadow" and stored is not None:
+        examine(stored.folder, config, _in_use(shelf))
+    target = stored.id if stored else ""
+    try:
+        with connect(options) as client:
+            return Outcome(action, target, _asked(client, action, target), None)
+    except SessionError:
+        return Outcome(action, target, None, _on_files(shelf, action, target))
+
+
+def _asked(client: Client, action: str, target: str) -> CommandReply:
+    value = {"action": action} | ({"set": target} if target else {})
+    return client.ask("models", value)
+
+
+def _on_files(shelf: Shelf, action: str, target: str) -> Pointer:
+    """The pointer after ``action``, where no device runs."""
+    now_ns = time.time_ns()
+    if action == "shadow":
+        return shelf.change(shadowed(target or None), f"shadow {target}", now_ns)
+    if action == "promote":
+        return shelf.change(lambda p: _promoted(p, target), "promote", now_ns)
+    if action == "rollback":
+        return shelf.change(rolled_back, "rollback", now_ns)
+    return shelf.pointer()
+
+
+def _promoted(pointer: Pointer, meant: str) -> Pointer:
+    if meant and pointer.shadow != meant:
+        raise SetError(
+            f"promote: {meant} is not in shadow ({pointer.shadow or 'nothing'} is); "
+            f"`orbitd models shadow {meant}` comes first"
+        )
+    return promoted(pointer)
+
+
 def add(shelf: Shelf, config: Config, source: Path, name: str | None) -> StoredSet:
     """Put the set at ``source`` on the shelf.
 
@@ -89,114 +169,86 @@ def add(shelf: Shelf, config: Config, source: Path, name: str | None) -> StoredS
         It is not taken; nothing has changed.
     """
     check_useful(config)
-    layers = shelf.folders(list(shelf.pointer().active))
+    below = _in_use(shelf)
     called = (name or source.resolve().name)[:60]
     if not called.isprintable() or called == NONE:
         raise SetError(f"{called!r}: no name for a set; give another one with --name")
     note = SetNote(called, str(source.resolve()), time.time_ns())
-    return shelf.put(read_source(source), note, lambda part: void(examine(part, config, layers)))
+    return shelf.put(read_source(source), note, lambda part: examine(part, config, below))
 
 
-def void(_: object) -> None:
-    """Of a check, only that it did not refuse."""
+def _in_use(shelf: Shelf) -> list[Path]:
+    """Folders of the sets in use."""
+    return shelf.folders(list(shelf.pointer().active))
 
 
-def _step(shelf: Shelf, config: Config, options: argparse.Namespace) -> Pointer:
-    """The pointer after the action that ``options`` ask for, on files alone."""
-    now_ns = time.time_ns()
-    if options.action == "shadow":
-        if options.set == NONE:
-            return shelf.change(shadowed(None), "shadow none", now_ns)
-        chosen = shelf.find(options.set)
-        layers = shelf.folders(list(shelf.pointer().active))
-        examine(chosen.folder, config, layers)
-        return shelf.change(shadowed(chosen.id), f"shadow {chosen.note.name}", now_ns)
-    if options.action == "promote":
-        meant = shelf.find(options.set).id if options.set else None
-        return shelf.change(lambda p: _promoted(p, meant), "promote", now_ns)
-    return shelf.change(rolled_back, "rollback", now_ns)
-
-
-def _promoted(pointer: Pointer, meant: str | None) -> Pointer:
-    if meant is not None and pointer.shadow != meant:
-        raise SetError(
-            f"promote: {meant} is not in shadow ({pointer.shadow or 'nothing'} is); "
-            f"`orbitd models shadow {meant}` comes first"
-        )
-    return promoted(pointer)
-
-
-def listed(shelf: Shelf, config: Config) -> dict[str, object]:
-    """What ``list`` tells."""
-    pointer, trouble = Pointer(), []
-    layers: list[Path] = []
+def listed(shelf: Shelf, config: Config, options: argparse.Namespace) -> Listing:
+    """What is in use, of the device where one runs, and on the shelf."""
+    pointer, below, trouble = Pointer(), list[Path](), list[str]()
     try:
         pointer = shelf.pointer()
-        layers = shelf.folders(list(pointer.active))
+        below = shelf.folders(list(pointer.active))
     except SetError as error:
         trouble.append(str(error))
-    models = load_models(config, layers)
-    return {
-        "directory": config.models.directory or "the package's",
-        "signature_required": config.models.signed_only,
-        "pointer": pointer,
-        "in_use": [model.described for model in used(models)],
-        "refused": models.refusals,
-        "sets": [
-            {"id": s.id, "name": s.note.name, "source": s.note.source, "files": files_in(s.folder)}
+    models = load_models(config, below)
+    found = (models.classifier, models.actor, models.surrogate, models.shadow)
+    state = _state(options)
+    return Listing(
+        config.models.directory or "the package's",
+        str(shelf.folder),
+        config.models.signed_only,
+        pointer,
+        [model.described for model in found if model],
+        models.refusals,
+        [
+            {
+                "id": s.id,
+                "name": s.note.name,
+                "source": s.note.source,
+                "folder": str(s.folder),
+                "files": ", ".join(files_in(s.folder)),
+            }
             for s in shelf.sets()
         ],
-        "trouble": trouble,
-        "shelf": str(shelf.folder),
-    }
+        state.models if state else None,
+        trouble,
+    )
 
 
-def used(models: Models) -> list[Model]:
-    """The models of a set that are there."""
-    found = (models.classifier, models.actor, models.surrogate, models.shadow)
-    return [model for model in found if model]
+def comparison(shelf: Shelf, options: argparse.Namespace) -> Compared:
+    """What the device counts, or what stands on disk of the pair that the pointer names."""
+    state = _state(options)
+    if state and state.models:
+        said = state.models
+        return compared(said.active, said.beside, said.role, state.compared)
+    pointer = shelf.pointer()
+    active, beside, role = list(pointer.active), pointer.former, "former"
+    if pointer.shadow is not None:
+        beside, role = [*active, pointer.shadow], "shadow"
+    counts = {} if beside is None else read_compared(shelf.folder).get(pair(active, beside), {})
+    return compared(active, beside, role if beside is not None else "", counts)
 
 
-def list_words(found: dict[str, object]) -> list[str]:
-    """The same for a person."""
-    pointer = found["pointer"]
-    assert isinstance(pointer, Pointer)
-    required = "required" if found["signature_required"] else "not required"
-    lines = [
-        f"models      {found['directory']}; shelf {found['shelf']}; signatures {required}",
-        f"in use      generation {pointer.generation}: {_layers(pointer.active)}",
-        *(f"            {text}" for text in found["in_use"]),  # type: ignore[attr-defined]
-    ]
-    refused = found["refused"]
-    assert isinstance(refused, dict)
-    lines += [f"REFUSED     {kind}: {text}" for kind, text in refused.items()]
-    lines += [f"TROUBLE     {text}" for text in found["trouble"]]  # type: ignore[attr-defined]
-    if pointer.former is not None:
-        lines.append(f"rollback to {_layers(pointer.former)}")
-    lines.append(f"in shadow   {pointer.shadow or 'nothing'}")
-    if pointer.rolled_back:
-        lines.append(f"ROLLED BACK {pointer.rolled_back}")
-    sets = found["sets"]
-    assert isinstance(sets, list)
-    lines += [f"on shelf    {s['id']} {s['name']}: {', '.join(s['files'])}" for s in sets]
-    return lines
+def _state(options: argparse.Namespace) -> DeviceState | None:
+    """Of the running device; None without one."""
+    try:
+        with connect(options) as client:
+            return client.status()
+    except SessionError:
+        return None
 
 
-def _layers(layers: list[str]) -> str:
-    return " + ".join(["the device's own", *layers])
+def _words(outcome: Outcome) -> list[str]:
+    what = f"models {outcome.action}{f' {outcome.set}' if outcome.set else ''}"
+    if outcome.reply is not None:
+        said = "accepted" if outcome.reply.accepted else "refused"
+        return [f"{what}: {said}", *(f"  - {reason}" for reason in outcome.reply.reasons)]
+    if outcome.pointer is None or outcome.action == "add":
+        return [f"{what}: on the shelf"]
+    p = outcome.pointer
+    return [f"{what}: in use {layers(p.active)}, in shadow {p.shadow or 'nothing'}; {NEXT_START}"]
 
 
-def _tell(options: argparse.Namespace, done: dict[str, object]) -> int:
-    if options.json:
-        print(msgspec.json.encode(done, enc_hook=str).decode())
-        return 0
-    stored = done.get("set")
-    if isinstance(stored, StoredSet):
-        print(f"added {stored.id} {stored.note.name}: {', '.join(files_in(stored.folder))}")
-    pointer = done.get("pointer")
-    if isinstance(pointer, Pointer):
-        print(f"models {options.action}: in use {_layers(pointer.active)}; "
-              f"in shadow {pointer.shadow or 'nothing'}")  # fmt: skip
-    if note := done.get("note"):
-        print(f"orbitd models: {note}", file=sys.stderr)
+def _print(options: argparse.Namespace, found: object, words: list[str]) -> int:
+    print(msgspec.json.encode(found).decode() if options.json else "\n".join(words))
     return 0

@@ -197,6 +197,14 @@ class ModelsConfig(Section, frozen=True):
     """Longest answer of a model; a set that is slower is not taken, one that comes to be slower is
     rolled back."""
 
+    disagreement_max: Annotated[float, Meta(ge=0.05, le=1.0)] = 0.5
+    """Share of decisions in which a promoted set may disagree with the former one before it is
+    rolled back; 1: any."""
+    disagreement_decisions: Annotated[int, Meta(ge=10, le=600)] = 60
+    """The newest so many decisions are counted for that."""
+    disagreement_um: Annotated[float, Meta(ge=1.0, le=500.0)] = 20.0
+    """Would-be clearances further apart than this are a disagreement."""
+
     @property
     def signed_only(self) -> bool:
         """Whether models must be signed."""

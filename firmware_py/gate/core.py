@@ -13,6 +13,7 @@ from firmware_py.config import Config
 from firmware_py.gate import keys
 from firmware_py.gate.answers import Answers
 from firmware_py.gate.commands import Answer, CommandDesk
+from firmware_py.gate.models_file import ModelsFile
 from firmware_py.gate.normal_file import NormalFile
 from firmware_py.gate.recorder import Recorder
 from firmware_py.gate.station import GroundStation
@@ -25,6 +26,7 @@ from firmware_py.records import (
     CommandRequest,
     Event,
     EventAck,
+    ModelsInUse,
     Normal,
     PeerRecord,
 )
@@ -43,6 +45,7 @@ class GateParts:
     telemetry: Telemetry
     recorder: Recorder | None
     normal: NormalFile
+    models: ModelsFile
 
 
 class Counting(Protocol):
@@ -147,6 +150,8 @@ class Gate:
             brain=view.brain,
             commission=view.commission,
             normal=self._parts.normal.words(),
+            models=view.models,
+            compared=self._parts.models.compared(),
             alarms=self._alarms(now_ns),
             recording=str(recorder.path or "") if recorder else "",
             counters=self.all_counters(),
@@ -177,6 +182,7 @@ class Gate:
         return {
             "recorder": recorder.trouble if recorder else "",
             "normal_file": self._parts.normal.trouble,
+            "models_file": self._parts.models.trouble,
         }
 
     def _alarms(self, now_ns: int) -> list[Alarm]:
@@ -199,6 +205,8 @@ class Gate:
 
     def _take(self, record: PeerRecord, now_ns: int) -> None:
         features = self.view.features
+        if isinstance(record, ModelsInUse):
+            self._keep_models(record)
         self.view.step(record, now_ns)
         ticket = self._record(record, now_ns)
         self._parts.telemetry.publish(record)
@@ -212,6 +220,14 @@ class Gate:
             self._parts.normal.keep(record)
         elif self.view.features is not features and self.view.features:
             self._parts.telemetry.publish_features(self.view.features)
+
+    def _keep_models(self, said: ModelsInUse) -> None:
+        """Write down what the brain uses; sets that have just come know nothing of this machine."""
+        before = self.view.models
+        self._parts.models.take(said)
+        changed = before is None or (said.active, said.beside) != (before.active, before.beside)
+        if changed and self._parts.normal.normal:
+            self._send(self._parts.normal.normal)
 
     def _hand_on(self, reply: CommandReply) -> None:
         """Give a process's answer to whoever asked; what the brain has forgotten goes from the disk

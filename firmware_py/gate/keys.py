@@ -15,6 +15,7 @@ pa/forecast      ``Forecast``                   each forecast         applicatio
 ag/advice        ``Advice``                     10 Hz                 application/json
 ha/state         ``BrainState``                 1 Hz                  application/json
 ha/commission    ``CommissionState``            1 Hz                  application/json
+ha/models        ``ModelsInUse``                1 Hz, at a change     application/json
 event/<severity> ``Event``                      once                  application/json
 event            list of ``Event``              query, ``?since=N``   application/json
 state            ``DeviceState``                query                 application/json
@@ -37,7 +38,8 @@ same.
 The payload structures are those of :mod:`firmware_py.records` and of :mod:`firmware_py.gate.view`;
 units stand in the names.  Verbs: ``mode`` ("monitor", "manual", "auto"), ``arm``, ``disarm``,
 ``reset``, ``set_clearance`` (radial, um), ``set_pressure`` (bar), ``announce`` (a ``PlannedRamp``);
-answered by the brain: ``commission`` ("start", "stop", "cancel", "forget").
+answered by the brain: ``commission`` ("start", "stop", "cancel", "forget"), ``models``
+(``{"action": "add", "set": ID}``, also "shadow", "promote" and "rollback").
 """
 
 from __future__ import annotations

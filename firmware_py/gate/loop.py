@@ -4,6 +4,7 @@ closes them."""
 from __future__ import annotations
 
 import argparse
+import contextlib
 import hashlib
 import json
 import os
@@ -23,12 +24,14 @@ from firmware_py.config import Config
 from firmware_py.decoding import FILE_LIMIT_BYTES, OutsideError, from_json, read_file
 from firmware_py.gate import keys, session
 from firmware_py.gate.core import Gate, GateParts
+from firmware_py.gate.models_file import ModelsFile
 from firmware_py.gate.normal_file import NormalFile
 from firmware_py.gate.page import Page
 from firmware_py.gate.recorder import Recorder
 from firmware_py.gate.station import GroundStation
 from firmware_py.gate.telemetry import Telemetry
-from firmware_py.launch import Launch, state_dir
+from firmware_py.launch import Launch, shelf_folder, state_dir
+from firmware_py.model_sets.shelf import Shelf
 from firmware_py.options import port
 from firmware_py.routing import GATE_PERIOD_NS
 from firmware_py.wire.peers import PeerClient, PeerServer
@@ -153,9 +156,17 @@ def _open_parts(started: Launch, recordings: Path, models: Any, guard_uid: int |
             time.time_ns,
             raw_frames=config.recorder.raw_frames,
         )
-    normal = NormalFile(state_dir(config, os.environ), time.time_ns)
+    state = state_dir(config, os.environ)
+    if "STATE_DIRECTORY" in os.environ:  # of the service: people of its group add sets
+        with contextlib.suppress(OSError):  # a disk that takes nothing is told by the recorder
+            Shelf(shelf_folder(config, state)).make()
     return GateParts(
-        PeerClient(folder / "guard.sock", "gate", guard_uid), brain, telemetry, recorder, normal
+        PeerClient(folder / "guard.sock", "gate", guard_uid),
+        brain,
+        telemetry,
+        recorder,
+        NormalFile(state, time.time_ns),
+        ModelsFile(shelf_folder(config, state), time.time_ns),
     )
 
 
@@ -163,6 +174,7 @@ def _close(parts: GateParts) -> None:
     parts.telemetry.close()
     parts.guard.close()
     parts.brain.close()
+    parts.models.close()
     if parts.recorder:
         parts.recorder.close()
 

@@ -4,7 +4,7 @@ be."""
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Final
+from typing import Annotated, Any, Final, Literal
 
 import msgspec
 
@@ -12,6 +12,7 @@ from firmware_py.decoding import SAID_LETTERS, OutsideError, from_json
 from firmware_py.records import (
     BRAIN_VERBS,
     COMMISSION_ACTIONS,
+    MODELS_ACTIONS,
     REQUEST_ID,
     VERBS,
     CommandRequest,
@@ -31,12 +32,20 @@ _EXAMPLES: Final = {
     "commission": '"start"',
     "bypass": '{"target": "disp_x", "seconds": 600, "owner": "A. Person", "reason": "new probe"}',
     "shelve": '{"target": "disp_x_alert", "seconds": 600}',
+    "models": '{"action": "shadow", "set": "05d51b3fe524b60d"}',
     "announce": '{"start_s": 3, "end_s": 5, "speed_rpm": 9000, "load_N": 60}',
 }
 
 
 class MalformedCommandError(ValueError):
     """A request that cannot be put to the guard; the text says what is wrong with it."""
+
+
+class ModelsRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The value of ``models``: a set is meant by its whole id."""
+
+    action: Literal["add", "shadow", "promote", "rollback"]
+    set: Annotated[str, msgspec.Meta(pattern=r"^([0-9a-f]{16})?\Z")] = ""
 
 
 class ClientRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -111,6 +120,9 @@ def parse(seq: int, verb: str, value: object, origin: str, request_id: str = "")
                 f"commission: {_shown(value)} is none of {', '.join(COMMISSION_ACTIONS)}"
             )
         return msgspec.structs.replace(request, action=str(value))
+    if verb == "models":
+        wish = _models(value)
+        return msgspec.structs.replace(request, action=wish.action, target=wish.set)
     if value is not None:
         raise MalformedCommandError(f"{verb}: takes no value, got {_shown(value)}; leave it away")
     return request
@@ -147,6 +159,16 @@ def _bypass(verb: str, value: object) -> BypassRequest:
         said = str(error)[:SAID_LETTERS]
         raise MalformedCommandError(
             f"{verb}: {said}; send e.g. {_EXAMPLES[verb]} as the value"
+        ) from error
+
+
+def _models(value: object) -> ModelsRequest:
+    try:
+        return msgspec.convert(value, ModelsRequest)
+    except msgspec.ValidationError as error:
+        raise MalformedCommandError(
+            f"models: {str(error)[:SAID_LETTERS]}; send e.g. {_EXAMPLES['models']} as the value, "
+            f"with one of {', '.join(MODELS_ACTIONS)}"
         ) from error
 
 

@@ -25,6 +25,7 @@ from firmware_py.records import (
     Event,
     Forecast,
     GuardState,
+    ModelsInUse,
     PeerRecord,
     RigReading,
     Severity,
@@ -68,6 +69,9 @@ class DeviceState(msgspec.Struct, frozen=True, kw_only=True):
     recording: str
     counters: dict[str, int]
     shadow: ShadowDiagnosis | None = None
+    models: ModelsInUse | None = None
+    compared: dict[str, float] = {}
+    """All that was counted of the sets at work, over every run of the brain."""
 
 
 class View:
@@ -88,6 +92,7 @@ class View:
         self.advice: Advice | None = None
         self.brain: BrainState | None = None
         self.commission: CommissionState | None = None
+        self.models: ModelsInUse | None = None
         self.features: SignalFeatures | None = None
         self.decimator = Decimator(config)
         self.instances = Instances(config)
@@ -111,6 +116,8 @@ class View:
                 self.brain = record
             case CommissionState():
                 self.commission = record
+            case ModelsInUse():
+                self.models = record
             case RigReading():
                 self.reading = record
             case Diagnosis():

@@ -13,7 +13,16 @@ from firmware_py.guard.authority.model_authority import is_ahead
 from firmware_py.guard.authority.speaker import GuardCodec
 from firmware_py.guard.protection.permit import Start
 from firmware_py.guard.state import NEVER_NS, CoreState, Stages
-from firmware_py.records import ArmState, CommandReply, Cycle, Decision, Mode, RawFrame, Snapshot
+from firmware_py.records import (
+    ArmState,
+    CommandReply,
+    Cycle,
+    Decision,
+    Mode,
+    RawFrame,
+    Severity,
+    Snapshot,
+)
 
 
 class GuardCore:
@@ -60,7 +69,7 @@ class GuardCore:
             notices.append(surroundings.clock_notice(acquired))
         notices += surroundings.foreign_senders(g, acquired, now_ns)
         notices += judging.judge(g, acquired, now_ns)
-        _take_advice(g, cycle)
+        notices += _take_advice(g, cycle)
         if now_ns >= g.memory.shield_due_ns or _command_due(g, cycle):
             facts.look_around(g, now_ns)
         situation = facts.situation(g, cycle, gap)
@@ -137,10 +146,27 @@ class GuardCore:
         return report.counters(self.stages)
 
 
-def _take_advice(g: Stages, cycle: Cycle) -> None:
-    if cycle.advice is not None:
-        g.memory.advice = cycle.advice
-        g.memory.advices_ahead += is_ahead(cycle.advice, cycle.now_ns)
+def _take_advice(g: Stages, cycle: Cycle) -> list[Notice]:
+    """Take the newest advice; models that came or went with it are told."""
+    m, advice = g.memory, cycle.advice
+    if advice is None:
+        return []
+    m.advice = advice
+    m.advices_ahead += is_ahead(advice, cycle.now_ns)
+    notices = []
+    if advice.models != m.models:
+        text = f"{_sets(advice.models)}, before {_sets(m.models)}"
+        notices.append(Notice(Severity.INFO, "models_changed", text))
+    if advice.beside != m.beside:
+        text = f"{_sets(advice.beside)}, before {_sets(m.beside)}"
+        notices.append(Notice(Severity.INFO, "models_beside", text))
+    m.models, m.beside = advice.models, advice.beside
+    return notices + g.models_back.step(bool(advice.rolled_back), advice.rolled_back, cycle.now_ns)
+
+
+def _sets(names: str) -> str:
+    """Sets of models as an event names them."""
+    return names or "no set"
 
 
 def _command_due(g: Stages, cycle: Cycle) -> bool:

@@ -105,6 +105,7 @@ def situation(g: Stages, cycle: Cycle, gap: bool) -> Situation:
         bypassed=g.bypasses.said,
         brain_connected=cycle.brain_connected,
         monitor_only=g.monitor_only,
+        models=m.models,
         doubts=g.readings.doubts
         | g.oil.beyond
         | g.supervision.doubts

@@ -77,6 +77,7 @@ def standing(g: Stages) -> list[Alarm]:
         *g.more.standing(),
         *g.permit.standing(),
         *g.unwritable.standing(),
+        *g.models_back.standing(),
         *(link if m.link_fault else []),
         *g.arming.standing(),
     ]

@@ -41,7 +41,7 @@ from firmware_py.guard.protection.vibration import Protection, ProtectionState
 from firmware_py.guard.protection.voting import GroupState, Voting
 from firmware_py.guard.supervision import Supervision, SupervisionState
 from firmware_py.machine.parts import has_reading, monitor_only
-from firmware_py.records import Advice
+from firmware_py.records import Advice, Severity
 
 NEVER_NS: Final = -(1 << 62)
 
@@ -71,6 +71,8 @@ class MemoryState(msgspec.Struct):
     vibration_um: tuple[float, float] = (0.0, 0.0)
     link_fault: str = ""
     link_fault_ns: int = 0
+    models: str = ""
+    beside: str = ""
 
 
 class CoreState(msgspec.Struct):
@@ -101,6 +103,7 @@ class CoreState(msgspec.Struct):
     added: AddedState = msgspec.field(default_factory=AddedState)
     multiply: dict[str, MultiplyState] = {}
     bypasses: BypassesState = msgspec.field(default_factory=BypassesState)
+    models_back: ConditionState = msgspec.field(default_factory=ConditionState)
 
 
 class Stages:
@@ -157,6 +160,7 @@ class Stages:
             limits.resume(ran)
         self.permit = Permit(config.drive, start or Start())
         self.unwritable = Condition("trip_file_unwritable", "trip_file_written")
+        self.models_back = Condition("models_rolled_back", "models_acknowledged", Severity.ALERT)
         self.arming = Arming(config)
         self.speaker = Speaker(config, codec, session)
         self.envelope = Envelope(config)
@@ -200,6 +204,7 @@ class Stages:
             self.added.state,
             self.multiply.state,
             self.bypasses.state,
+            self.models_back.state,
         )
 
     @state.setter
@@ -222,7 +227,7 @@ class Stages:
         self.pair.restore(state.pair)
         self.envelope.vibration.state = state.vibration
         self.frame_loss.state, self.rest.state = state.frame_loss, state.rest
-        self.more.state = state.more
+        self.more.state, self.models_back.state = state.more, state.models_back
         for bearing in self.bearings:
             if bearing.name in state.bearings:
                 bearing.restore(state.bearings[bearing.name])

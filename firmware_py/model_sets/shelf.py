@@ -236,14 +236,23 @@ class Shelf:
                 raise self._unwritable(error) from error
             return after
 
+    def make(self) -> None:
+        """Make the folders, for others to add sets as well.
+
+        Raises
+        ------
+        OSError
+            They cannot be made.
+        """
+        self._sets.mkdir(parents=True, exist_ok=True)
+
     @contextmanager
     def _locked(self, what: str) -> Iterator[None]:
         """Alone with the shelf: a second one waits."""
         try:
-            self._sets.mkdir(parents=True, exist_ok=True)
-            handle = os.open(
-                self.folder / f".{what}.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o660
-            )
+            self.make()
+            flags = os.O_RDONLY | os.O_CREAT | os.O_CLOEXEC  # whoever may read it may lock it
+            handle = os.open(self.folder / f".{what}.lock", flags, FILE_MODE)
         except OSError as error:
             raise self._unwritable(error) from error
         try:

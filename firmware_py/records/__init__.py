@@ -34,6 +34,7 @@ from firmware_py.records.command import (
     PlannedRamp,
 )
 from firmware_py.records.guard import Alarm, Event, GuardState, Severity
+from firmware_py.records.models import LOST, MODELS_ACTIONS, ModelsInUse
 from firmware_py.records.normal import (
     COMMISSION_ACTIONS,
     Baseline,
@@ -75,6 +76,8 @@ __all__ = [
     "BRAIN_VERBS",
     "CHANNELS",
     "COMMISSION_ACTIONS",
+    "LOST",
+    "MODELS_ACTIONS",
     "N_CHANNELS",
     "REQUEST_ID",
     "VERBS",
@@ -106,6 +109,7 @@ __all__ = [
     "GuardState",
     "Hello",
     "Mode",
+    "ModelsInUse",
     "NodeFigures",
     "NodeInfo",
     "NodeMode",
@@ -155,6 +159,7 @@ PeerRecord = (
     | Normal
     | BrainStep
     | BrainSnapshot
+    | ModelsInUse
 )
 
 _encoder = msgspec.msgpack.Encoder()

@@ -69,7 +69,7 @@ class Forecast(Record, frozen=True, tag=True):
     time_to_limit_s: tuple[float, float, float] | None = None
 
 
-class Advice(Record, frozen=True, tag=True):
+class Advice(Record, frozen=True, tag=True, omit_defaults=True):
     """A proposal to the guard, sent at a fixed rate even when there is nothing to propose (AG).
 
     ``clearance_um`` is None when the brain has no proposal; ``reasons`` then says why.  Expires
@@ -85,6 +85,12 @@ class Advice(Record, frozen=True, tag=True):
     qualified: bool
     reasons: list[str]
     forecast: Forecast | None
+    models: str = ""
+    """Sets that it rests on, on top of the device's own models."""
+    beside: str = ""
+    """Sets that run beside."""
+    rolled_back: str = ""
+    """Why a set was taken out of use; empty once a person has acted."""
 
 
 class BrainState(Record, frozen=True, tag=True):

@@ -32,7 +32,7 @@ class CommandRequest(Record, frozen=True, tag=True):
     """The asker's own name for this request; a repeated one is not executed twice."""
     target: str = ""
     """Of ``bypass`` a measure or a group, of ``shelve`` an alarm; ``value`` is for how long, s, and
-    0 ends it."""
+    0 ends it.  Of ``models`` a set."""
     owner: str = ""
     reason: str = ""
     """Who bypasses, and why."""
@@ -46,9 +46,10 @@ VERBS: Final = (
     "shelve",
 )  # fmt: skip
 """What the guard answers."""
-BRAIN_VERBS: Final = ("commission",)
+BRAIN_VERBS: Final = ("commission", "models")
 """What the brain answers; ``commission`` takes one of
-:data:`~firmware_py.records.COMMISSION_ACTIONS`."""
+:data:`~firmware_py.records.COMMISSION_ACTIONS`, ``models`` one of
+:data:`~firmware_py.records.MODELS_ACTIONS` and a set."""
 
 
 class CommandReply(Record, frozen=True, tag=True):

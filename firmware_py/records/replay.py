@@ -74,6 +74,8 @@ class BrainStep(Record, frozen=True, tag=True, omit_defaults=True):
     states: list[int] = msgspec.field(default_factory=list)
     requests: list[int] = msgspec.field(default_factory=list)
     normals: list[str] = msgspec.field(default_factory=list)
+    late: list[int] = msgspec.field(default_factory=list)
+    """Answers that came late since the step before: of the models in use, of those beside."""
 
 
 class BrainSnapshot(Record, frozen=True, tag=True):

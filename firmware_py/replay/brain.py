@@ -18,8 +18,11 @@ import msgspec
 
 from firmware_py.brain import tree
 from firmware_py.brain.core import BrainCore, BrainTree
+from firmware_py.brain.errors import ModelError
 from firmware_py.brain.store import Models
+from firmware_py.brain.succession import Library
 from firmware_py.config import Config
+from firmware_py.model_sets.errors import SetError
 from firmware_py.recording import TOPICS, RecordingError
 from firmware_py.records import (
     Block,
@@ -61,6 +64,8 @@ class BrainReport(msgspec.Struct):
     snapshots_different: int = 0
     exact: bool = True
     first_difference: str = ""
+    models_missing: str = ""
+    """Which set of models is not here, so that what it did could not be replayed."""
     diagnoses: DiagnosisReport = msgspec.field(default_factory=DiagnosisReport)
     """The diagnoses among all that."""
 
@@ -83,12 +88,20 @@ class BrainReplay:
         The same model files as then.
     cpu_features
         Of this machine: bit-exact where the recording has the same.
+    library
+        The sets that came into use on the way; None: there were none.
     """
 
     def __init__(
-        self, steps: Sequence[RecordedStep], config: Config, models: Models, cpu_features: str
+        self,
+        steps: Sequence[RecordedStep],
+        config: Config,
+        models: Models,
+        cpu_features: str,
+        library: Library | None = None,
     ) -> None:
         self._config, self._models, self._cpu_features = config, models, cpu_features
+        self._library = library
         self._due = deque(steps)
         told = Counter(message.topic for step in steps for message in step.outputs)
         self.report = BrainReport(recorded=dict(told))
@@ -176,7 +189,8 @@ class BrainReplay:
             report.steps_set_aside += 1
             return
         report.steps += 1
-        self._compare(recorded, self._core.step(records, step.now_ns))
+        late = (step.late[0], step.late[1]) if step.late else (0, 0)
+        self._compare(recorded, self._core.step(records, step.now_ns, late))
 
     def _restored(self, snapshot: list[BrainSnapshot]) -> BrainCore | None:
         """The brain at ``snapshot``; None where not all of it, or of its samples, is there."""
@@ -184,7 +198,7 @@ class BrainReplay:
         blocks = [block for block in self._blocks if first <= block.seq <= last]
         if len(blocks) != last - first + 1 or len(snapshot) != snapshot[0].parts:
             return None
-        core = BrainCore(self._config, self._models, self._cpu_features)
+        core = BrainCore(self._config, self._models, self._cpu_features, library=self._library)
         try:
             core.restore(snapshot, blocks)
         except msgspec.DecodeError as error:
@@ -192,6 +206,9 @@ class BrainReplay:
                 f"the brain's state before step {snapshot[0].seq} does not fit this version "
                 f"({error}); use the orbitd that wrote it"
             ) from error
+        except (ModelError, SetError) as error:
+            self.report.models_missing = self.report.models_missing or str(error)
+            return None
         except ValueError:  # this time the guard made fewer samples of its frames
             return None
         self.report.segments += 1

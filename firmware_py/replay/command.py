@@ -5,11 +5,14 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 from pathlib import Path
 from typing import Any
 
 import msgspec
 
+from firmware_py import launch
+from firmware_py.brain.library import ShelfLibrary
 from firmware_py.brain.loop import cpu_features
 from firmware_py.brain.store import load_models
 from firmware_py.config import Config, ConfigError, decode
@@ -91,7 +94,9 @@ def _brain(recording: Recording, config: Config) -> BrainReplay | DiagnosisRepla
     """Of all that the brain said; of its diagnoses where the recording does not hold its steps."""
     models, steps = load_models(config), read_steps(recording)
     if steps:
-        return BrainReplay(steps, config, models, cpu_features())
+        state = launch.state_dir(config, os.environ)
+        library = ShelfLibrary(config, launch.shelf_folder(config, state))
+        return BrainReplay(steps, config, models, cpu_features(), library)
     return DiagnosisReplay(recording, config, models, cpu_features())
 
 
@@ -146,6 +151,8 @@ def words(report: Report) -> list[str]:
         lines.append(_brain_words(report.brain))
     judged = report.brain or report.diagnoses
     firsts: list[Any] = [d.first_difference, judged.first_difference if judged else ""]
+    if report.brain and report.brain.models_missing:
+        lines.append(f"models      not all replayed: {report.brain.models_missing}")
     lines += [f"damage      {note}" for note in report.damage]
     return [
         *lines,

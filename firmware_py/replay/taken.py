@@ -22,6 +22,7 @@ from firmware_py.records import (
     Diagnosis,
     Forecast,
     GuardState,
+    ModelsInUse,
     Normal,
     Record,
     RigReading,
@@ -38,6 +39,7 @@ OUTPUTS: Final[tuple[type[Record], ...]] = (
     BrainState,
     CommissionState,
     CommandReply,
+    ModelsInUse,
 )
 """What a step puts out; a learned normal state is compared by its name, which those tell."""
 

@@ -169,7 +169,7 @@ def test_a_snapshot_is_asked_for_when_somebody_begins_to_record() -> None:
 
 def test_a_large_state_crosses_in_parts_and_one_that_misses_is_refused() -> None:
     core = brain()
-    core._commissioner.state.kept += [learned_decision()] * 60
+    core._sets.active.commissioner.state.kept += [learned_decision()] * 60
     parts = core.snapshot(0, 0)
     assert len(parts) > 2
     assert all(len(part.state) <= PART_BYTES for part in parts)

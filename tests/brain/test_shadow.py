@@ -56,7 +56,7 @@ def test_a_word_a_window_with_the_active_word_beside_it():
 def test_the_device_makes_the_features_of_the_training(view, monkeypatch):
     stage, seen, given = shadow(made=view), [], blocks(2.1)
     monkeypatch.setattr(
-        stage._model.session, "run",
+        stage.model.session, "run",
         lambda rows: seen.append(rows[0]) or {"classes": np.ones((1, 2)), "score": np.ones((1, 1))},
     )  # fmt: skip
     said(stage, given)

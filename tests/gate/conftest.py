@@ -14,6 +14,7 @@ from firmware_py.config import Config
 from firmware_py.gate import keys, session
 from firmware_py.gate.client import Client
 from firmware_py.gate.core import Gate, GateParts
+from firmware_py.gate.models_file import ModelsFile
 from firmware_py.gate.normal_file import NormalFile
 from firmware_py.gate.recorder import Recorder
 from firmware_py.gate.telemetry import Telemetry
@@ -64,6 +65,7 @@ class Stage:
                 self.telemetry,
                 self.recorder,
                 NormalFile(folder / "state", lambda: UNIX_NS),
+                ModelsFile(folder / "state" / "models", lambda: UNIX_NS),
             ),
             MODELS,
             lambda: UNIX_NS,

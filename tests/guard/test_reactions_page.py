@@ -101,9 +101,8 @@ def alarms_within(part: Any, seen: set[int]) -> set[str]:
 
 def gate_alarms() -> set[str]:
     """Names of every alarm of the gate, all of them standing."""
-    doors = SimpleNamespace(
-        recorder=SimpleNamespace(trouble="x"), normal=SimpleNamespace(trouble="x")
-    )
+    bad = SimpleNamespace(trouble="x")
+    doors = SimpleNamespace(recorder=bad, normal=bad, models=bad)
     view = View(config())
     troubles = Gate._troubles.fget(SimpleNamespace(_parts=doors))  # type: ignore[attr-defined]
     found = view.alarms(0, troubles)

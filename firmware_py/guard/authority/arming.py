@@ -14,7 +14,7 @@ import msgspec
 from firmware_py.config import Config
 from firmware_py.guard.alarms.alarm import Notice
 from firmware_py.guard.authority.failsafe import Action, Failsafe, Situation, active
-from firmware_py.guard.authority.model_authority import Authority, AuthorityState
+from firmware_py.guard.authority.model_authority import CHANGED, Authority, AuthorityState
 from firmware_py.guard.authority.slew import Slew, SlewState
 from firmware_py.guard.envelope.target import Target
 from firmware_py.records import (
@@ -119,6 +119,8 @@ class Arming:
             reasons += self._authority.advice_reasons(
                 advice, situation.brain_connected, situation.now_ns
             )
+            if self._state.arm_state in (ArmState.ARMED, ArmState.RECOVERY):
+                reasons += self._authority.know(advice)
         s = self._state
         doubts = list(reasons)
         if not situation.monitor_only:
@@ -311,10 +313,12 @@ class Arming:
         )
         reasons += [f.reason(situation) for f in active(situation) if f.bars_arming]
         reasons += situation.node_reasons
+        if not reasons and self._authority.state.models == CHANGED:
+            self._authority.start(situation.now_ns, situation.models)
         if reasons or s.arm_state in (ArmState.ARMED, ArmState.RECOVERY):
             return reasons
         s.arm_state, s.commanding, s.trouble_ns = ArmState.ARMED, True, 0
-        self._authority.start(situation.now_ns)
+        self._authority.start(situation.now_ns, situation.models)
         self._slew.start()
         return []
 

@@ -65,6 +65,8 @@ class Situation(msgspec.Struct):
     retreats: dict[str, str] = {}
     """Alarms of protection that ask for a retreat now, each in words."""
     monitor_only: str = ""
+    models: str = ""
+    """Sets of models that the newest advice rests on."""
     """Why nothing may be commanded here, ever; empty where it may."""
 
     @property

@@ -12,6 +12,10 @@ from firmware_py.config import AuthorityConfig
 from firmware_py.guard.alarms.alarm import Notice
 from firmware_py.records import Advice, Severity
 
+CHANGED: Final = "(changed)"
+"""In place of the sets that stood when the device was armed, once others have come: no set is
+called so."""
+
 HOUR_NS: Final = 3_600_000_000_000
 
 AHEAD_MAX_NS: Final = 50_000_000
@@ -36,6 +40,8 @@ class AuthorityState(msgspec.Struct):
     exhausted: bool = False
     reasons: list[str] = []
     lost_ns: int = 0
+    models: str = ""
+    """Sets of models that the advice rested on when the device was armed."""
 
 
 class Authority:
@@ -97,9 +103,20 @@ class Authority:
         self.state.exhausted = False
         self.state.regains_ns = []
 
-    def start(self, now_ns: int) -> None:
+    def know(self, advice: Advice | None) -> list[str]:
+        """Why an armed device does not follow ``advice``: it rests on other models than the person
+        has armed for.  Once seen, that stands until :meth:`start`."""
+        s = self.state
+        if advice is not None and advice.models != s.models:
+            s.models = CHANGED
+        if s.models != CHANGED:
+            return []
+        return ["the models have changed since the device was armed; look, then `orbitd arm`"]
+
+    def start(self, now_ns: int, models: str) -> None:
         """The device has just been armed: authority begins from nothing, and not as a regain."""
         s = self.state
+        s.models = models
         s.held, s.good, s.regain, s.doubt_ns = False, 0, False, now_ns
 
     def _lose(self, reasons: list[str], now_ns: int) -> list[Notice]:

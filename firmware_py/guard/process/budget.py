@@ -62,9 +62,15 @@ test)."""
 
 def bounded(advice: Advice) -> Advice:
     """``advice`` with no more reasons, and no longer ones, than a person can use."""
-    reasons = advice.reasons
-    if len(reasons) <= REASONS_MAX and all(len(text) <= REASON_CHARS_MAX for text in reasons):
+    reasons, others = advice.reasons, (advice.models, advice.beside, advice.rolled_back)
+    fit = all(len(text) <= REASON_CHARS_MAX for text in (*reasons, *others))
+    if len(reasons) <= REASONS_MAX and fit:
         return advice
+    models, beside, rolled_back = (text[:REASON_CHARS_MAX] for text in others)
     return msgspec.structs.replace(
-        advice, reasons=[text[:REASON_CHARS_MAX] for text in reasons[:REASONS_MAX]]
+        advice,
+        reasons=[text[:REASON_CHARS_MAX] for text in reasons[:REASONS_MAX]],
+        models=models,
+        beside=beside,
+        rolled_back=rolled_back,
     )

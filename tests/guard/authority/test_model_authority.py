@@ -69,7 +69,7 @@ class Story:
     def __init__(self) -> None:
         self.stage = Authority(CONFIG)
         self.t_ns, self.seq = 0, 0
-        self.stage.start(0)
+        self.stage.start(0, "")
 
     def good(self, seconds: float) -> list[str]:
         names = []
