@@ -6,7 +6,7 @@ counted is their sum.
 =============================== =================================================================
 name                            what is counted or summed up
 =============================== =================================================================
-decisions, agreed               diagnoses of one window; those with the same word
+decisions, agreed               diagnoses by as many windows as a diagnosis takes; the same word
 said:A>B                        decisions in which the active said A and the other B
 advices                         looks at both proposals, once a second
 active_only, beside_only        of these, only one proposed
@@ -28,6 +28,7 @@ import numpy as np
 from firmware_py.brain.observation import Present
 from firmware_py.brain.policy import Policy, Proposal
 from firmware_py.brain.prediction import HORIZON_S
+from firmware_py.brain.verdict import WINDOWS
 from firmware_py.config import ModelsConfig
 from firmware_py.records import Diagnosis, GuardState
 
@@ -84,6 +85,8 @@ class Comparison:
 
     def diagnoses(self, active: Diagnosis, beside: Diagnosis) -> None:
         """Hold two diagnoses of one window against each other."""
+        if min(d.evidence.get("windows", 0.0) for d in (active, beside)) < WINDOWS:
+            return  # one of them has not heard enough to be sure of anything
         said, would = (d.verdict.partition(":")[0] for d in (active, beside))
         self.add("decisions")
         self.add("agreed" if said == would else f"said:{said}>{would}")

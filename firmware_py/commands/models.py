@@ -50,7 +50,7 @@ NONE = "none"
 NEXT_START = "no device runs here: it holds from the next start"
 
 
-class Outcome(msgspec.Struct, frozen=True):
+class ModelsOutcome(msgspec.Struct, frozen=True):
     """What a change came to: ``reply`` of a running device, ``pointer`` without one."""
 
     action: str
@@ -108,7 +108,7 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def change(shelf: Shelf, config: Config, options: argparse.Namespace) -> Outcome:
+def change(shelf: Shelf, config: Config, options: argparse.Namespace) -> ModelsOutcome:
     """Carry out what ``options`` ask for: by the running device, else on files.
 
     Raises
@@ -129,9 +129,9 @@ def change(shelf: Shelf, config: Config, options: argparse.Namespace) -> Outcome
     target = stored.id if stored else ""
     try:
         with connect(options) as client:
-            return Outcome(action, target, _asked(client, action, target), None)
+            return ModelsOutcome(action, target, _asked(client, action, target), None)
     except SessionError:
-        return Outcome(action, target, None, _on_files(shelf, action, target))
+        return ModelsOutcome(action, target, None, _on_files(shelf, action, target))
 
 
 def _asked(client: Client, action: str, target: str) -> CommandReply:
@@ -238,7 +238,7 @@ def _state(options: argparse.Namespace) -> DeviceState | None:
         return None
 
 
-def _words(outcome: Outcome) -> list[str]:
+def _words(outcome: ModelsOutcome) -> list[str]:
     what = f"models {outcome.action}{f' {outcome.set}' if outcome.set else ''}"
     if outcome.reply is not None:
         said = "accepted" if outcome.reply.accepted else "refused"

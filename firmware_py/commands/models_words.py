@@ -147,7 +147,7 @@ def list_words(found: Listing) -> list[str]:
         lines.append("device      none runs here: the pointer holds from the next start")
     else:
         beside = "nothing" if running.beside is None else layers(running.beside)
-        lines.append(f"device      uses {layers(running.active)}; beside {running.role} {beside}")
+        lines.append(f"device      uses {layers(running.active)}; beside: {beside} {running.role}")
     if pointer.former is not None:
         lines.append(f"rollback to {layers(pointer.former)}")
     lines.append(f"in shadow   {pointer.shadow or 'nothing'}")

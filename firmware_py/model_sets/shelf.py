@@ -171,7 +171,7 @@ class Shelf:
         self,
         files: Mapping[str, bytes],
         note: SetNote,
-        examine: Callable[[Path], None],
+        examine: Callable[[Path], object],
     ) -> StoredSet:
         """Add a set: written apart, examined where it lies, then moved in as a whole.
 

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from firmware_py import cli, config, launch
-from firmware_py.brain import loop
+from firmware_py.brain.library import ShelfLibrary
+from firmware_py.brain.store import Models
 from tests.brain.onnx_models import actor, classifier
 
 BENCH = config.load(config.SHIPPED / "bench")[0]
@@ -31,6 +33,12 @@ def source(tmp_path: Path) -> Path:
     return path
 
 
+def in_use() -> Models:
+    """What the brain would start with."""
+    folder = launch.shelf_folder(BENCH, launch.state_dir(BENCH, os.environ))
+    return ShelfLibrary(BENCH, folder).in_use().models
+
+
 def said(capsys: pytest.CaptureFixture[str], *arguments: str) -> Any:
     assert cli.main(["models", *arguments, "--rig", "bench", "--json"]) == 0
     return json.loads(capsys.readouterr().out)
@@ -44,18 +52,20 @@ def test_the_whole_way_and_back(
     assert [text.rpartition(", ")[2] for text in first["in_use"]] == ["the package"] * 3
     assert not state.exists()  # looking makes nothing
     added = said(capsys, "add", str(source))["set"]
-    assert said(capsys, "list")["sets"][0]["files"] == ["actor.onnx"]
-    assert said(capsys, "shadow", "policy")["pointer"]["shadow"] == added["id"]
+    assert said(capsys, "list")["sets"][0]["files"] == "actor.onnx"
+    assert said(capsys, "shadow", "policy")["pointer"]["shadow"] == added
+    both = said(capsys, "compare")
+    assert (both["beside"], both["role"], both["agreement"]) == ([added], "shadow", None)
     pointer = said(capsys, "promote", "policy")["pointer"]
-    assert (pointer["active"], pointer["former"]) == ([added["id"]], [])
-    models = loop.in_use(BENCH)
+    assert (pointer["active"], pointer["former"]) == ([added], [])
+    models = in_use()
     assert models.refusals == {}
     assert models.actor is not None
     assert models.actor.vouched_by == "unsigned"
     listed = said(capsys, "list")
     assert sum("unsigned" in text for text in listed["in_use"]) == 1
     assert said(capsys, "rollback")["pointer"]["active"] == []
-    again = loop.in_use(BENCH).actor
+    again = in_use().actor
     assert again is not None
     assert again.vouched_by == "the package"
 
@@ -66,7 +76,7 @@ def test_for_people(capsys: pytest.CaptureFixture[str], source: Path) -> None:
     text = capsys.readouterr()
     assert "on shelf" in text.out
     assert "new: actor.onnx" in text.out
-    assert "it holds from the next start" in text.err
+    assert "it holds from the next start" in text.out
     assert cli.main(["models", "promote", "no", "--rig", "bench"]) == 1
     assert "no set 'no' on the shelf" in capsys.readouterr().err
     assert cli.main(["models", "shadow", "none", "--rig", "bench"]) == 0
@@ -94,8 +104,10 @@ def test_a_set_that_has_gone_withholds_the_advice(
     added = said(capsys, "add", str(source))["set"]
     said(capsys, "shadow", "policy")
     said(capsys, "promote")
-    Path(added["folder"]).rename(state / "away")
-    models = loop.in_use(BENCH)
+    folder = Path(said(capsys, "list")["sets"][0]["folder"])
+    assert folder.name == added
+    folder.rename(state / "away")
+    models = in_use()
     assert models.classifier is not None  # the device's own diagnose on
     assert "is not in" in models.refusals["set"]
     listed = said(capsys, "list")
