@@ -83,7 +83,6 @@ class BrainTree(msgspec.Struct):
     watch_commissioner: WatchCommissionState | None = None
     shadow: ShadowState | None = None
     succession: SuccessionTree | None = None
-    """None: the device's own models, and nothing beside."""
 
 
 class BrainCore:

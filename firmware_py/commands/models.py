@@ -135,7 +135,7 @@ def change(shelf: Shelf, config: Config, options: argparse.Namespace) -> ModelsO
 
 
 def _asked(client: Client, action: str, target: str) -> CommandReply:
-    value = {"action": action} | ({"set": target} if target else {})
+    value: dict[str, object] = {"action": action, "set": target}
     return client.ask("models", value)
 
 
