@@ -321,12 +321,12 @@ def ask(loop: ClosedLoop, verb: str, value: object) -> None:
         loop.command(verb, mode=Mode[str(value).upper()])
     elif verb == "announce":
         loop.command(verb, ramp=RAMP)
+    elif verb == "models":
+        loop.command(verb, action=value["action"])  # type: ignore[index]
     elif isinstance(value, dict):
         loop.command(verb, value["seconds"], **{k: v for k, v in value.items() if k != "seconds"})
     elif verb == "commission":
         loop.command(verb, action=str(value))
-    elif verb == "models":
-        loop.command(verb, action=value["action"])  # type: ignore[index]
     else:
         loop.command(verb, value)  # type: ignore[arg-type]
 
