@@ -149,7 +149,7 @@ name = "more"
 measures = ["disp_x", "speed_high", "acc_motor"]
 vote = "2oo3"
 [[group]]
-name = "odd"
+name = "microphone"
 measures = ["disp_q", "oil_outlet_low"]
 vote = "2oo2_strict"
 """
@@ -169,6 +169,7 @@ vote = "2oo2_strict"
         "group[2].measures[0]": "votes already",
         "group[2].measures[1]": "trips alone, always",
         "group[2].measures[2]": "its danger_effect is alarm",
+        "group[3].name": "a channel or reading has alarms of that name",
         "group[3].measures[0]": "no measure of that name",
         "group[3].measures[1]": "has no danger that could vote",
     }

@@ -37,7 +37,8 @@ START_WAIT_S: Final = 0.2
 TIMER_AGE_MAX_NS: Final = 120_000_000_000
 """Older ones are forgotten: what happened in between is not known."""
 
-AlarmName = Annotated[str, Meta(pattern=r"^[a-z0-9_]{1,64}$")]
+AlarmName = Annotated[str, Meta(pattern=r"^[A-Za-z0-9_/]{1,64}\Z")]
+"""Channels, and so their alarms, may be named in capitals."""
 Names = Annotated[list[AlarmName], Meta(max_length=64)]
 
 T = TypeVar("T")

@@ -75,6 +75,15 @@ def test_trips_survive_a_crash_and_are_forgotten_after_a_reset(tmp_path: Path) -
     assert not [p for p in tmp_path.iterdir() if p.name.endswith(".new")]
 
 
+def test_a_channel_in_capitals_keeps_its_trip(tmp_path: Path) -> None:
+    first = memory(tmp_path)
+    note(first, ["VIB_X_danger", "shaft_trip"], {"TE/101_danger": 5})
+    crash(first)
+    second = memory(tmp_path)
+    assert second.latched == ["VIB_X_danger", "shaft_trip"]
+    assert second.complaints == []
+
+
 def folder_in_its_place(path: Path) -> None:
     path.mkdir()
     (path / "something").write_text("x")
