@@ -177,7 +177,8 @@ def _one_vote(config: Config) -> Iterator[Found]:
     """A measure votes once, and a name means one group."""
     found: Counter[str] = Counter()
     names = [group.name for group in config.group]
-    taken = {each.name for each in (*config.machine.channel, *config.machine.reading)}
+    taken = {each.name for each in config.machine.channel}
+    taken |= {each.name for each in config.machine.reading}
     for i, group in enumerate(config.group):
         if group.name in names[:i]:
             yield f"group[{i}].name", group.name, "named twice; give each group its own name"
