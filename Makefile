@@ -90,7 +90,7 @@ $(VENV)/.dev: pyproject.toml constraints.txt | $(BIN)/python
 	@$(PIP) -e '.[dev]' && touch $@ $(VENV)/.sim
 
 $(VENV)/.train: pyproject.toml constraints.txt | $(BIN)/python
-	@$(PIP) -e '.[train,crosscheck]' && touch $@ $(VENV)/.sim
+	@$(PIP) -e '.[train,crosscheck,spread]' && touch $@ $(VENV)/.sim
 
 dialect: $(VENV)/.dev   ## generate the MAVLink dialect module from its XML again
 	@$(BIN)/python deploy/make_dialect.py

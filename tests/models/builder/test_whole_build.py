@@ -18,6 +18,7 @@ import pytest
 from firmware_py.brain.store import load_models
 from firmware_py.config import load
 from firmware_py.config.written import write_rig
+from models import workers
 from models.builder import main, sizes, stages
 from models.builder.sizes import Sizes
 from models.control.learners import ActorSettings
@@ -191,7 +192,7 @@ def test_the_sealed_test_marks_what_goes_into_the_set(
 
 @pytest.fixture
 def scheduler() -> Iterator[str]:
-    distributed = pytest.importorskip("distributed", reason="the extra `spread`")
+    distributed = pytest.importorskip("distributed", reason="distributed is not installed")
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, dashboard_address=None
     ) as cluster:
@@ -207,7 +208,15 @@ def test_spread_over_two_workers_it_gives_the_same_bytes(
     assert content(rig) == content(straight)
 
 
-def test_workers_that_know_another_machine_are_refused(scheduler: str, tmp_path: Path) -> None:
-    pytest.importorskip("distributed")
+def test_workers_with_other_code_are_refused(
+    scheduler: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(workers, "code_digest", lambda: "another")
+    with pytest.raises(SpreadError, match="2 of 2 workers differ"), spread(scheduler):
+        pass
+
+
+def test_an_address_without_a_scheduler_is_refused() -> None:
+    pytest.importorskip("distributed", reason="distributed is not installed")
     with pytest.raises(SpreadError, match="no Dask scheduler answers"), spread("tcp://127.0.0.1:9"):
         pass
