@@ -46,6 +46,7 @@ SUMMARIES = (
     ("announce", "tell a faster ramp of speed or load ahead of time"),
     ("commission", "teach the device what is normal for this machine"),
     ("models", "which models are in use; another set in shadow, promoted, rolled back"),
+    ("keys", "keys that sign sets of models, and those that the device trusts"),
     ("inject", "give the rig in software a fault or another operating point"),
     ("verify", "the film and rotor against closed forms and published tables"),
     ("bench", "speed of the simulator against a reference kernel"),

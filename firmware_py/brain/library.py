@@ -41,6 +41,7 @@ class ShelfLibrary:
 
     def __init__(self, config: Config, folder: Path) -> None:
         self._config = config
+        self.folder = folder
         self._shelf = Shelf(folder)
 
     def load(self, layers: Sequence[str]) -> Models:

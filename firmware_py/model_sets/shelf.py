@@ -7,11 +7,11 @@
       compared.json     what the comparison has counted (:mod:`~firmware_py.model_sets.compared`)
       sets/ID/          one set: manifest.json, its signature, models, set.json (name, source)
 
-A set is named by the start of its manifest's SHA-256 and never changes; it may hold one model or
-all.  The pointer names *layers*: sets on top of the device's own folder, of which the last one that
-has a file goes first.  Sets appear whole, by renaming a finished folder; the pointer is replaced
-whole.  A power cut therefore leaves the state before or after a step, and parts that the next
-``add`` removes.
+A set is named by the start of its manifest's SHA-256 and never changes, but for its signatures
+when it is added again; it may hold one model or all.  The pointer names *layers*: sets on top of
+the device's own folder, of which the last one that has a file goes first.  Sets appear whole, by
+renaming a finished folder; the pointer is replaced whole.  A power cut therefore leaves the state
+before or after a step, and parts that the next ``add`` removes.
 """
 
 from __future__ import annotations
@@ -191,14 +191,15 @@ class Shelf:
         with self._locked("add"):
             self._clear_parts()
             there = self._sets / name
-            if (there / MANIFEST).is_file():
-                return next(s for s in self.sets() if s.id == name)
+            known = (there / MANIFEST).is_file()
             part = self._sets / f"{PART}{name}"
             try:
                 part.mkdir()
                 for each, data in files.items():
                     write_new(part / each, data, FILE_MODE)
                 examine(part)
+                if known:
+                    return self._signed_again(name, files)
                 write_new(part / NOTE, msgspec.json.encode(note), FILE_MODE)
                 sync_folder(part)
                 part.rename(there)
@@ -208,6 +209,13 @@ class Shelf:
             finally:
                 shutil.rmtree(part, ignore_errors=True)
             return StoredSet(name, there, note)
+
+    def _signed_again(self, name: str, files: Mapping[str, bytes]) -> StoredSet:
+        """Give a set that is there the signatures with which it has come again."""
+        for each, data in files.items():
+            if each.endswith(".sig"):
+                write_durable(self._sets / name / each, data, FILE_MODE)
+        return next(s for s in self.sets() if s.id == name)
 
     def change(self, step: Callable[[Pointer], Pointer], why: str, unix_ns: int) -> Pointer:
         """Replace the pointer by ``step`` of it, with nobody else between.
