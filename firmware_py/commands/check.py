@@ -30,23 +30,31 @@ from firmware_py.machine.domain import (
     film_range,
     laminar_up_to_um,
 )
+from firmware_py.machine.feeds import RESTRICTED
 from firmware_py.machine.folder import METAVAR, find
+from firmware_py.machine.lubricant import viscosity_Pa_s
 from firmware_py.machine.parts import (
     FEED,
     ROTOR,
     absences,
     has,
-    has_film_law,
+    has_film,
     monitor_only,
     stand_in_keys,
 )
 from firmware_py.machine.probes import probe_errors
+from firmware_py.machine.restrictor import restrictor
 from firmware_py.machine.static import shaft_beyond_m
 from firmware_py.machine.values import MachineTable
 
 REASON_SHOWN: Final = 300
 """Characters of a refusal that names many figures; ``--all`` shows it whole."""
 MORE: Final = " .. and more: --all shows them"
+
+
+LATE_TURN: Final = 0.02
+"""Lag of a recess, in turns at the greatest speed, above which its pressure no longer follows the
+orbit at once: damping falls, and with much air a recess hammers."""
 
 
 def main(argv: list[str]) -> int:
@@ -147,7 +155,7 @@ def _film(config: Config) -> list[str]:
     """Which regime the film is in over the whole declared range, and where it leaves its equation,
     though the guard's laws stand: a caution, no fault."""
     machine = config.machine
-    if not has_film_law(machine):
+    if not has_film(machine):
         return []
     clearance_um, rpm = machine.actuator.safe_radial_clearance_um, machine.operating.speed_max_rpm
     low, high = film_range(machine)
@@ -198,7 +206,31 @@ def derived(config: Config) -> list[str]:
         )
         if (beyond_m := shaft_beyond_m(machine)) is not None:
             lines.append(f"shaft: ends {beyond_m:.3g} m behind the bearing")
+    lines += feeds(config)
     return [*lines, *_oil(config)] if has(machine, FEED) else lines
+
+
+def feeds(config: Config) -> list[str]:
+    """What each restrictor lets through, and how late its recess follows."""
+    machine, oil = config.machine, config.machine.lubricant
+    film_m = machine.bearing.radial_clearance_nominal_um * 1e-6
+    mu = viscosity_Pa_s(oil, oil.inlet_max_C)
+    lines = []
+    for i, port in enumerate(machine.feed_port):
+        if port.kind not in RESTRICTED:
+            continue
+        law = restrictor(port, machine.bearing.journal_radius_m, oil.density_kg_m3)
+        own = port.pressure_bar
+        supply_Pa = 1e5 * (supply.nominal_bar(machine.feed) if own is None else own)
+        flow, lag_s = (each(supply_Pa, mu, film_m) for each in (law.flow_m3_s, law.lag_s))
+        turn = lag_s * machine.operating.speed_max_rpm / 60.0
+        late = f"; LATE, by {turn:.2g} of a turn" if turn > LATE_TURN else ""
+        lines.append(
+            f"feed_port[{i}]: this {port.kind} at {port.angle_deg:g} deg lets {6e4 * flow:.3g} "
+            f"L/min at most through at {1e-5 * supply_Pa:g} bar; its recess follows within "
+            f"{lag_s:.2g} s{late}"
+        )
+    return lines
 
 
 def _oil(config: Config) -> list[str]:

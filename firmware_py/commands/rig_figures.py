@@ -6,20 +6,19 @@ name; what needs a simulator says so.
 
 from __future__ import annotations
 
-import importlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from math import degrees, pi
 from typing import Any, Final, NamedTuple
 
 from firmware_py.config import Config
 from firmware_py.config.sampling import ANALYSIS, PROTECTION, highest_rpm, samples_per_turn
-from firmware_py.guard.envelope.cost import Corner, Cost, corners, costs
+from firmware_py.guard.envelope.cost import Corner, Cost, corners
 from firmware_py.guard.envelope.shield import Shield
 from firmware_py.machine import Machine
 from firmware_py.machine.domain import INERTIA_LIMIT, TAYLOR_LIMIT, film_domain
 from firmware_py.machine.film import static_film
 from firmware_py.machine.lubricant import viscosity_Pa_s
-from firmware_py.machine.parts import ACTUATOR, LOAD, ROTOR, has, has_film_law, monitor_only
+from firmware_py.machine.parts import ACTUATOR, has
 from firmware_py.machine.static import (
     Resting,
     greatest_load_N,
@@ -145,15 +144,29 @@ def film(config: Config) -> RigFigures:
 
 def stiffness(config: Config, linear: Sequence[Any]) -> RigFigures:
     """The eight coefficients at the corners; damping only with ``linear``, one for each corner."""
+    return stiffness_of(
+        [
+            (
+                state.name,
+                state.rest.stiffness_N_m if state.rest else None,
+                linear[i] if linear else None,
+            )
+            for i, state in enumerate(states(config))
+        ]
+    )
+
+
+def stiffness_of(found: Sequence[tuple[str, Any, Any]]) -> RigFigures:
+    """The eight coefficients: a corner's name, its stiffness, and what has its damping."""
     rows: list[list[Cell]] = []
-    for i, state in enumerate(states(config)):
+    for name, stiff, damped in found:
         k: list[Cell] = [None] * 4
         c: list[Cell] = [None] * 4
-        if state.rest:
-            k = [value for row in state.rest.stiffness_N_m for value in row]
-        if linear and linear[i]:
-            c = [value for row in linear[i].damping_N_s_m for value in row]
-        rows.append([state.name, *k, *c])
+        if stiff:
+            k = [value for row in stiff for value in row]
+        if damped:
+            c = [value for row in damped.damping_N_s_m for value in row]
+        rows.append([name, *k, *c])
     return RigFigures(
         "coefficients",
         "Stiffness N/m and damping N s/m at the corners",
@@ -166,10 +179,15 @@ def stiffness(config: Config, linear: Sequence[Any]) -> RigFigures:
 
 def criticals(config: Config, linear: Sequence[Any]) -> RigFigures:
     """Damped modes of the rigid rotor on the film, at the corners."""
+    return criticals_of([(s.name, at) for s, at in zip(states(config), linear, strict=True)])
+
+
+def criticals_of(linear: Sequence[tuple[str, Any]]) -> RigFigures:
+    """Damped modes of each named film; None has none."""
     senses = {1: "forward", -1: "backward", 0: "straight"}
     rows: list[list[Cell]] = [
-        [state.name, mode.frequency_rpm, mode.damping_ratio, senses[mode.sense]]
-        for state, found in zip(states(config), linear, strict=True)
+        [name, mode.frequency_rpm, mode.damping_ratio, senses[mode.sense]]
+        for name, found in linear
         if found
         for mode in found.modes
     ]
@@ -330,53 +348,6 @@ def sampling(config: Config) -> RigFigures:
         f"{config.sampling.rate_hz} Hz at {most:g} rpm",
         ("for", "samples a turn", "needed", "enough up to rpm", "enough"), rows,
     )  # fmt: skip
-
-
-def tables(config: Config) -> Iterator[RigFigures | str]:
-    """Every table that the machine allows, and a line for each that is left out."""
-    machine, why = config.machine, monitor_only(config.machine)
-    yield sampling(config)
-    if has(machine, ROTOR) and has(machine, LOAD):
-        yield rotor(config)
-    if not has_film_law(machine):
-        yield "film, whirl and admissible clearance are left out: " + "; ".join(why)
-        return
-    yield groups(config)
-    yield film(config)
-    if has(machine, ROTOR):
-        yield onset(config)
-        yield stable(config)
-        linear, lacking = _linear(config)
-        yield stiffness(config, linear)
-        if linear:
-            yield criticals(config, linear)
-        else:
-            yield f"damping and critical speeds are left out: {lacking}"
-    else:
-        yield stiffness(config, [])
-        yield "whirl, damping and critical speeds are left out: no [rotor]"
-    if why:
-        yield "admissible clearance and error budget are left out: " + "; ".join(why)
-        return
-    found = costs(config, machine.lubricant.inlet_max_C)
-    yield admissible(config, found)
-    yield budget(config, found)
-
-
-def _linear(config: Config) -> tuple[list[Any], str]:
-    """Damping and modes at the corners by the simulator's film, None where it does not carry the
-    load; or why there are none."""
-    module, _, name = LINEAR.partition(":")
-    try:
-        linear = getattr(importlib.import_module(module), name)
-    except ModuleNotFoundError as error:
-        return [], f"no {error.name}; pip install 'orbitd[sim]'"
-    return [
-        linear(config.machine, state.clearance_m, state.viscosity, *state.corner)
-        if state.rest
-        else None
-        for state in states(config)
-    ], ""
 
 
 def _within(value: float, most: float) -> float | None:

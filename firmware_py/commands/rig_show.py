@@ -14,7 +14,8 @@ from rich.console import Console
 from rich.table import Table
 
 from firmware_py import launch
-from firmware_py.commands.rig_figures import Cell, RigFigures, tables
+from firmware_py.commands.rig_figures import Cell, RigFigures
+from firmware_py.commands.rig_tables import tables
 
 WIDTH = 140
 """Columns where the output is no terminal."""

@@ -16,6 +16,7 @@ from typing import Any, Final
 from firmware_py.config.checks_bearings import BEARING_CHECKS
 from firmware_py.config.checks_bus import BUS_CHECKS
 from firmware_py.config.checks_channel import CHANNEL_CHECKS
+from firmware_py.config.checks_feeds import FEED_CHECKS
 from firmware_py.config.checks_machine import MACHINE_CHECKS
 from firmware_py.config.checks_measures import MEASURE_CHECKS
 from firmware_py.config.checks_network import NETWORK_CHECKS
@@ -318,6 +319,7 @@ RELATED: Final[tuple[Callable[[Any], Iterator[Found]], ...]] = (
     _unbalance,
     _windage,
     *MACHINE_CHECKS,
+    *FEED_CHECKS,
     *BEARING_CHECKS,
     *OIL_CHECKS,
     *CHANNEL_CHECKS,

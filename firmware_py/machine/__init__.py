@@ -7,6 +7,7 @@ Guard, acquisition, brain, simulator and trainers are given one frozen
 
 from __future__ import annotations
 
+from firmware_py.machine.feeds import FeedPort
 from firmware_py.machine.schema import (
     ClearanceActuator,
     ContactCircuit,
@@ -26,6 +27,7 @@ __all__ = [
     "ContactCircuit",
     "FastChannel",
     "Feed",
+    "FeedPort",
     "FixedPads",
     "JournalBearing",
     "Lubricant",

@@ -11,6 +11,7 @@ friction (Szeri, Fluid Film Lubrication).
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from math import pi, sqrt
 from typing import Final, NamedTuple
@@ -108,6 +109,13 @@ def outside_laws(machine: Machine) -> Iterator[str]:
     The film is judged in the retreat value, where the machine ends whatever happens.
     """
     b = machine.bearing
+    if machine.feed_port:
+        count = Counter(port.kind for port in machine.feed_port)
+        named = ", ".join(f"{n} {kind}{'s' if n > 1 else ''}" for kind, n in count.items())
+        yield (
+            f"feed_port: {named}: the guard's laws know no feed but one groove at the supply "
+            "pressure; what this one carries, and its stiffness, is not in them"
+        )
     ratio = 0.5 * b.length_m / b.journal_radius_m
     if ratio > LENGTH_OVER_DIAMETER_MAX:
         yield (

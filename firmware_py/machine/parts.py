@@ -177,10 +177,14 @@ def has_reading(machine: Machine, name: str) -> bool:
     return name in (names or signals.STANDARD_READING)
 
 
+def has_film(machine: Machine) -> bool:
+    """Whether the film at rest is described: size, clearance, load and lubricant are known."""
+    return all(has(machine, part) for part in (BEARING, CLEARANCE, LOAD, LUBRICANT))
+
+
 def has_film_law(machine: Machine) -> bool:
-    """Whether the film at rest can be computed: size, clearance, load and lubricant are known."""
-    known = all(has(machine, part) for part in (BEARING, CLEARANCE, LOAD, LUBRICANT))
-    return known and machine.pads is None
+    """Whether the film at rest is described, and is one of which the device's own laws tell."""
+    return has_film(machine) and machine.pads is None and not machine.feed_port
 
 
 REASONS: Final = (
@@ -211,7 +215,7 @@ def monitor_only(machine: Machine) -> tuple[str, ...]:
     It lacks what a command needs, or lies where the guard's laws are not proven.
     """
     lacking = tuple(reason.text for reason in REASONS if reason.holds(machine))
-    return lacking or (tuple(outside_laws(machine)) if has_film_law(machine) else ())
+    return lacking or (tuple(outside_laws(machine)) if has_film(machine) else ())
 
 
 def absences(machine: Machine) -> list[Absence]:

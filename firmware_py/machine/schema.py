@@ -12,6 +12,7 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta
 
+from firmware_py.machine.feeds import FeedPort
 from firmware_py.machine.sensors import (
     FastChannel,
     ForeignBus,
@@ -361,6 +362,8 @@ class Machine(Section, frozen=True):
     readings: SlowReadings = SlowReadings()
     contact: ContactCircuit | None = None
     pads: FixedPads | None = None
+    feed_port: Annotated[list[FeedPort], Meta(max_length=24)] = msgspec.field(default_factory=list)
+    """Openings of the feed in the first bearing; none: plain, or the groove of [feed]."""
     other_bearing: list[OtherBearing] = msgspec.field(default_factory=list)
     foreign: ForeignBus | None = None
     map: list[MappedSignal] = msgspec.field(default_factory=list)

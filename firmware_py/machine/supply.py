@@ -10,6 +10,9 @@ from __future__ import annotations
 from math import inf, log, pi
 from typing import Final
 
+from firmware_py.machine.feeds import RESTRICTED
+from firmware_py.machine.lubricant import viscosity_Pa_s
+from firmware_py.machine.restrictor import restrictor
 from firmware_py.machine.schema import ClearanceActuator, Feed, Machine
 
 READING_S: Final = 0.1
@@ -19,22 +22,45 @@ FULL_SHARE: Final = 0.5
 """Of the least pressure that may be set: where the film is no longer full, where nobody says."""
 
 
+def nominal_bar(feed: Feed) -> float:
+    """Supply pressure of normal service; where nobody says, the middle of its range."""
+    middle = 0.5 * (feed.pressure_min_bar + feed.pressure_max_bar)
+    return middle if feed.pressure_nominal_bar is None else feed.pressure_nominal_bar
+
+
 def full_film_bar(feed: Feed) -> float:
     """Supply pressure below which the film is not full."""
     return FULL_SHARE * feed.pressure_min_bar if feed.full_film_bar is None else feed.full_film_bar
 
 
 def flow_most_m3_s(machine: Machine) -> float:
-    """The most that can run off at the ends of the film.
+    """The most that can run off at the ends of the film, or through its feeds.
 
     The journal drags ``U (c + e) L / 2`` in at the widest gap and ``U (c - e) L / 2`` out at the
     narrowest, ``U = w R``: what leaves between is ``w R L e``, less than with ``e = c``.
+    Restrictors let through the most into a film without pressure, and the most at once with the
+    film ``2 c`` wide at each.
     """
     b, w = machine.bearing, machine.operating.speed_max_rpm * pi / 30.0
     clearance_m = 1e-6 * (
         b.radial_clearance_max_um + b.radial_clearance_offset_um + b.radial_clearance_error_um
     )
-    return w * b.journal_radius_m * b.length_m * clearance_m
+    dragged = w * b.journal_radius_m * b.length_m * clearance_m
+    return max(dragged, restricted_m3_s(machine, 2.0 * clearance_m))
+
+
+def restricted_m3_s(machine: Machine, film_m: float) -> float:
+    """What all restrictors together let through at the greatest supply pressure into a film of that
+    thickness without pressure, in the thinnest lubricant."""
+    oil, radius_m = machine.lubricant, machine.bearing.journal_radius_m
+    mu = viscosity_Pa_s(oil, oil.film_max_C)
+    total = 0.0
+    for port in machine.feed_port:
+        law = restrictor(port, radius_m, oil.density_kg_m3)
+        if port.kind in RESTRICTED and any(law[:4]) and port.pressure_bar is None:
+            drop_Pa = 1e5 * machine.feed.pressure_max_bar
+            total += law.flow_m3_s(drop_Pa, mu, film_m)
+    return total
 
 
 def source_bar(machine: Machine) -> float:

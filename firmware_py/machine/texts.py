@@ -22,8 +22,9 @@ UNITS: Final[Mapping[str, str]] = {
     "kg_m": "kg m", "W_s3": "W s3", "J_K": "J/K", "W_K": "W/K", "N_m": "N/m", "N_s": "N/s",
     "C_s": "K/s", "Pa_s": "Pa s", "um_s": "um/s", "rad_s": "rad/s", "megabytes": "MB",
     "bitrate": "bit/s", "baud": "bit/s", "share": "share of 1", "mm2": "mm2", "bar": "bar",
-    "deg": "deg", "rpm": "rpm", "ohm": "ohm", "um": "um", "kg": "kg", "ms": "ms", "hz": "Hz",
-    "seconds": "s", "m": "m", "N": "N", "W": "W", "C": "degC", "V": "V", "s": "s", "G": "mm/s",
+    "mm3": "mm3", "deg": "deg", "rpm": "rpm", "ohm": "ohm", "um": "um", "kg": "kg", "ms": "ms",
+    "hz": "Hz", "mm": "mm", "seconds": "s", "m": "m", "N": "N", "W": "W", "C": "degC", "V": "V",
+    "s": "s", "G": "mm/s",
 }  # fmt: skip
 """Unit by the end of a key's name, longest first."""
 

@@ -64,7 +64,7 @@ CASES = (
 
 def run(quick: bool, rng: np.random.Generator, out: Path) -> Series:
     """The series; ``quick`` follows fewer turns and trains the paper's network less."""
-    rig = load_rig("seed")
+    rig = unfed(load_rig("seed"))
     turns = 2 if quick else 15
     search = Search((1e-8,), 1, 30) if quick else Search((1e-8, 1e-4), 3, 300)
     paper = raw_network(
@@ -104,6 +104,11 @@ def run(quick: bool, rng: np.random.Generator, out: Path) -> Series:
         "turns": turns,
     }
     return Series("Trajectories", _rows(speed, errors), measured, drawings)
+
+
+def unfed(rig: RigData) -> RigData:
+    """``rig`` without its openings: the film of the paper's equation, which the networks learn."""
+    return replace(rig, supply=replace(rig.supply, ports=()))
 
 
 def apart(

@@ -130,9 +130,11 @@ class Bearing:
                     "pressure above "
                     "cavitation runs dry in the steady state; give one of them, or a memory"
                 )
-        elif self.rupture != "jfo" or self.inlet != "periodic":
+            return
+        filled = self.rupture == "jfo" and self.inlet == "periodic"
+        if not filled and memory.feed_pressure_Pa is None:
             raise FilmError(
                 "memory: only the film with rupture = 'jfo' and inlet = 'periodic' has one"
             )
-        elif not (np.isfinite(memory.dt_s) and memory.dt_s > 0):
+        if not (np.isfinite(memory.dt_s) and memory.dt_s > 0):
             raise FilmError(f"memory.dt_s = {memory.dt_s}: must be finite and above zero")

@@ -132,11 +132,21 @@ def _states(position_m: ArrayLike, velocity_m_s: ArrayLike) -> tuple[Floats, Flo
 def _memories(memory: FilmMemory | None, batch: tuple[int, ...]) -> list[FilmMemory | None]:
     """One memory per state."""
     count = int(np.prod(batch))
-    if memory is None or np.ndim(memory.fill) == 0:
+    if memory is None or (np.ndim(memory.fill) == 0 and memory.feed_pressure_Pa is None):
         return [memory] * count
-    fill = np.asarray(memory.fill, dtype=np.float64)
-    fill = np.broadcast_to(fill, batch + fill.shape[-2:]).reshape(count, *fill.shape[-2:])
-    return [FilmMemory(memory.dt_s, one) for one in fill]
+
+    def each(values: Floats | float | None, axes: int) -> list[Floats | None]:
+        if values is None:
+            return [None] * count
+        array = np.asarray(values, dtype=np.float64)
+        inner = array.shape[array.ndim - axes :] if array.ndim else ()
+        return list(np.broadcast_to(array, batch + inner).reshape(count, *inner))
+
+    fills, feeds = each(memory.fill, 2), each(memory.feed_pressure_Pa, 1)
+    return [
+        FilmMemory(memory.dt_s, 1.0 if fill is None else fill, feed)
+        for fill, feed in zip(fills, feeds, strict=True)
+    ]
 
 
 def evaluate(
@@ -152,6 +162,8 @@ def evaluate(
     scale = bearing.pressure_scale_Pa_s
     force = pressure_force(film) * (scale * bearing.radius_m**2)
     pressure, fill, z = _whole_length(film)
+    feeds = range(len(bearing.feed)) if film.feeds is not None else None
+    feed_Pa = None if feeds is None else film.feed_pressure * scale
     return FilmForce(
         force_N=force,
         friction_torque_N_m=np.asarray(_friction(bearing, film, position, force)),
@@ -159,7 +171,9 @@ def evaluate(
         inflow_m3_s=np.asarray(_port_flow(bearing, film)),
         min_film_m=np.asarray(bearing.gap_m(position)),
         max_pressure_Pa=film.pressure.max() * scale,
-        memory=FilmMemory(memory.dt_s, fill) if memory is not None else None,
+        memory=FilmMemory(memory.dt_s, fill, feed_Pa) if memory is not None else None,
+        feed_pressure_Pa=feed_Pa,
+        feed_flow_m3_s=np.array([_port_flow(bearing, film, k) for k in feeds]) if feeds else None,
         pressure_Pa=pressure * scale if fields else None,
         fill=fill if fields else None,
         theta_rad=np.remainder(mesh.theta, 2 * np.pi) if fields else None,
@@ -227,13 +241,11 @@ def side_flow(bearing: Bearing, film: SolvedFilm) -> float:
     return side * mesh.copies * bearing.clearance_m * bearing.radius_m**2
 
 
-def _port_flow(bearing: Bearing, film: SolvedFilm) -> float:
-    """Flow from the ports into the film, m3/s."""
+def _port_flow(bearing: Bearing, film: SolvedFilm, feed: int | None = None) -> float:
+    """Flow from the ports into the film, m3/s; of all, or of one feed."""
     mesh = film.mesh
-    if not mesh.port.any():
-        return 0.0
     flow = 0.0
-    for i, j in zip(*np.nonzero(mesh.port), strict=True):
+    for i, j in zip(*np.nonzero(mesh.port if feed is None else mesh.place == feed), strict=True):
         flow += solver.outflow(film.pressure, i, j, film.around, film.axial) - film.supply[i, j]
     return flow * mesh.copies * bearing.clearance_m * bearing.radius_m**2
 
@@ -258,10 +270,17 @@ def stack(results: list[FilmForce], batch: tuple[int, ...], fields: bool) -> Fil
         values = np.stack([getattr(r, name) for r in results])
         return np.asarray(values.reshape(batch + values.shape[1:]))
 
+    def optional(name: str) -> Floats | None:
+        return None if getattr(results[0], name) is None else stacked(name)
+
     memory = None
     if results[0].memory is not None:
         fills = np.stack([r.memory.fill for r in results if r.memory is not None])
-        memory = FilmMemory(results[0].memory.dt_s, fills.reshape(batch + fills.shape[1:]))
+        memory = FilmMemory(
+            results[0].memory.dt_s,
+            fills.reshape(batch + fills.shape[1:]),
+            optional("feed_pressure_Pa"),
+        )
     return FilmForce(
         force_N=stacked("force_N"),
         friction_torque_N_m=stacked("friction_torque_N_m"),
@@ -270,6 +289,8 @@ def stack(results: list[FilmForce], batch: tuple[int, ...], fields: bool) -> Fil
         min_film_m=stacked("min_film_m"),
         max_pressure_Pa=stacked("max_pressure_Pa"),
         memory=memory,
+        feed_pressure_Pa=optional("feed_pressure_Pa"),
+        feed_flow_m3_s=optional("feed_flow_m3_s"),
         pressure_Pa=stacked("pressure_Pa") if fields else None,
         fill=stacked("fill") if fields else None,
         theta_rad=stacked("theta_rad") if fields else None,

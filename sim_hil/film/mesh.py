@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,7 +24,7 @@ class Mesh:
 
     Face i lies between nodes i and i + 1 (the last theta face closes the ring). `copies` is 2 when
     only one half of a symmetric film is meshed. `fixed` marks nodes of known pressure `fixed_Pa`,
-    `port` those in a feed.
+    `port` those in a feed, `place` in which one (-1: none).
     """
 
     theta: Floats
@@ -38,6 +39,7 @@ class Mesh:
     fixed: np.ndarray
     fixed_Pa: Floats
     port: np.ndarray
+    place: np.ndarray
 
 
 def build_mesh(
@@ -68,15 +70,15 @@ def build_mesh(
         Where they meet without a groove a node stands.
     """
     ports = [_port_extent(f, radius_m, length_m) for f in feed]
-    edges = [a + s * w / 2 for (a, w, _) in ports if w < 2 * np.pi for s in (-1, 1)]
+    edges = [a + s * w / 2 for (a, w, *_) in ports if w < 2 * np.pi for s in (-1, 1)]
     if pads is not None and not pads.gap_rad:
         edges += [float(angle) for angle in pads.seams_rad]
     if inlet_Pa is not None or not edges:
         edges.append(hmax_rad)
     theta = _ring_nodes(edges, nodes[0], hmax_rad, (1 - eccentricity_ratio) ** -0.25, bool(ports))
-    symmetric = end_pressure_Pa[0] == end_pressure_Pa[1]
-    z = _axial_nodes([half for (_, _, half) in ports], length_m / radius_m, nodes[1], symmetric)
-    fixed, fixed_Pa, port = _fixed_pressures(
+    symmetric = end_pressure_Pa[0] == end_pressure_Pa[1] and not any(f.axial_m for f in feed)
+    z = _axial_nodes(ports, length_m / radius_m, nodes[1], symmetric)
+    fixed, fixed_Pa, place = _fixed_pressures(
         theta, z, ports, feed, end_pressure_Pa, hmax_rad, inlet_Pa
     )
     theta_gap = np.diff(np.append(theta, theta[0] + 2 * np.pi))
@@ -94,14 +96,23 @@ def build_mesh(
         copies=2 if symmetric else 1,
         fixed=fixed,
         fixed_Pa=fixed_Pa,
-        port=port,
+        port=place >= 0,
+        place=place,
     )
 
 
-def _port_extent(feed: FeedPatch, radius_m: float, length_m: float) -> tuple[float, float, float]:
-    """Centre angle, width (rad) and half length (radii) of the rectangle that stands for the
-    port."""
-    values = (feed.angle_rad, feed.width_rad, feed.length_m, feed.pressure_Pa)
+class _PortExtent(NamedTuple):
+    """The rectangle that stands for a port: centre and width around, rad; half length and centre
+    along, radii."""
+
+    angle: float
+    width: float
+    half: float
+    middle: float
+
+
+def _port_extent(feed: FeedPatch, radius_m: float, length_m: float) -> _PortExtent:
+    values = (feed.angle_rad, feed.width_rad, feed.length_m, feed.pressure_Pa, feed.axial_m)
     if feed.kind not in ("groove", "orifice"):
         raise FilmError(f"feed kind {feed.kind!r}: use 'groove' or 'orifice'")
     if not np.all(np.isfinite(values)):
@@ -110,8 +121,14 @@ def _port_extent(feed: FeedPatch, radius_m: float, length_m: float) -> tuple[flo
         raise FilmError(
             f"feed {feed}: width must be in (0, 2 pi] rad and length in (0, {length_m}] m"
         )
+    if feed.axial_m and abs(feed.axial_m) + feed.length_m / 2 >= length_m / 2:
+        raise FilmError(
+            f"feed {feed}: {abs(feed.axial_m):g} m from the middle and half of {feed.length_m:g} m "
+            f"reach the end of the bearing at {length_m / 2:g} m"
+        )
     shrink = np.sqrt(np.pi) / 2 if feed.kind == "orifice" else 1.0
-    return feed.angle_rad, feed.width_rad * shrink, feed.length_m * shrink / (2 * radius_m)
+    half = feed.length_m * shrink / (2 * radius_m)
+    return _PortExtent(feed.angle_rad, feed.width_rad * shrink, half, feed.axial_m / radius_m)
 
 
 def _ring_nodes(
@@ -148,10 +165,14 @@ def _stretch(angle: Floats | float, k: float) -> Floats:
     return np.asarray(2 * np.arctan2(k * np.sin(rest), np.cos(rest)) + 2 * np.pi * turns)
 
 
-def _axial_nodes(half_ports: list[float], length: float, intervals: int, symmetric: bool) -> Floats:
+def _axial_nodes(
+    ports: Sequence[_PortExtent], length: float, intervals: int, symmetric: bool
+) -> Floats:
     """Nodes along the axis, on every port end and denser there; one half (from the middle plane)
     when symmetric."""
-    ends = {min(h, length / 2) for h in half_ports} - {length / 2}
+    if any(port.middle for port in ports):
+        return _uneven_axial_nodes(ports, length, intervals)
+    ends = {min(port.half, length / 2) for port in ports} - {length / 2}
     edges = sorted({0.0, length / 2, *ends})
     parts = []
     for a, b in pairwise(edges):
@@ -159,6 +180,24 @@ def _axial_nodes(half_ports: list[float], length: float, intervals: int, symmetr
         parts.append(a + (b - a) * _packed(np.arange(n) / n, a in ends, b in ends))
     half = np.append(np.concatenate(parts), length / 2)
     return half if symmetric else np.concatenate([-half[:0:-1], half])
+
+
+def _uneven_axial_nodes(ports: Sequence[_PortExtent], length: float, intervals: int) -> Floats:
+    """Nodes over the whole length with ports anywhere along it."""
+    found = sorted(
+        {
+            round(min(max(end, -length / 2), length / 2), 12)
+            for port in ports
+            for end in (port.middle - port.half, port.middle + port.half)
+        }
+        - {-length / 2, length / 2}
+    )
+    parts = []
+    for a, b in pairwise([-length / 2, *found, length / 2]):
+        n = max(_PORT_INTERVALS // 2, round(intervals * (b - a) / length))
+        inner = _packed(np.arange(n) / n, a > -length / 2, b < length / 2)
+        parts.append(a + (b - a) * inner)
+    return np.append(np.concatenate(parts), length / 2)
 
 
 def _packed(even: Floats, first: bool, last: bool) -> Floats:
@@ -194,7 +233,7 @@ def _parabola_weights(gap: Floats) -> Floats:
 def _fixed_pressures(
     theta: Floats,
     z: Floats,
-    ports: list[tuple[float, float, float]],
+    ports: Sequence[_PortExtent],
     feed: Sequence[FeedPatch],
     end_pressure_Pa: tuple[float, float],
     hmax_rad: float,
@@ -203,15 +242,16 @@ def _fixed_pressures(
     shape = (theta.size, z.size)
     fixed = np.zeros(shape, dtype=np.bool_)
     pressure = np.zeros(shape)
-    port = np.zeros(shape, dtype=np.bool_)
+    place = np.full(shape, -1)
     if inlet_Pa is not None:
         line = np.abs(np.remainder(theta - hmax_rad + np.pi, 2 * np.pi) - np.pi) < 1e-9
-        port[line, :] = fixed[line, :] = True
+        place[line, :] = len(ports)
+        fixed[line, :] = True
         pressure[line, :] = inlet_Pa
-    for (angle, width, half), one in zip(ports, feed, strict=True):
+    for k, ((angle, width, half, middle), one) in enumerate(zip(ports, feed, strict=True)):
         around = np.abs(np.remainder(theta - angle + np.pi, 2 * np.pi) - np.pi) <= width / 2 + 1e-9
-        inside = around[:, None] & (np.abs(z) <= half + 1e-9)[None, :]
-        port |= inside
+        inside = around[:, None] & (np.abs(z - middle) <= half + 1e-9)[None, :]
+        place[inside] = k
         fixed |= inside
         pressure[inside] = one.pressure_Pa
     ends = (
@@ -221,5 +261,5 @@ def _fixed_pressures(
     )
     for j, value in ends:
         fixed[:, j] = True
-        pressure[:, j] = np.where(port[:, j], pressure[:, j], value)
-    return fixed, pressure, port
+        pressure[:, j] = np.where(place[:, j] >= 0, pressure[:, j], value)
+    return fixed, pressure, place

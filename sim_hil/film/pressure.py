@@ -1,6 +1,6 @@
 """Pressure and fill of one journal state."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from .bore import PadBore
 from .conserving import solve_conserving
 from .mesh import Mesh, build_mesh
 from .records import FilmError, FilmMemory, FilmNotConverged, Floats, JournalOutsideClearance
+from .restricted import ScaledFeeds, solve_restricted
 from .turbulence import resistance
 
 
@@ -30,6 +31,8 @@ class SolvedFilm:
     supply: Floats
     around: Floats
     axial: Floats
+    feeds: ScaledFeeds | None = None
+    feed_pressure: Floats = field(default_factory=lambda: np.zeros(0))
 
 
 def solve_film(
@@ -87,6 +90,7 @@ def unsolved_film(
         around = around / resistance(bearing, thickness_face)[0][:, None]
         axial = axial / resistance(bearing, thickness)[1][:, None]
     _close_grooves(mesh, around, axial)
+    restricted = any(f.restricted for f in bearing.feed)
     return SolvedFilm(
         mesh=mesh,
         thickness=thickness,
@@ -97,6 +101,8 @@ def unsolved_film(
         supply=supply,
         around=around,
         axial=axial,
+        feeds=_scaled_feeds(bearing, mesh, position, memory) if restricted else None,
+        feed_pressure=np.zeros(len(bearing.feed)),
     )
 
 
@@ -112,6 +118,40 @@ def pad_steps(pads: PadBore, mesh: Mesh) -> Floats:
     """By how much the pads' own film grows over each station's cell, over the clearance."""
     faces = pads.thickness(mesh.theta_face)
     return np.asarray(faces - np.roll(faces, 1))
+
+
+def _scaled_feeds(
+    bearing: Bearing, mesh: Mesh, position: Floats, memory: FilmMemory | None
+) -> ScaledFeeds:
+    """The feeds of one state; the film at each is that in its middle."""
+    count, scale = len(bearing.feed), bearing.pressure_scale_Pa_s
+    unit = bearing.clearance_m * bearing.radius_m**2  # of flow
+    numbers = np.zeros((5, count))
+    before_Pa = None if memory is None else memory.feed_pressure_Pa
+    for k, feed in enumerate(bearing.feed):
+        theta = np.array([feed.angle_rad])
+        share = bearing.thickness(theta, position / bearing.clearance_m)
+        film_m = bearing.clearance_m * float(share[0])
+        quadratic, linear = feed.restrictor.resistance(bearing.viscosity_Pa_s, film_m)
+        numbers[:3, k] = feed.pressure_Pa, quadratic * unit**2, linear * unit
+        if memory is not None and before_Pa is not None:
+            stored = feed.restrictor.stored_m3_Pa(float(before_Pa[k]))
+            numbers[3:, k] = stored / memory.dt_s * scale / unit / mesh.copies, before_Pa[k]
+    return ScaledFeeds(
+        place=np.where(mesh.place < count, mesh.place, -1),
+        supply=numbers[0] / scale,
+        quadratic=numbers[1] * mesh.copies**2 / scale,
+        linear=numbers[2] * mesh.copies / scale,
+        store=numbers[3],
+        before=numbers[4] / scale,
+    )
+
+
+def _fill_feeds(film: SolvedFilm) -> None:
+    """Give the ports the pressure that was found for their feed."""
+    if film.feeds is not None:
+        place = film.feeds.place
+        film.pressure[place >= 0] = film.feed_pressure[place[place >= 0]]
 
 
 def _close_grooves(mesh: Mesh, around: Floats, axial: Floats) -> None:
@@ -130,16 +170,21 @@ def _rupture(bearing: Bearing, film: SolvedFilm) -> int:
     ruptured = np.zeros(
         film.supply.shape, dtype=bool
     )  # too much rupture heals one cell a sweep, too little at once
-    sweeps = solver.solve_pressure(
-        pressure,
-        mesh.fixed,
-        film.around,
-        film.axial,
-        film.supply,
-        bearing.floor,
-        ruptured,
-        bearing.rupture == "reynolds",
-    )
+    complementary = bearing.rupture == "reynolds"
+    if film.feeds is None:
+        sweeps = solver.solve_pressure(
+            pressure,
+            mesh.fixed,
+            film.around,
+            film.axial,
+            film.supply,
+            bearing.floor,
+            ruptured,
+            complementary,
+        )
+    else:
+        none = np.zeros(ruptured.shape)
+        sweeps = _restrict(bearing, film, none, none, none, ruptured, complementary, mixed=False)
     film.uncut[:] = pressure
     if bearing.rupture == "gumbel":
         ruptured = pressure < bearing.floor
@@ -155,7 +200,43 @@ def _rupture(bearing: Bearing, film: SolvedFilm) -> int:
         bearing.speed_rad_s,
     )
     # Only at the ports does this rule know of the streamers: they bring less than a full gap would.
-    film.supply[mesh.port] += _void_transport(bearing, film)[mesh.port]
+    # A restrictor's balance is that of the rule, without them.
+    if film.feeds is None:
+        film.supply[mesh.port] += _void_transport(bearing, film)[mesh.port]
+    return int(sweeps)
+
+
+def _restrict(
+    bearing: Bearing,
+    film: SolvedFilm,
+    void: Floats,
+    drag: Floats,
+    kept: Floats,
+    ruptured: np.ndarray,
+    complementary: bool,
+    mixed: bool,
+) -> int:
+    """Fill in the pressure of film and feeds, and the void share of the mass-conserving film."""
+    assert film.feeds is not None
+    sweeps = solve_restricted(
+        film.pressure,
+        void,
+        film.mesh.fixed,
+        ruptured,
+        film.around,
+        film.axial,
+        film.supply,
+        drag,
+        kept,
+        -1 if bearing.speed_rad_s < 0 else 1,
+        bearing.floor,
+        complementary,
+        mixed,
+        film.feeds,
+        film.feed_pressure,
+        np.zeros((film.feed_pressure.size,) * 2),
+    )
+    _fill_feeds(film)
     return int(sweeps)
 
 
@@ -179,20 +260,24 @@ def _conserve(bearing: Bearing, film: SolvedFilm, rate: Floats, memory: FilmMemo
             )
         void_before = 1 - _half_of(memory.fill, mesh)
         supply = film.supply - (kept - rate[:, None] * mesh.z_width) * void_before
-    void = np.zeros(mesh.fixed.shape)
-    sweeps = solve_conserving(
-        film.pressure,
-        void,
-        mesh.fixed,
-        film.supply < 0,
-        film.around,
-        film.axial,
-        supply,
-        _drag(bearing, film),
-        kept,
-        -1 if bearing.speed_rad_s < 0 else 1,
-        bearing.floor,
-    )
+    void, drag = np.zeros(mesh.fixed.shape), _drag(bearing, film)
+    if film.feeds is None:
+        sweeps = solve_conserving(
+            film.pressure,
+            void,
+            mesh.fixed,
+            film.supply < 0,
+            film.around,
+            film.axial,
+            supply,
+            drag,
+            kept,
+            -1 if bearing.speed_rad_s < 0 else 1,
+            bearing.floor,
+        )
+    else:
+        film.supply[:] = supply
+        sweeps = _restrict(bearing, film, void, drag, kept, supply < 0, True, mixed=True)
     _copy_to_ends(mesh, void)
     film.fill[:] = np.where(mesh.port, 1.0, 1 - void)
     film.supply[:] = supply + _void_transport(bearing, film) + kept * (1 - film.fill)

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Literal, Required, TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
+from firmware_py.machine.restrictor import NONE, Restrictor
+
 if TYPE_CHECKING:
     from .bore import PadBore
 
@@ -34,20 +36,23 @@ class FilmNotConverged(FilmError):
 
 @dataclass(frozen=True)
 class FeedPatch:
-    """A supply port centred on the middle plane, held at its supply pressure.
+    """A supply port, at its supply pressure or behind a restrictor.
 
     Parameters
     ----------
     kind
         `groove`: a rectangle of `width_rad` times `length_m`; `orifice`: an ellipse of these two
-        diameters, computed as the rectangle of equal area and aspect. The pressure is that of the
-        port itself: there is no restrictor between it and the film.
+        diameters, computed as the rectangle of equal area and aspect.
     angle_rad, width_rad
         Centre and circumferential extent, rad.
     length_m
         Axial extent, m.
     pressure_Pa
-        Pressure in the port, Pa.
+        Pressure of the supply, Pa; without a restrictor that of the port.
+    axial_m
+        Centre along the axis, m, from the middle plane.
+    restrictor
+        What stands between supply and port.
     """
 
     kind: Literal["groove", "orifice"]
@@ -55,6 +60,13 @@ class FeedPatch:
     width_rad: float
     length_m: float
     pressure_Pa: float
+    axial_m: float = 0.0
+    restrictor: Restrictor = NONE
+
+    @property
+    def restricted(self) -> bool:
+        """Whether the port's pressure is another than that of the supply."""
+        return any((*self.restrictor[:4],))
 
 
 class FilmRules(TypedDict, total=False):
@@ -94,10 +106,13 @@ class FilmMemory:
     fill
         Liquid share of the gap, shape (..., theta, z) on the grid of the call that returned it; or
         a number.
+    feed_pressure_Pa
+        Pressure in each feed's port then, Pa, shape (..., feeds); None: no feed stores anything.
     """
 
     dt_s: float
     fill: Floats | float = 1.0
+    feed_pressure_Pa: Floats | None = None
 
 
 @dataclass(frozen=True)
@@ -120,6 +135,9 @@ class FilmForce:
         Smallest gap, m, and highest pressure, Pa.
     memory
         For the next step of a film with memory, else None.
+    feed_pressure_Pa, feed_flow_m3_s
+        Pressure in each feed's port, Pa, and flow out of it, m3/s, shape (..., feeds); None without
+        a restrictor.
     pressure_Pa, fill, theta_rad, z_m
         Fields, shape (..., theta, z) and their coordinates (..., theta), (..., z), when asked for.
     """
@@ -131,6 +149,8 @@ class FilmForce:
     min_film_m: Floats
     max_pressure_Pa: Floats
     memory: FilmMemory | None = None
+    feed_pressure_Pa: Floats | None = None
+    feed_flow_m3_s: Floats | None = None
     pressure_Pa: Floats | None = None
     fill: Floats | None = None
     theta_rad: Floats | None = None

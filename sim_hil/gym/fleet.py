@@ -11,9 +11,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_hil.film.table_kernel import table_force
 from sim_hil.jit import allocating
-from sim_hil.rotor.film_law import Law
+from sim_hil.rotor.film_law import Law, film_law
 from sim_hil.rotor.parameters import Floats
 from sim_hil.rotor.rigid import RENEW_STEPS, advance_rotor
 
@@ -136,12 +135,20 @@ def measure_orbits(
 
 @allocating
 def static_loads(
-    table: Floats, rest: Floats, speed: Floats, gap: Floats, mu: Floats, R: float, L: float
+    law: Law,
+    rest: Floats,
+    speed: Floats,
+    gap: Floats,
+    mu: Floats,
+    R: float,
+    L: float,
+    supply_Pa: Floats,
 ) -> Floats:
     """Film force, N, of journals resting at ``rest`` (n, 2) in a nominal bearing: a load
     estimate."""
     load = np.empty(len(rest))
     for r in range(len(rest)):
-        f = table_force(table, rest[r, 0], rest[r, 1], 0.0, 0.0, speed[r], gap[r], mu[r], R, L, 0.0)
+        x, y = rest[r, 0], rest[r, 1]
+        f = film_law(law, x, y, 0.0, 0.0, speed[r], gap[r], mu[r], R, L, 0.0, supply_Pa[r])
         load[r] = math.hypot(f[0], f[1])
     return load

@@ -26,7 +26,6 @@ from numpy.typing import NDArray
 
 from firmware_py.records import CHANNELS
 from sim_hil.faults.machine import worn_bore
-from sim_hil.film.table import FilmTable
 from sim_hil.gym.control_task import (
     CONTROL_S,
     OBSERVATIONS,
@@ -121,8 +120,8 @@ class RotorVectorEnv(gymnasium.vector.VectorEnv[Observation, Observation, NDArra
         self.action_space = gymnasium.vector.utils.batch_space(self.single_action_space, num_envs)
         self._steps = round(episode_s / CONTROL_S)
         self._fixed_duty, self._fixed_build = duty, build
-        b, n = self.rig.bearing, num_envs
-        self._table = FilmTable.load(b.length_m / (2 * b.radius_m)).coefficients
+        n = num_envs
+        self._resting = rig_film(self.rig, fed=False)
         self._law = rig_film(self.rig, fed=pressure) if law is None else law
         self._shaft, self._film, self._act = (
             records(kind._fields, n) for kind in (Shaft, FilmParameters, ActuatorParameters)
@@ -293,7 +292,14 @@ class RotorVectorEnv(gymnasium.vector.VectorEnv[Observation, Observation, NDArra
         mu = oil.viscosity_Pa_s * np.exp(-oil.slope_per_K * (oil_C - oil.reference_C))
         rest = self._figures[which, :2]
         load: Floats = static_loads(
-            self._table, rest, speed, clearance, mu, bearing.radius_m, bearing.length_m
+            self._resting,
+            rest,
+            speed,
+            clearance,
+            mu,
+            bearing.radius_m,
+            bearing.length_m,
+            self._scalar[which, PRESSURE],
         )
         return load
 

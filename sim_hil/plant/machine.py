@@ -108,7 +108,7 @@ class SimulatedMachine:
         Oil inlet temperature, and whether the film warms up by its own friction.
     fed
         Whether the supply pressure acts in the film: the rig's groove, instead of the unfed
-        periodic film.
+        periodic film. In the film of a rig with feed ports it always does.
     max_step_s
         Longest integration step, at most :data:`LONGEST_STEP_S`; shorter where the rig's greatest
         speed asks for it (:mod:`sim_hil.plant.validity`).
@@ -150,8 +150,8 @@ class SimulatedMachine:
         self._healthy = assemble(rig, build, step_s, inlet_C=inlet_C, thermal=thermal)
         self._taps = antialias_taps(self._substeps)
         self.delay_s = (self._taps.size - 1) / 2 * step_s
-        self._unfed = rig_film(rig, fed=False)
-        self._film = rig_film(rig, fed=True) if fed else self._unfed
+        self._resting = rig_film(rig, fed=False)
+        self._film = rig_film(rig, fed=True) if fed else self._resting
         self._rng = np.random.default_rng(seed)
         self._fault_rng = np.random.default_rng([seed, 4])
         self._state = new_state(
@@ -282,7 +282,7 @@ class SimulatedMachine:
         estimate."""
         b, mu = self.rig.bearing, self.rig.oil.viscosity_at(oil_C)
         fx, fy, _, _ = film_law(
-            self._unfed,
+            self._resting,
             ex_m,
             ey_m,
             0.0,
@@ -293,6 +293,7 @@ class SimulatedMachine:
             b.radius_m,
             b.length_m,
             0.0,
+            float(self._state.scalar[PRESSURE]),
         )
         return math.hypot(fx, fy)
 

@@ -20,6 +20,7 @@ from sim_hil.film.balance import position_of_load
 from sim_hil.film.bearing import Bearing
 from sim_hil.film.bore import PadBore
 from sim_hil.film.equilibrium import linear_coefficients
+from sim_hil.film.feeding import feed_patches
 from sim_hil.film.model import FilmModel, load_model, tabulate
 from sim_hil.film.table import FilmTable
 from sim_hil.film.table_kernel import CONTACT_STIFFNESS_N_M, EPS_TABLE
@@ -171,7 +172,8 @@ def simulate(
         Temperature of the oil that comes in, Celsius; the rig's own when None.
     fed
         The film with the rig's groove, where the supply pressure carries load, instead of the unfed
-        periodic film (with `force="table"` only). Films are laminar and without inertia:
+        periodic film (with `force="table"` only). A rig with feed ports has no unfed film: there
+        `table` and `linear` alone know its film. Films are laminar and without inertia:
         `sim_hil.film.domain` says how far that holds.
 
     Raises
@@ -203,8 +205,10 @@ def simulate(
     low, high = float(drive[:, 0].min()), float(drive[:, 0].max())
     if why := refusal(rig, low, high, period / steps):
         raise SimulationError(why)
-    start = equilibrium_at(rig, plant, float(drive[0, 0]), float(drive[0, 1]), float(target[0, 0]))
-    law = _fed_law(rig, force) if fed else _law(rig, plant, force, start)
+    start = equilibrium_at(
+        rig, plant, float(drive[0, 0]), float(drive[0, 1]), float(target[0, 0]), target[0, 1]
+    )
+    law = _fed_law(rig, force) if _feeds_act(rig, force, fed) else _law(rig, plant, force, start)
     w, state = _at_rest(plant, start, target[0], seed)
     rows = np.empty((total, len(COLUMNS)))
     advance_rotor(
@@ -243,12 +247,17 @@ class StaticStart:
 
 
 def equilibrium_at(
-    rig: RigData, plant: Plant, speed_rad_s: float, load_N: float, clearance_m: float
+    rig: RigData,
+    plant: Plant,
+    speed_rad_s: float,
+    load_N: float,
+    clearance_m: float,
+    supply_Pa: float | None = None,
 ) -> StaticStart:
     """Where the journal rests, with K and C along x and y; the load may point upwards (below zero).
 
     Without speed, and under more than the film carries, it lies on the wall; without load it stands
-    in the middle.
+    in the middle.  Feed ports stand at `supply_Pa`, nominal when None.
     """
     film = plant.film
     c = clearance_m + film.wear
@@ -261,7 +270,15 @@ def equilibrium_at(
         c,
         _viscosity(plant, film.inlet_C),
         speed_rad_s,
-        feed=bore.grooves(film.length) if bore else (),
+        feed=(
+            *(bore.grooves(film.length) if bore else ()),
+            *feed_patches(
+                rig.supply.ports,
+                film.radius,
+                rig.oil.density_kg_m3,
+                rig.supply.nominal_Pa if supply_Pa is None else float(supply_Pa),
+            ),
+        ),
         grid=(96, 12),
         pads=bore,
     )
@@ -322,10 +339,16 @@ def _check_clearance(rig: RigData, clearance_m: Floats) -> None:
             )
 
 
+def _feeds_act(rig: RigData, force: Force, fed: bool) -> bool:
+    """Whether the film is the tabulated one with the rig's groove or openings."""
+    return fed or (bool(rig.supply.ports) and force != "linear")
+
+
 def _fed_law(rig: RigData, force: Force) -> Law:
     if force != "table":
+        what = "the feed ports of the rig" if rig.supply.ports else "the groove"
         raise SimulationError(
-            f"force = {force!r} with fed = True: only the table knows the groove; take it"
+            f"force = {force!r} with a film that is fed: only the table knows {what}; take it"
         )
     try:
         return rig_film(rig, fed=True)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_py.config import Config
-from firmware_py.machine import ContactCircuit, FixedPads
+from firmware_py.machine import ContactCircuit, FeedPort, FixedPads
 from firmware_py.machine.probes import PROBES
 from firmware_py.machine.simulation import (
     BoltedFoundation,
@@ -82,8 +82,8 @@ UNLIMITED: Final = 1e12
 
 @dataclass(frozen=True)
 class SupplyData:
-    """Oil supply pressure above ambient, how it follows its target, the pump, and the groove (None:
-    fed otherwise)."""
+    """Oil supply pressure above ambient, how it follows its target, the pump, the groove (None:
+    fed otherwise), and the openings of a film that is not fed by one groove."""
 
     nominal_Pa: float
     min_Pa: float
@@ -99,6 +99,7 @@ class SupplyData:
     pump_error_share: float
     pump_efficiency: float
     groove: AxialGroove | None
+    ports: tuple[FeedPort, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from firmware_py.machine import FastChannel, Feed, Machine, RotorDrawing
 from firmware_py.machine.folder import find, simulated_names
 from firmware_py.machine.probes import as_built
 from firmware_py.machine.simulation import BuildSpread, OilNode, Simulation
-from firmware_py.machine.supply import full_film_bar
+from firmware_py.machine.supply import full_film_bar, nominal_bar
 from firmware_py.records import CHANNELS
 from firmware_py.signals import INT16_MAX
 from sim_hil.rigs.data import (
@@ -166,12 +166,9 @@ def _bearing(machine: Machine) -> BearingData:
 
 def _supply(machine: Machine) -> SupplyData:
     feed, a = machine.feed, machine.actuator
-    nominal_bar = feed.pressure_nominal_bar
-    if nominal_bar is None:
-        nominal_bar = 0.5 * (feed.pressure_min_bar + feed.pressure_max_bar)
     slew, shut_off = a.pressure_slew_bar_s, feed.pump_shut_off_bar
     return SupplyData(
-        nominal_Pa=shifted(nominal_bar, 5),
+        nominal_Pa=shifted(nominal_bar(feed), 5),
         min_Pa=shifted(feed.pressure_min_bar, 5),
         max_Pa=shifted(feed.pressure_max_bar, 5),
         full_film_Pa=shifted(full_film_bar(feed), 5),
@@ -185,6 +182,7 @@ def _supply(machine: Machine) -> SupplyData:
         pump_error_share=feed.pump_error_share,
         pump_efficiency=feed.pump_efficiency,
         groove=_groove(feed),
+        ports=tuple(machine.feed_port),
     )
 
 

@@ -13,6 +13,7 @@ from sim_hil.film.bore import PadBore
 from sim_hil.film.fed import FedLaw, FedTable
 from sim_hil.film.pad_kernel import PadLaw
 from sim_hil.film.pad_table import PadTable, shape_of
+from sim_hil.film.port_table import PortLaw, port_law
 from sim_hil.film.records import FilmError
 from sim_hil.film.table import FilmTable
 from sim_hil.plant.build import Build
@@ -145,8 +146,9 @@ def _refuse_absurd(plant: Plant, rig: RigData) -> None:
         )
 
 
-def rig_film(rig: RigData, fed: bool) -> Floats | FedLaw | PadLaw:
-    """The tabulated film of ``rig``: unfed and periodic, between its pads, or fed from its groove.
+def rig_film(rig: RigData, fed: bool) -> Floats | FedLaw | PadLaw | PortLaw:
+    """The tabulated film of ``rig``: between its pads, or with its openings where it has any; else
+    unfed and periodic, or fed from its groove.
 
     Raises
     ------
@@ -160,7 +162,16 @@ def rig_film(rig: RigData, fed: bool) -> Floats | FedLaw | PadLaw:
                 f"fed film of rig {rig.name}: the grooves between its pads are at ambient "
                 "pressure, and no other is tabulated; take the periodic film"
             )
+        if rig.supply.ports:
+            raise FilmError(
+                f"film of rig {rig.name}: feed ports between pads are not tabulated; the solver "
+                "knows them (`orbitd rig show`), the rotor does not"
+            )
         return PadTable.load(bore, shape).law
+    if rig.supply.ports:
+        return port_law(
+            rig.supply.ports, rig.bearing.radius_m, rig.bearing.length_m, rig.oil.density_kg_m3
+        )
     if not fed:
         return FilmTable.load(shape).coefficients
     groove = rig.supply.groove

@@ -1,8 +1,8 @@
 """One call for the film force, whatever stands behind it; chosen by type when a kernel is compiled.
 
-A law is the coefficient array of a `FilmTable`, a `FedLaw`, a `PadLaw`, a `DirectLaw`, a
-`ReynoldsLaw`, a `LinearLaw`, or a network of `network_law`. The supply pressure counts for the
-`FedLaw` alone.
+A law is the coefficient array of a `FilmTable`, a `FedLaw`, a `PadLaw`, a `PortLaw`, a
+`DirectLaw`, a `ReynoldsLaw`, a `LinearLaw`, or a network of `network_law`. The supply pressure
+counts for the `FedLaw` and the `PortLaw` alone.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from sim_hil.film.direct import DirectFilm, direct_force
 from sim_hil.film.direct_reynolds import ReynoldsLaw, reynolds_force
 from sim_hil.film.fed_kernel import FedLaw, fed_force
 from sim_hil.film.pad_kernel import PadLaw, pad_force
+from sim_hil.film.port_kernel import PortLaw, port_force
 from sim_hil.film.table_kernel import (
     EPS_TABLE,
     contact_force,
@@ -81,6 +82,7 @@ Law = (
     Floats
     | FedLaw
     | PadLaw
+    | PortLaw
     | DirectLaw
     | ReynoldsLaw
     | LinearLaw
@@ -230,6 +232,26 @@ def _fed(
     return fx, fy, torque, flow
 
 
+@kernel
+def _ported(
+    law: PortLaw,
+    ex: float,
+    ey: float,
+    vx: float,
+    vy: float,
+    omega: float,
+    c: float,
+    mu: float,
+    R: float,
+    L: float,
+    c_rate: float,
+    supply_Pa: float,
+) -> Forces:
+    forces: Forces = port_force(law, ex, ey, vx, vy, omega, c, mu, R, L, c_rate, supply_Pa)
+    return forces
+
+
+_FED = {FedLaw: _fed, PortLaw: _ported}
 _KERNELS = {
     DirectLaw: _direct,
     ReynoldsLaw: _reynolds,
@@ -257,21 +279,22 @@ def film_law(
     """Force (fx, fy), N, friction torque, N m, and side flow, m3/s; arguments as `table_force` and
     `fed_force`."""
     forces: Forces
-    if isinstance(law, FedLaw):
-        forces = _fed(law, ex, ey, vx, vy, omega, c, mu, R, L, c_rate, supply_Pa)
+    if isinstance(law, FedLaw | PortLaw):
+        chosen = _FED[type(law)]
+        forces = chosen(law, ex, ey, vx, vy, omega, c, mu, R, L, c_rate, supply_Pa)
     else:
         forces = _of_type(type(law))(law, ex, ey, vx, vy, omega, c, mu, R, L, c_rate)
     return forces
 
 
 def is_fed(law: Law) -> bool:
-    """Whether a groove feeds the film; known when a kernel is compiled."""
-    return isinstance(law, FedLaw)
+    """Whether the supply pressure acts in the film; known when a kernel is compiled."""
+    return isinstance(law, FedLaw | PortLaw)
 
 
 @overload(is_fed)
 def _is_fed(law):  # type: ignore[no-untyped-def]
-    fed = isinstance(law, types.BaseNamedTuple) and law.instance_class is FedLaw
+    fed = isinstance(law, types.BaseNamedTuple) and law.instance_class in _FED
     return (lambda law: True) if fed else (lambda law: False)
 
 
@@ -286,6 +309,7 @@ def _film_law(  # type: ignore[no-untyped-def]
 ):
     kind = law.instance_class if isinstance(law, types.BaseNamedTuple) else type(law)
     chosen = _of_type(kind)
+    with_supply: Callable[..., Forces] = _FED.get(kind, _fed)
 
     def forces(  # type: ignore[no-untyped-def]
         law, ex, ey, vx, vy, omega, c, mu, R, L, c_rate, supply_Pa=0.0
@@ -295,9 +319,9 @@ def _film_law(  # type: ignore[no-untyped-def]
     def fed(  # type: ignore[no-untyped-def]
         law, ex, ey, vx, vy, omega, c, mu, R, L, c_rate, supply_Pa=0.0
     ):
-        return _fed(law, ex, ey, vx, vy, omega, c, mu, R, L, c_rate, supply_Pa)
+        return with_supply(law, ex, ey, vx, vy, omega, c, mu, R, L, c_rate, supply_Pa)
 
-    return fed if kind is FedLaw else forces
+    return fed if kind in _FED else forces
 
 
 @kernel

@@ -89,8 +89,21 @@ def test_any_file_name_can_be_told(place: Path, capsys: pytest.CaptureFixture[st
 def test_a_model_that_is_not_used_is_exit_code_1(
     place: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert check.main(["seed"]) == 1
+    rig = place / "water"
+    shutil.copytree(SHIPPED / "seed", rig)
+    machine = rig / "machine.toml"
+    machine.write_text(re.sub(r"\[\[feed_port\]\]\n(?:\w.*\n)*", "", machine.read_text()))
+    assert check.main([str(rig)]) == 1
     assert "REFUSED classifier: " in capsys.readouterr().out
+
+
+def test_a_machine_with_orifices_is_monitor_only_and_says_why(
+    place: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert check.main(["seed"]) == 0
+    out = capsys.readouterr().out
+    assert "monitor only: feed_port: 4 orifices: the guard's laws know no feed but one" in out
+    assert "admissible over" not in out
 
 
 def test_each_figure_for_which_a_model_is_not_used(

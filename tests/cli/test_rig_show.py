@@ -12,9 +12,8 @@ from typing import Any
 import pytest
 
 from firmware_py import config
-from firmware_py.commands import rig, rig_figures
+from firmware_py.commands import rig, rig_tables
 from firmware_py.guard.envelope.shield import Shield
-from firmware_py.machine.folder import simulated_names
 
 WITHOUT_SIM = {
     "sampling",
@@ -39,7 +38,7 @@ def no_simulator(monkeypatch: pytest.MonkeyPatch) -> None:
             raise ModuleNotFoundError("No module named 'numba'", name="numba")
         return load(name, package)
 
-    monkeypatch.setattr(rig_figures.importlib, "import_module", absent)
+    monkeypatch.setattr(rig_tables.importlib, "import_module", absent)
 
 
 def shown(capsys: pytest.CaptureFixture[str], *options: str) -> dict[str, Any]:
@@ -48,7 +47,7 @@ def shown(capsys: pytest.CaptureFixture[str], *options: str) -> dict[str, Any]:
     return found
 
 
-@pytest.mark.parametrize("name", simulated_names())
+@pytest.mark.parametrize("name", ["bench"])
 @pytest.mark.usefixtures("no_simulator")
 def test_without_the_simulator_all_of_the_devices_own_laws_are_there(
     capsys: pytest.CaptureFixture[str], name: str

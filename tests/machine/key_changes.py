@@ -12,7 +12,7 @@ from firmware_py import config as configuration
 from firmware_py import signals
 from firmware_py.config import Config
 from firmware_py.config.checks import RELATED
-from firmware_py.machine import FastChannel, Machine, SlowChannel
+from firmware_py.machine import FastChannel, FeedPort, Machine, SlowChannel
 
 CHANGED: Final[Mapping[str, Any]] = {
     "name": "other",
@@ -23,6 +23,9 @@ CHANGED: Final[Mapping[str, Any]] = {
     "feed.groove_area_min_mm2": 1.0,
     "feed.groove_area_max_mm2": 2.0,
     "feed.full_film_bar": 0.24,
+    "feed_port.kind": "port",
+    "feed_port.axial_mm": 2.0,
+    "feed_port.pressure_bar": 2.0,
     "rotor.unbalance_measured": True,
     "rotor.effective_mass_at_bearing_kg": 1.8,
     "rotor.shaft_end_to_cg_m": 0.3,
@@ -74,6 +77,8 @@ NEEDS: Final[Mapping[str, Mapping[str, Any]]] = {
 """What else a key needs to say anything (``table@row.key``); it stands in the machine before and
 after."""
 
+CAPILLARY_KEYS: Final = ("feed_port.kind", "feed_port.capillary_length_mm")
+
 WATCHED: Final = ("other_bearing.", "bearing.name", "channel.bearing", "foreign.", "map.", "pads.")
 """Keys of bearings that are only watched, and of foreign buses: the bench has none, and a machine
 with pads is monitor only."""
@@ -119,9 +124,34 @@ def base(key: str) -> Config:
     if key.startswith("reading."):
         standard = [SlowChannel(name=row.name) for row in signals.READINGS]
         config = config.replaced(bus=bus, reading=[*standard, EXTRA])
+    if key.startswith("feed_port."):
+        config = with_ports(config, key)
     for other, value in NEEDS.get(key, {}).items():
         config = _with(config, other, value)
     return config
+
+
+def with_ports(config: Config, key: str) -> Config:
+    """``config`` fed through three openings instead of its groove, the first of the kind that has
+    ``key``."""
+    first = FeedPort("orifice", 90.0, bore_mm=0.5)
+    if key in CAPILLARY_KEYS:
+        first = FeedPort("capillary", 90.0, bore_mm=0.5, capillary_length_mm=20.0)
+    if "recess" in key or key.endswith("air_share"):
+        first = msgspec.structs.replace(
+            first, recess_width_deg=20.0, recess_length_mm=8.0, recess_volume_mm3=50.0
+        )
+    if key.endswith("air_share"):
+        first = msgspec.structs.replace(first, air_share=0.02)
+    rest = [FeedPort("port", angle, bore_mm=1.0, pressure_bar=1.0) for angle in (200.0, 320.0)]
+    drawn = ("groove_angle_deg", "groove_width_deg", "groove_length_share")
+    feed = msgspec.structs.replace(
+        config.machine.feed,
+        groove_area_min_mm2=0.0,
+        groove_area_max_mm2=0.0,
+        **dict.fromkeys(drawn),
+    )
+    return config.replaced(feed=feed, feed_port=[first, *rest])
 
 
 def changed(config: Config, key: str) -> Config:

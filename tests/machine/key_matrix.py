@@ -44,6 +44,9 @@ NOT_FOLLOWED: Final[Mapping[str, str]] = {
     "balance grade within `[spread]` of simulation.toml",
     "feed.groove_area_min_mm2": "bounds for the guard; the film in software takes the drawn groove",
     "feed.groove_area_max_mm2": "as groove_area_min_mm2",
+    "feed_port.recess_volume_mm3": "on the rotor's film a recess follows at once; `orbitd check` "
+    "says how late it is, the solver takes it with a memory",
+    "feed_port.air_share": "as recess_volume_mm3",
     "contact.film_error_share": "an uncertainty of the brain's; the circuit in software is exact",
     "channel.bandwidth_hz": "the trainer's sensors have no lag (stated in "
     "sim_hil/gym/vector_environment.py)",
@@ -107,6 +110,7 @@ class Before(NamedTuple):
 def before(key: str, kept: dict[str, Before]) -> Before:
     """Of the machine in which ``key`` is changed; the same for many keys."""
     film = "grooved" if key.startswith("feed.groove") else "fed" if fed(key) else ""
+    film = key if key.startswith("feed_port.") else film
     group = f"{film} {key.startswith('reading.')} {key in SCHEMA_2} {NEEDS.get(key)}"
     if group not in kept:
         config = base(key)

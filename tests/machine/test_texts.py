@@ -32,7 +32,8 @@ OF_THE_CHANNEL = {
 }  # fmt: skip
 PURE = {
     "pump_efficiency", "reversals_per_minute_max", "frames_per_block", "good_advices",
-    "max_regains_per_hour", "port", "instant", "friction", "damping_ratio", "teeth",
+    "max_regains_per_hour", "port", "discharge_coefficient", "instant", "friction", "damping_ratio",
+    "teeth",
 }  # fmt: skip
 """Numbers without a unit: counts and ratios."""
 

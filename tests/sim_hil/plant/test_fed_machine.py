@@ -2,6 +2,7 @@
 pump power."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -74,6 +75,7 @@ def test_backward_rotation_is_the_mirror_image() -> None:
 
 def test_a_rig_without_a_groove_has_no_fed_film() -> None:
     seed = load_rig("seed")
+    seed = replace(seed, supply=replace(seed.supply, ports=()))
     with pytest.raises(FilmError, match="not one axial groove"):
         SimulatedMachine(seed, Build.nominal(seed), 1, fed=True)
 
