@@ -147,8 +147,9 @@ def over_angle(signal: Floats, edges: Floats) -> Floats:
     """Means of ``signal`` (channels, n) between the places ``edges`` (m + 1,), counted in samples,
     shape (channels, m)."""
     integral = np.cumsum(signal, axis=1) - signal
-    # Sample i stands for [i - 1/2, i + 1/2): an edge at position t has t + 1/2 samples behind it.
-    position = np.clip(edges + 0.5, 0.0, signal.shape[1])
+    # Sample i stands for [i - 1/2, i + 1/2): an edge at position t has t + 1/2 samples behind it;
+    # the last one goes on, for of a fast shaft several edges lie in its second half.
+    position = np.maximum(edges + 0.5, 0.0)
     below = np.minimum(position.astype(np.intp), signal.shape[1] - 1)
     at_edges = integral[:, below] + (position - below) * signal[:, below]
     return np.asarray(np.diff(at_edges) / np.diff(position))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from firmware_py.acquire.features import FEATURE_NAMES, features
-from firmware_py.acquire.orders import Orders, analyse
+from firmware_py.acquire.orders import Orders, analyse, over_angle
 from firmware_py.acquire.recorded_windows import iter_windows
 from firmware_py.acquire.windows import Window
 from firmware_py.config import read_machine
@@ -46,6 +46,16 @@ def test_amplitudes_of_a_known_orbit(speed_hz: float, rate: int) -> None:
     assert o.half_forward == pytest.approx(4e-6, rel=0.03)
     assert o.half_backward < 1e-7
     assert o.mean[:2] == pytest.approx([20e-6, -5e-6], abs=3e-7)
+
+
+def test_a_fast_shaft_has_a_mean_in_every_bin_up_to_the_last_mark() -> None:
+    """At 20 samples a turn several of the 32 bins lie in the second half of the last sample."""
+    signal = np.ascontiguousarray(np.linspace(0.0, 1.0, 200)[None])
+    for last in (199.0, 199.6, 199.999):
+        edges = last - np.arange(64, -1, -1) * (20.0 / 32.0) / 2
+        means = over_angle(signal, edges)
+        assert np.isfinite(means).all()
+        assert means[0, -1] == pytest.approx(1.0)
 
 
 def test_phase_is_counted_from_the_mark() -> None:

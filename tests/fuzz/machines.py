@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import random
 import tempfile
+import warnings
 from pathlib import Path
 from typing import Final
 
@@ -18,6 +19,7 @@ from firmware_py import launch
 from firmware_py.brain.core import BrainCore
 from firmware_py.commands import building
 from firmware_py.config import Config, ConfigError
+from firmware_py.config.simulation import load_simulation
 from firmware_py.guard.core import GuardCore
 from firmware_py.machine.parts import monitor_only
 from firmware_py.records import (
@@ -72,6 +74,7 @@ def judge(files: Files, folder: Path, seed: int) -> tuple[bool, list[str]]:
         path = written(files, Path(place))
         try:
             config = launch.verified(path)[0]
+            load_simulation(path)
             building.build(config, _models(config))
         except ConfigError as error:
             complaint = _complaint(error)
@@ -79,7 +82,9 @@ def judge(files: Files, folder: Path, seed: int) -> tuple[bool, list[str]]:
         except Exception as error:  # noqa: BLE001 -- any other exception is what is looked for
             return False, [f"check: {type(error).__name__}: {error}"]
         try:
-            return True, Loop(config, load_rig(path), seed).judged()
+            with warnings.catch_warnings():
+                warnings.simplefilter("error", RuntimeWarning)  # a figure that is no number
+                return True, Loop(config, load_rig(path), seed).judged()
         except Exception as error:  # noqa: BLE001 -- the same
             return True, [f"called good, but running: {type(error).__name__}: {error}"]
 

@@ -7,14 +7,18 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from firmware_py import launch
 from firmware_py.config import SHIPPED, Config, load
 from firmware_py.config.checks_machine import MACHINE_CHECKS
 from firmware_py.guard.core import GuardCore
 from firmware_py.machine import FixedPads
 from firmware_py.machine.parts import has_film_law, monitor_only
+from firmware_py.records import GuardState
 from firmware_py.wire.link import codec_for
+from sim_hil.film import pad_table
 from sim_hil.film.bore import PadBore
 from sim_hil.rigs import load_rig
+from tests.fuzz import machines
 
 LEMON = """
 [pads]
@@ -46,12 +50,35 @@ def test_pads_fit_into_a_turn(count: int, arc_deg: float, wrong: int) -> None:
     assert found.count("machine.pads.arc_deg") == wrong
 
 
-def test_a_folder_with_pads_is_simulated_between_them(tmp_path: Path) -> None:
+def folder(place: Path, pads: str) -> Path:
+    """The bench with pads."""
     for name in ("machine.toml", "device.toml", "simulation.toml"):
-        (tmp_path / name).write_text((SHIPPED / "bench" / name).read_text())
-    path = tmp_path / "machine.toml"
-    path.write_text(path.read_text() + LEMON)
-    rig = load_rig(tmp_path)
+        (place / name).write_text((SHIPPED / "bench" / name).read_text())
+    path = place / "machine.toml"
+    path.write_text(path.read_text() + pads)
+    return place
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(300)
+def test_a_lemon_runs_in_the_closed_loop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Five seconds of rig, guard and brain: watched, no command and no alarm."""
+    monkeypatch.setattr(pad_table, "CELLS", (10, 24, 16, 5))
+    monkeypatch.setattr(pad_table, "GRID", (64, 8))
+    monkeypatch.setattr(pad_table, "_cache", lambda: tmp_path / "films")
+    path = folder(tmp_path, LEMON.replace("offset_share = 1.0", ""))
+    loop = machines.Loop(launch.verified(path)[0], load_rig(path), 3)
+    assert loop.judged() == []
+    assert loop.only
+    states = [record for record in loop.told if isinstance(record, GuardState)]
+    assert not [alarm.name for state in states for alarm in state.alarms]
+    last = loop.plant.truth[-1]
+    assert last.min_film_um > 20.0
+    assert last.peak_to_peak_um < 5.0
+
+
+def test_a_folder_with_pads_is_simulated_between_them(tmp_path: Path) -> None:
+    rig = load_rig(folder(tmp_path, LEMON))
     assert rig.bearing.pads == FixedPads(2, 160.0, 0.5, offset_share=1.0)
     bore = PadBore.of(rig.bearing.pads)
     assert bore is not None
