@@ -33,8 +33,7 @@ CLEARANCE_M: Final = 60e-6
 RPM: Final = 6000.0
 STEP_S: Final = 100e-6
 RENEW: Final = 8
-"""A turn at 10000 rpm is cut into 60 steps; slopes of a film that does not know its own are renewed
-every eighth."""
+"""A turn at 10000 rpm is cut into 60 steps; the film's slopes are renewed every eighth."""
 WHIRL_RPM: Final = 12000.0
 WHIRL_N: Final = 30.0
 WHIRL_STEP_S: Final = 60.0 / WHIRL_RPM / 60

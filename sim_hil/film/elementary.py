@@ -77,18 +77,19 @@ def angle_of(y: float, x: float) -> float:
     """``atan2(y, x)`` for y >= 0, in [0, pi]; 0 where both are 0."""
     along = abs(x)
     most, least = max(along, y), min(along, y)
-    far = least > _ATAN_REDUCED * most
+    far, steep = least > _ATAN_REDUCED * most, y > along
     above, below = (least - most, least + most) if far else (least, most + _TINY)
-    z = above / below
+    # the octant's place and sense stand ready before the quotient does
+    start, sense = (0.25 * math.pi if far else 0.0), 1.0
+    start, sense = (0.5 * math.pi - start, -1.0) if steep else (start, sense)
+    start, sense = (math.pi - start, -sense) if x < 0.0 else (start, sense)
+    z = sense * above / below
     s = z * z
     s2 = s * s
     s4 = s2 * s2
     low = (_A[0] + _A[1] * s) + (_A[2] + _A[3] * s) * s2
     high = (_A[4] + _A[5] * s) + (_A[6] + _A[7] * s) * s2
-    angle = z * ((low + high * s4) + (_A[8] + _A[9] * s) * (s4 * s4))
-    angle = angle + 0.25 * math.pi if far else angle
-    angle = 0.5 * math.pi - angle if y > along else angle
-    return math.pi - angle if x < 0.0 else angle
+    return start + z * ((low + high * s4) + (_A[8] + _A[9] * s) * (s4 * s4))
 
 
 @inlined

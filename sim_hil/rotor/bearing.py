@@ -16,7 +16,8 @@ from sim_hil.film.elementary import exp_of
 from sim_hil.film.pad_shape import pad_gap
 from sim_hil.film.table_kernel import EPS_TABLE
 from sim_hil.jit import inlined
-from sim_hil.rotor.film_law import Forces, Law, film_law, film_point
+from sim_hil.rotor.film_law import Forces, Law, film_law
+from sim_hil.rotor.film_slopes import film_point
 from sim_hil.rotor.parameters import (
     FLOW,
     OIL,

@@ -26,6 +26,8 @@ NEWTON = 4
 """Evaluations of the film in a step at most."""
 _TURNED_SHARE = 0.1
 """Share by which the squeeze velocity may differ from that for which the slopes were taken."""
+_STALE_SHARE = 0.1
+"""Share of that from which on slopes are not kept for the next step."""
 _CROSSED_SHARE = 0.5
 
 
@@ -98,13 +100,13 @@ def meet_film(
     c: float,
     c_rate: float,
     dt: float,
-) -> tuple[Forces, Four, Eight]:
+) -> tuple[Forces, Four, Eight, bool]:
     """The film over a step of the journal.
 
     Parameters
     ----------
     held, fresh
-        Slopes for a film that does not know its own, and whether to take new ones.
+        Slopes of an earlier step, and whether to take new ones.
     rough
         Whether the step is Euler's.
     tries
@@ -118,9 +120,10 @@ def meet_film(
 
     Returns
     -------
-    forces, mean, slopes
+    forces, mean, slopes, stale
         Forces of the film where it was evaluated last; mean force of the step, N, and the
-        journal's velocity that it acted at; slopes of the film.
+        journal's velocity that it acted at; slopes of the film, and whether the next step needs
+        new ones because the forecast of this one left them something to do.
     """
     ex, ey, ux, uy = at[0], at[1], ahead[0], ahead[1]
     reach, into = (dt, 0.0) if rough else (back, back)
@@ -137,7 +140,7 @@ def meet_film(
         turned_x, turned_y = dx + half * into * dy, dy - half * into * dx
         ux, uy = ux + dx, uy + dy
         allowed = _TURNED_SHARE * _TURNED_SHARE * (sx * sx + sy * sy)
-        same = turned_x * turned_x + turned_y * turned_y < allowed
-        if i + 1 >= tries and (rough or same):
+        missed = turned_x * turned_x + turned_y * turned_y
+        if i + 1 >= tries and (rough or missed < allowed):
             break
-    return force, (fx, fy, ux, uy), held
+    return force, (fx, fy, ux, uy), held, missed >= _STALE_SHARE * _STALE_SHARE * allowed

@@ -258,7 +258,7 @@ def substep(
 ) -> None:
     """One step of ``dt``: accelerations into ``st.a``, then velocities, positions, angle and time.
 
-    ``fresh``: take new slopes of a film that does not know its own.
+    ``fresh``: take new slopes of the film.
     """
     film, a, scalar, held = plant.film, st.a, st.scalar, st.film
     ex, ey = relative(plant, st.q)
@@ -273,13 +273,14 @@ def substep(
     turning = plant.shaft.to_bearing * plant.shaft.polar * omega / plant.shaft.diametral
     gyroscopic_x, gyroscopic_y = -turning * st.ahead[3], turning * st.ahead[2]
     slopes = held[0], held[1], held[2], held[3], held[4], held[5], held[6], held[7]
-    force, mean, slopes = meet_film(
-        film, law, oil, slopes, fresh or rough, rough, 1, (ex, ey, wx, wy),
+    force, mean, slopes, stale = meet_film(
+        film, law, oil, slopes, fresh or rough or held[8] > 0.0, rough, 1, (ex, ey, wx, wy),
         (wx, wy) if rough else ahead, (px + gyroscopic_x, py + gyroscopic_y), film_mobility(plant),
         0.0, omega, c, c_rate, dt,
     )  # fmt: skip
     for i in range(8):
         held[i] = slopes[i]
+    held[8] = 1.0 if stale else 0.0
     fx, fy = mean[0], mean[1]
     push(plant, a, fx, fy)
     drive_on(plant, st, omega, alpha, dt)

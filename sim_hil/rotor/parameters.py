@@ -198,7 +198,8 @@ class State(NamedTuple):
     ``q``, ``v``: rotor x, y, tilt dx/dz, tilt dy/dz; pedestal x, y, roll; motor x, y, roll. ``a``:
     their accelerations in the last step.  ``slip``: slip of the eight feet.  ``mode``: three
     housing modes, position and velocity.  ``lag``: sensor lags.  ``ring``: anti-alias history, each
-    instant stored twice.  ``film``: slopes of the film force (:mod:`sim_hil.rotor.film_step`).
+    instant stored twice.  ``film``: slopes of the film force, and 1 where they are stale
+    (:mod:`sim_hil.rotor.film_step`).
     ``ahead``: velocities at the instant of the positions, forecast from ``a``. ``scalar``: the
     named indices below.
     """
@@ -268,7 +269,7 @@ def new_state(
         mode=np.zeros(6),
         lag=np.zeros(N_SENSORS),
         ring=np.zeros((2 * taps, N_SENSORS)),
-        film=np.zeros(8),
+        film=np.zeros(9),
         ahead=np.zeros(10),
         scalar=scalar,
     )

@@ -33,7 +33,7 @@ from sim_hil.rotor.parameters import (
 )
 
 RENEW_STEPS = 4
-"""Steps for which the slopes are kept of a film that does not know its own."""
+"""Steps for which the slopes of the film are kept where it is smooth."""
 COLUMNS = (
     "x_m",
     "y_m",
@@ -142,7 +142,8 @@ def advance_rotor(
     a = (0.0, 0.0, 0.0, 0.0)
     tries, age = 2, renew  # the first step knows no acceleration to forecast with
     per_period = 1 / period
-    ex, ey, _, _ = journal(s, now)
+    ex, ey, wx, wy = journal(s, now)
+    gain_x = gain_y = 0.0
     thin = gap(film, ex, ey, scalar[CLEARANCE] + film.wear)
     for n in range(out.shape[0]):
         alpha = (drive[n + 1, 0] - drive[n, 0]) * per_period
@@ -157,18 +158,20 @@ def advance_rotor(
             middle = moved(now, a, 0.5, 0.5 * dt)
             angle = scalar[ANGLE] + 0.5 * dt * (omega - 0.25 * alpha * dt)
             a = without_film(s, middle, angle, omega, alpha, load)
-            ex, ey, wx, wy = at = journal(s, now)
-            x, y, vx, vy = journal(s, middle)
+            # the journal's own motion, which the next film waits for, comes straight from the film
+            vx, vy = wx + gain_x, wy + gain_y
+            x, y = ex + 0.5 * dt * vx, ey + 0.5 * dt * vy
             rough = crossing(thin, ex, ey, wx, wy, c, dt) or near(film, x, y, c)
             age += 1
             fresh = rough or age >= renew
             age = 0 if fresh else age
-            force, mean, slopes = meet_film(
-                film, law, oil, slopes, fresh, rough, tries, at, (wx, wy) if rough else (vx, vy),
+            force, mean, slopes, stale = meet_film(
+                film, law, oil, slopes, fresh, rough, tries, (ex, ey, wx, wy),
+                (wx, wy) if rough else (vx, vy),
                 (a[0] + b * a[2], a[1] + b * a[3]), (mobility, mobility), 0.5 * dt, omega,
                 c + 0.5 * dt * c_rate, c_rate, dt,
             )  # fmt: skip
-            tries = 1
+            tries, age = 1, renew if stale else age
             fx, fy, vx, vy = mean
             a = (
                 a[0] + fx * per_mass,
@@ -181,7 +184,10 @@ def advance_rotor(
             flow += force[3]
             c += c_rate * dt
             now = moved(now, a, 1.0 if rough else 0.5, dt)
-            ex, ey, _, _ = journal(s, now)
+            gain_x, gain_y = vx - wx, vy - wy
+            ex, ey = ex + dt * vx, ey + dt * vy
+            wx, wy = (vx, vy) if rough else (vx + gain_x, vy + gain_y)
+            gain_x, gain_y = (0.5 * gain_x, 0.5 * gain_y) if rough else (gain_x, gain_y)
             thin = gap(film, ex, ey, c)
             smallest = min(smallest, thin)
         scalar[POWER], scalar[FLOW] = power / substeps, force[3]

@@ -14,6 +14,7 @@ from sim_hil.film.elementary import direction_of, exp_of
 from sim_hil.jit import inlined, kernel
 from sim_hil.rotor.bearing import bearing_force, gap, heat_oil, oil_now
 from sim_hil.rotor.film_law import Law
+from sim_hil.rotor.film_slopes import knows_slopes
 from sim_hil.rotor.kernel import move_actuator, relative, substep
 from sim_hil.rotor.parameters import (
     ANGLE,
@@ -161,8 +162,8 @@ def advance(
     ambient
         Shape (n, 4): broadband force on pedestal (x, y) and motor (x, y), N, held over a period.
     period
-        Sampling period, s; ``substeps`` equal steps each, with fresh slopes of the film every
-        ``kept``.
+        Sampling period, s; ``substeps`` equal steps each, with fresh slopes of a film that
+        does not know its own every ``kept``.
     signals, truth, marks
         Written: filtered channels (n, 8); :data:`TRUTH_COLUMNS` (n, 14); time of a mark edge from
         the start of the period, s, or -1 (n,).
@@ -181,7 +182,7 @@ def advance(
             omega = drive[n, 0] + alpha * dt * k
             load = drive[n, 1] + (drive[n + 1, 1] - drive[n, 1]) * k / substeps
             before = scalar[ANGLE]
-            fresh = k % kept == 0
+            fresh = knows_slopes(law) or k % kept == 0
             substep(plant, st, law, fresh, omega, alpha, load, c, c_rate, oil, ambient[n], dt)
             power += scalar[POWER]
             if scalar[ANGLE] >= turn or scalar[ANGLE] < 0.0:

@@ -7,7 +7,8 @@ import pytest
 
 from sim_hil.film import FilmError, film_force
 from sim_hil.film.table import FilmTable, table_force
-from sim_hil.film.table_kernel import CONTACT_STIFFNESS_N_M, EPS_TABLE
+from sim_hil.film.table_kernel import CONTACT_STIFFNESS_N_M, EPS_TABLE, table_slopes
+from sim_hil.jit import kernel
 
 C, MU, R, L = 60e-6, 0.01, 0.02, 0.02
 GRIDS = ((112, 14), (224, 28))
@@ -139,3 +140,46 @@ def test_saved_table_is_the_built_one(tmp_path, monkeypatch):
     assert built.save(tmp_path).name == "table_ld1.npz"
     monkeypatch.setattr("sim_hil.film.table._DATA", tmp_path)
     np.testing.assert_array_equal(FilmTable.load(1.0).coefficients, built.coefficients)
+
+
+@kernel
+def known_slopes(
+    table: np.ndarray, e: np.ndarray, v: np.ndarray, omega: float, rate: float
+) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    return table_slopes(table, e[0], e[1], v[0], v[1], omega, C, MU, R, L, rate)
+
+
+@pytest.mark.parametrize("omega", [600.0, -600.0, 0.0])
+def test_the_table_knows_its_slopes(coefficients, omega):
+    """Against central differences, at random eccentricities and squeezes."""
+    rng = np.random.default_rng(11)
+    for eps, at, to in rng.uniform([0.01, -np.pi, -np.pi], [0.98, np.pi, np.pi], (50, 3)):
+        e = eps * C * np.array([np.cos(at), np.sin(at)])
+        v = 0.2 * C * 600.0 * np.array([np.cos(to), np.sin(to)])
+        force, slopes = known_slopes(coefficients, e, v, omega, 0.0)
+        assert force == pytest.approx(table_force(coefficients, *e, *v, omega, C, MU, R, L))
+        de, dv = 1e-6 * (C - np.hypot(*e)), 1e-6 * C * 600.0
+        columns = []
+        for which, step in ((0, de), (1, de), (2, dv), (3, dv)):
+            ends = []
+            for sign in (1, -1):
+                state = np.concatenate([e, v])
+                state[which] += sign * step
+                ends.append(table_force(coefficients, *state, omega, C, MU, R, L)[:2])
+            columns.append((np.array(ends[0]) - ends[1]) / (2 * step))
+        for found, wanted in (
+            (slopes[:4], np.array(columns[:2]).T),
+            (slopes[4:], np.array(columns[2:]).T),
+        ):
+            np.testing.assert_allclose(
+                np.reshape(found, (2, 2)), wanted, atol=1e-4 * np.abs(wanted).max()
+            )
+
+
+@pytest.mark.parametrize("rate", [0.01, 0.3, 5.0])
+def test_slopes_and_force_agree_on_a_moving_clearance(coefficients, rate):
+    e, v = np.array([2e-5, 1e-5]), np.array([1e-3, 5e-4])
+    force, _ = known_slopes(coefficients, e, v, 300.0, rate * 1e-3)
+    assert force == pytest.approx(
+        table_force(coefficients, *e, *v, 300.0, C, MU, R, L, rate * 1e-3)
+    )
