@@ -5,13 +5,16 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from firmware_py import config
 from firmware_py.config.bearings import views
+from firmware_py.config.checks_added import ADDED_CHECKS
 from firmware_py.config.checks_measures import oil_dangers
+from firmware_py.config.measure_schema import MeasureConfig
 from firmware_py.config.measure_types import Effect, JudgedWhile
-from firmware_py.config.measures import groups, measures, oil, vibration
+from firmware_py.config.measures import groups, measures, oil, probes_at, vibration
 from firmware_py.machine.folder import shipped_names
 from firmware_py.records import Severity
 
@@ -195,6 +198,7 @@ def test_a_machine_without_oil_has_no_rows_for_it(tmp_path: Path) -> None:
     assert "no measure of that name" in found["measure[0].name"]
 
 
+WINDOW = 'sense = "window"\nalert_low = 0.1\ndanger_low = 0.05\ndanger = 4.0'
 ADDED = """
 [[measure]]
 name = "{name}"
@@ -214,7 +218,12 @@ unit = "{unit}"
         ("position", "", "share", ""),
         ("rms", "acc_motor", "m/s2", ""),
         ("velocity_rms", "acc_motor", "mm/s", "band_low_hz = 5.0"),
-        ("mean", "supply_pressure", "bar", 'sense = "window"\nalert_low = 0.1'),
+        (
+            "mean",
+            "supply_pressure",
+            "bar",
+            'sense = "window"\nalert_low = 0.1\ndanger_low = 0.05\ndanger = 4.0',
+        ),
         ("reading", "oil_outlet", "degC", ""),
         ("speed", "", "rpm", 'sense = "falling"\njudged = "armed"\ndanger = 0.5'),
     ],
@@ -389,3 +398,26 @@ reset_rpm = 3000.0
     }
     assert set(found) == set(words)
     assert {key: text for key, text in words.items() if text not in found[key]} == {}
+
+
+def test_smax_of_a_further_bearing_is_that_of_its_own_probes(tmp_path: Path) -> None:
+    text = ADDED.format(name="orbit_nde", quantity="smax", source="nde", unit="um")
+    loaded = changed(tmp_path, f"{text}alert = 50.0\n", "kit")
+    assert measures(loaded)[-1].source == "nde"
+    places = probes_at(loaded, "nde")
+    assert {loaded.machine.channel[i].bearing for i in places} == {"nde"}
+    assert not set(places) & set(probes_at(loaded, ""))
+
+
+@pytest.mark.parametrize(("danger", "faulty"), [(18.0, False), (30.0, True)])
+def test_a_velocity_sensor_has_five_times_the_range_of_danger(danger: float, faulty: bool) -> None:
+    bench = config.load(config.SHIPPED / "bench")[0]
+    pickup = msgspec.structs.replace(
+        bench.machine.channel[4], name="vel", kind="velocity", unit="m/s", scale=1e-5,
+        ok_low=-0.15, ok_high=0.15,
+    )  # fmt: skip
+    row = MeasureConfig("casing", quantity="rms", source="vel", unit="mm/s", danger=danger)
+    seen = bench.replaced(channel=[*bench.machine.channel[:4], pickup], measure=[row])
+    found = [each for check in ADDED_CHECKS for each in check(seen)]
+    assert bool(found) is faulty
+    assert all("its peak times 5 is" in cause for _, _, cause in found)

@@ -15,6 +15,7 @@ the same on every machine.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from math import cos, pi, sqrt, tan
 from typing import Any, Final, NamedTuple
 
@@ -84,7 +85,7 @@ class Metered(NamedTuple):
     whole: bool
 
 
-class ChannelMeter:
+class ChannelMeter(ABC):
     """Base of the meters: which blocks are in the window.
 
     Parameters
@@ -144,11 +145,13 @@ class ChannelMeter:
         whole = n * self._period_s >= needed_s and not hole
         return Metered(self._value(n, needed_s / self._period_s), whole)
 
+    @abstractmethod
     def _piece(self, block: Block, counts: Counts, gap_us: int) -> Piece | None:
-        raise NotImplementedError
+        """What is kept of a block; None of one that is not kept."""
 
+    @abstractmethod
     def _value(self, n: int, needed: float) -> float:
-        raise NotImplementedError
+        """The value of ``n`` samples in the window, which shall have ``needed``."""
 
 
 class SumsMeter(ChannelMeter):

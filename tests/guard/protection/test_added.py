@@ -7,10 +7,20 @@ from math import pi
 import msgspec
 import pytest
 
+from firmware_py.config.measure_schema import MeasureConfig
+from firmware_py.guard.protection.added import AddedFacts, AddedMeasures
 from firmware_py.guard.state import CoreState
-from firmware_py.records import ArmState, GuardState
+from firmware_py.machine import SlowChannel
+from firmware_py.records import (
+    ArmState,
+    GuardState,
+    ReadingQuality,
+    RigReading,
+    RigStatus,
+    SlowValue,
+)  # fmt: skip
 
-from ..scripted_node import Bench
+from ..scripted_node import MS, Bench, bench
 from .test_voting import at_work, told
 
 DELAY_WITHIN_S = 0.02
@@ -249,6 +259,33 @@ def test_casing_velocity_votes() -> None:
     b.run(0.6)
     alarm = next(a for a in told(b).alarms if a.name == "velocity_de_danger")
     assert alarm.value == pytest.approx(1e3 * 6.0 / (2 * pi * 100.0), rel=0.01)
+
+
+def test_a_reading_of_the_rig_itself_is_judged_while_it_is_ok() -> None:
+    row = MeasureConfig(
+        "metal_hot", quantity="reading", source="metal", unit="degC", danger=90.0,
+        danger_delay_s=0.5,
+    )  # fmt: skip
+    metal = SlowChannel("metal", kind="temperature", ok_low=0.0, ok_high=150.0)
+    stage = AddedMeasures(bench().replaced(reading=[metal], measure=[row]), [])
+    facts = AddedFacts(6000.0, True, False, {}, lambda name: None)
+
+    def told(celsius: float, seconds: float, now_ns: int, quality: int = 0) -> list[str]:
+        status, found = RigStatus(0, 0, 0.0, 0.0, 0.0, 0.0), list[str]()
+        for k in range(round(seconds * 20)):
+            t_ns = now_ns + k * 50 * MS
+            values = {"metal": SlowValue(celsius, 0, quality)}
+            reading = RigReading(k, t_ns, 0, status, None, values)
+            found += [notice.name for notice in stage.step([], [reading], facts, t_ns)]
+        return found
+
+    assert told(80.0, 1.0, 1000 * MS) == []
+    assert told(95.0, 1.0, 2000 * MS, int(ReadingQuality.FAULT)) == []
+    assert not stage.ballot("metal_hot").ok
+    assert told(95.0, 1.0, 3000 * MS) == ["metal_hot_danger"]
+    assert stage.ballot("metal_hot")[:2] == (True, True)
+    assert stage.reset()[0].startswith("still beyond: metal_hot (reading) 95 degC, danger above 90")
+    assert stage.set_points.tripped() == ["metal_hot_danger"]
 
 
 def test_the_state_goes_on_from_a_snapshot_and_old_ones_are_read() -> None:
