@@ -11,13 +11,24 @@ from typing import Any
 
 from rich.console import Console
 
+from firmware_py.brain.store import load_models
+from firmware_py.config import Config
+from firmware_py.machine.parts import monitor_only
 from sim_hil.demo import latency, live_run, simulated
 from sim_hil.demo.counterfactual import rerun_fixed
 from sim_hil.demo.host import HostProbe, HostTiming
 from sim_hil.demo.live import Quiet, Screen
 from sim_hil.demo.observer import StoryObserver
 from sim_hil.demo.recording import recorded
-from sim_hil.demo.report import BusCount, LoopTiming, Outcome, as_dict, summary
+from sim_hil.demo.report import (
+    CLASSIFIER,
+    COMMAND,
+    BusCount,
+    LoopTiming,
+    Outcome,
+    as_dict,
+    summary,
+)
 from sim_hil.demo.scores import KillScore, score_faults, score_film, score_forecasts, score_kill
 from sim_hil.demo.setting import Setting, prepare
 from sim_hil.demo.story import Story, draw
@@ -156,4 +167,18 @@ def _outcome(
         score_film(observer, config.limits.min_film_um, SETTLED_S, slowest_rad_s),
         kills,
         rerun_fixed(duty_truth, setting, story.seed),
+        lacking(config),
     )
+
+
+def lacking(config: Config) -> dict[str, str]:
+    """What the device lacks on this machine: nothing is commanded where it is monitor only, no
+    fault is named without a classifier made for it."""
+    found = {}
+    if why := monitor_only(config.machine):
+        found[COMMAND] = f"monitor only: {why[0]}"
+    models = load_models(config)
+    if models.classifier is None:
+        why_not = models.refusals.get("classifier") or models.off.get("classifier", "none")
+        found[CLASSIFIER] = f"no classifier for this machine: {why_not}"
+    return found

@@ -3,8 +3,8 @@ read."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field
 from typing import Any, Final
 
 from firmware_py.records import Severity
@@ -57,6 +57,8 @@ class Outcome:
     film: FilmScore
     kills: list[KillScore]
     counterfactual: Counterfactual
+    lacking: Mapping[str, str] = field(default_factory=dict)
+    """What the device lacks on this machine, of `CLASSIFIER` and `COMMAND`, and why."""
 
     @property
     def actual_W(self) -> float:
@@ -72,6 +74,8 @@ class Outcome:
             if event.severity == Severity.DANGER and event.name == "tripped"
         ]
 
+
+CLASSIFIER, COMMAND = "classifier", "command"
 
 TERMS: Final[dict[str, Callable[[Outcome], bool]]] = {
     "no frame or block lost": lambda o: o.bus.frames_lost == 0 and o.bus.blocks_lost == 0,
@@ -97,10 +101,19 @@ TERMS: Final[dict[str, Callable[[Outcome], bool]]] = {
 }
 """``ok`` is the conjunction of these; ``failed_terms`` names those that do not hold."""
 
+NEEDS: Final = {
+    "every fault named": CLASSIFIER,
+    "less power than the fixed nominal clearance": COMMAND,
+    f"power forecast within {POWER_FORECAST_PCT:g} % (p95)": COMMAND,
+    f"target safe within {TARGET_SAFE_MS:g} ms of a kill, process back": COMMAND,
+}
+"""Terms that a device without that cannot hold: they are named and not judged."""
+
 
 def as_dict(outcome: Outcome) -> dict[str, Any]:
     """The result under its published keys."""
-    failed = [name for name, holds in TERMS.items() if not holds(outcome)]
+    missing = {name: outcome.lacking[k] for name, k in NEEDS.items() if k in outcome.lacking}
+    failed = [n for n, holds in TERMS.items() if n not in missing and not holds(outcome)]
     estimate = _device_estimate_W(outcome)
     actual = outcome.actual_W
     return {
@@ -128,6 +141,7 @@ def as_dict(outcome: Outcome) -> dict[str, Any]:
         "ok": not failed,
         "ok_is": "all of: " + "; ".join(TERMS),
         "failed_terms": failed,
+        "not_judged": missing,
     }
 
 
@@ -182,7 +196,8 @@ def summary(result: dict[str, Any]) -> list[str]:
     lines += [f"trip      at {trip['t_s']:.1f} s: {trip['text']}" for trip in result["trips"]]
     lines += _latency_lines(result["latency_ms"])
     verdict = "all held" if result["ok"] else "did not hold: " + "; ".join(result["failed_terms"])
-    return [*lines, f"verdict   {verdict}"]
+    missing = [f"missing   {name}: {why}" for name, why in result["not_judged"].items()]
+    return [*lines, *missing, f"verdict   {verdict}"]
 
 
 def _latency_lines(latency: dict[str, Any]) -> list[str]:

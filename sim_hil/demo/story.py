@@ -200,7 +200,8 @@ class _Teller:
         severity = float(
             self.rng.choice(UNBALANCE_GRADES_G if name == "unbalance" else BOLT_PRELOADS_PERCENT)
         )
-        speed_rpm = float(self.rng.uniform(max(low, 0.25 * high), 0.6 * high))
+        slowest = max(low, 0.25 * high)
+        speed_rpm = float(self.rng.uniform(slowest, max(slowest, 0.6 * high)))
         hold = _OperatingPoint(speed_rpm, self._load(float(self.rng.uniform(60, 200))))
         ramp = self._ramp_s(point, hold)
         beats = [

@@ -9,6 +9,8 @@ import msgspec
 import pytest
 
 from firmware_py.config import SHIPPED, load
+from sim_hil.demo.play import lacking
+from sim_hil.demo.report import CLASSIFIER, COMMAND, NEEDS, TERMS
 from sim_hil.demo.story import (
     BOLT_PRELOADS_PERCENT,
     FAULT_VERDICTS,
@@ -100,3 +102,18 @@ def test_a_machine_of_another_range_is_told_a_story_of_its_own() -> None:
     assert all(200.0 <= beat.speed_rpm <= 900.0 for beat in points)
     assert all(2000.0 <= beat.load_N <= 9000.0 for beat in points)
     assert len({beat.load_N for beat in points}) > 2
+
+
+def test_a_machine_whose_range_is_narrow_is_told_one_too() -> None:
+    narrow = load(SHIPPED / "seed")[0].machine.operating
+    for seed in range(20):
+        speeds = [b.speed_rpm for b in draw(120.0, seed, narrow).beats if b.verb == "operating"]
+        assert narrow.speed_min_rpm <= min(speeds) <= max(speeds) <= narrow.speed_max_rpm
+
+
+def test_what_a_device_cannot_do_on_a_machine_is_named_and_not_judged() -> None:
+    assert lacking(load(SHIPPED / "bench")[0]) == {}
+    told = lacking(load(SHIPPED / "seed")[0])
+    assert told[COMMAND].startswith("monitor only: feed_port: 4 orifices")
+    assert "made for 'bench'" in told[CLASSIFIER]
+    assert set(NEEDS) < set(TERMS)
