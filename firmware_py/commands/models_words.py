@@ -146,8 +146,7 @@ def list_words(found: Listing) -> list[str]:
     if running is None:
         lines.append("device      none runs here: the pointer holds from the next start")
     else:
-        beside = "nothing" if running.beside is None else layers(running.beside)
-        lines.append(f"device      uses {layers(running.active)}; beside: {beside} {running.role}")
+        lines.append(f"device      uses {running_words(running)}")
     if pointer.former is not None:
         lines.append(f"rollback to {layers(pointer.former)}")
     lines.append(f"in shadow   {pointer.shadow or 'nothing'}")
@@ -155,6 +154,12 @@ def list_words(found: Listing) -> list[str]:
         lines.append(f"ROLLED BACK {pointer.rolled_back}")
     lines += [f"on shelf    {s['id']} {s['name']}: {s['files']}" for s in found.sets]
     return lines
+
+
+def running_words(running: ModelsInUse) -> str:
+    """What a running device uses, and what runs beside."""
+    beside = "nothing" if running.beside is None else f"{layers(running.beside)} ({running.role})"
+    return f"{layers(running.active)}; beside: {beside}"
 
 
 def layers(names: Sequence[str]) -> str:

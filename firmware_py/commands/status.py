@@ -9,6 +9,7 @@ import msgspec
 from firmware_py import launch
 from firmware_py.commands import commission
 from firmware_py.commands.authority import connect
+from firmware_py.commands.models_words import running_words
 from firmware_py.gate.view import DeviceState
 from firmware_py.records import Alarm, ArmState, GuardState, Mode, Severity
 
@@ -51,6 +52,8 @@ def _lines(state: DeviceState) -> list[str]:
             f"forecast    {power:.0f} W, film {film:.1f} um in {state.forecast.horizon_s:g} s"
         )
     lines += commission.lines(state.commission if state.rooms.get("brain") else None, state.normal)
+    if state.models and (state.models.active or state.models.beside is not None):
+        lines.append(f"models      {running_words(state.models)}")
     alarms = [_alarm(alarm, state.now_ns) for alarm in state.alarms] or ["none"]
     lines += [f"{'alarms' if number == 0 else '':<12}{text}" for number, text in enumerate(alarms)]
     if state.recording:

@@ -27,6 +27,7 @@ from firmware_py.recording import TOPICS, RecordingError
 from firmware_py.records import (
     Block,
     BrainSnapshot,
+    CommandReply,
     Diagnosis,
     PeerRecord,
     Record,
@@ -42,6 +43,7 @@ HISTORY_NS: Final = 4_000_000_000
 LATE_NS: Final = 500_000_000
 """A step comes before the cycles that it took from by no more than this in a recording."""
 _DIAGNOSIS: Final = TOPICS[Diagnosis].name
+_REPLY: Final = TOPICS[CommandReply].name
 
 
 class BrainReport(msgspec.Struct):
@@ -75,6 +77,22 @@ class BrainReport(msgspec.Struct):
         return not self.different and not self.snapshots_different
 
 
+class _NotingLibrary:
+    """The sets of ``library``; ``missing`` says which one could not be had."""
+
+    def __init__(self, library: Library) -> None:
+        self._library = library
+        self.missing = ""
+
+    def load(self, layers: Sequence[str]) -> Models:
+        """See :class:`~firmware_py.brain.succession.Library`."""
+        try:
+            return self._library.load(layers)
+        except (ModelError, SetError) as error:
+            self.missing = str(error)
+            raise
+
+
 class BrainReplay:
     """Replays the brain of one recording.
 
@@ -101,7 +119,7 @@ class BrainReplay:
         library: Library | None = None,
     ) -> None:
         self._config, self._models, self._cpu_features = config, models, cpu_features
-        self._library = library
+        self._library = _NotingLibrary(library) if library else None
         self._due = deque(steps)
         told = Counter(message.topic for step in steps for message in step.outputs)
         self.report = BrainReport(recorded=dict(told))
@@ -188,9 +206,21 @@ class BrainReplay:
             self._core = None
             report.steps_set_aside += 1
             return
-        report.steps += 1
         late = (step.late[0], step.late[1]) if step.late else (0, 0)
-        self._compare(recorded, self._core.step(records, step.now_ns, late))
+        said = self._core.step(records, step.now_ns, late)
+        if self._library and self._library.missing and self._answers_otherwise(recorded, said):
+            report.models_missing = report.models_missing or self._library.missing
+            report.steps_set_aside += 1
+            self._core = None
+            return
+        report.steps += 1
+        self._compare(recorded, said)
+
+    def _answers_otherwise(self, recorded: RecordedStep, said: list[PeerRecord]) -> bool:
+        """Whether a command is answered otherwise than then."""
+        ours = {_key(record): plain(record) for record in said if isinstance(record, CommandReply)}
+        told = [m for m in recorded.outputs if m.topic == _REPLY]
+        return any(ours.get((m.topic, fields(m).get("seq", 0))) != fields(m) for m in told)
 
     def _restored(self, snapshot: list[BrainSnapshot]) -> BrainCore | None:
         """The brain at ``snapshot``; None where not all of it, or of its samples, is there."""
