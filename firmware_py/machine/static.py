@@ -83,7 +83,7 @@ def resting(
         atan2(sine, cosine),
         clearance_m * (1.0 - eccentricity),
         friction * speed_rad_s,
-        _stiffness(film, k, eccentricity, per_m4 / clearance_m),
+        _stiffness(film, k, per_m4 / clearance_m),
     )
 
 
@@ -110,7 +110,7 @@ def shaft_beyond_m(machine: Machine) -> float | None:
     return rotor.shaft_end_to_cg_m - rotor.bearing_to_cg_m - 0.5 * machine.bearing.length_m
 
 
-def _stiffness(film: StaticFilm, knot: int, eccentricity: float, per_m4: float) -> Matrix:
+def _stiffness(film: StaticFilm, knot: int, per_m4: float) -> Matrix:
     """The film pushes back along the eccentricity with ``W cos`` and across with ``W sin``.
 
     ``per_m4`` makes N/m of the table's force over eccentricity.
@@ -124,7 +124,7 @@ def _stiffness(film: StaticFilm, knot: int, eccentricity: float, per_m4: float) 
     (back0, side0), (back1, side1) = force(first), force(last)
     back, side = force(knot)
     k_rr, k_tr = (back1 - back0) / step, -(side1 - side0) / step
-    k_rt, k_tt = side / eccentricity, back / eccentricity
+    k_rt, k_tt = side / film.eccentricity[knot], back / film.eccentricity[knot]
     s, c = film.sine[knot], film.cosine[knot]
     # from along and across the eccentricity to along and across the load
     a, b = c * k_rr - s * k_tr, c * k_rt - s * k_tt

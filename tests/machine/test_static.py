@@ -120,3 +120,14 @@ def test_the_range_of_the_film_and_where_it_stops_being_laminar() -> None:
     wider = msgspec.structs.replace(machine.bearing, radial_clearance_offset_um=5.0)
     moved = msgspec.structs.replace(machine, bearing=wider)
     assert laminar_up_to_um(moved) == pytest.approx(limit_um - 5.0, rel=1e-9)
+
+
+@pytest.mark.parametrize("load_N", [0.2, 0.5, 1.0, 2.0, 5.0])
+def test_a_light_shaft_has_the_cross_stiffness_of_a_centred_one(load_N: float) -> None:
+    rest = resting(static_film(RADIUS, LENGTH), CLEARANCE, MU, SPEED, load_N)
+    assert rest is not None
+    (k11, k12), (k21, k22) = rest.stiffness_N_m
+    centred = load_N / (CLEARANCE - rest.film_m)
+    assert (k12, -k21) == pytest.approx((centred, centred), rel=0.05)
+    assert 0.0 < k11 < 0.1 * k12
+    assert 0.0 < k22 < 0.1 * k12
