@@ -44,9 +44,12 @@ from firmware_py.machine.parts import (
 )
 from firmware_py.machine.probes import probe_errors
 from firmware_py.machine.restrictor import restrictor
+from firmware_py.machine.simulation import Simulation
 from firmware_py.machine.static import shaft_beyond_m
 from firmware_py.machine.values import MachineTable
 
+FIRST_ORDER_SHARE: Final = 0.6
+"""Of the greatest runout, as ``spread.runout_max_um`` has it."""
 REASON_SHOWN: Final = 300
 """Characters of a refusal that names many figures; ``--all`` shows it whole."""
 MORE: Final = " .. and more: --all shows them"
@@ -136,6 +139,8 @@ def _check(path: Path, as_json: bool, whole: bool) -> int:
         for kind, reason in refused.items():
             said = reason if whole else shorten(reason, REASON_SHOWN, placeholder=MORE)
             print(f"  REFUSED {kind}: {said}")
+        for line in simulated_apart(config, load_simulation(path)) if path.is_dir() else ():
+            print(f"  {line}")
         if path.is_file():
             print("  first schema: `orbitd migrate OLD.toml FOLDER` makes a rig folder of it")
         for line in [*_film(config), sampling.described(config)]:
@@ -149,6 +154,31 @@ def _check(path: Path, as_json: bool, whole: bool) -> int:
             print(f"  {len(defaults)} keys at their default: --all shows them")
     shipped_for_others = why and not config.models.directory
     return 1 if refused and not shipped_for_others else 0
+
+
+def simulated_apart(config: Config, simulation: Simulation) -> list[str]:
+    """Where the simulator would run another machine than the one described: cautions, no faults."""
+    operating, drive, spread = config.machine.operating, simulation.drive, simulation.spread
+    ends = (
+        ("drive.start_speed_rpm", drive.start_speed_rpm, operating.speed_min_rpm,
+         operating.speed_max_rpm, "rpm"),
+        ("drive.start_load_N", drive.start_load_N, operating.load_min_N, operating.load_max_N, "N"),
+        ("duty.speed_rpm", max((corner.speed_rpm for corner in simulation.duty), default=None),
+         0.0, operating.speed_max_rpm, "rpm"),
+    )  # fmt: skip
+    said = [
+        f"{key} = {value:g} {unit} is outside what the machine is declared for, {low:g} .. {high:g}"
+        for key, value, low, high, unit in ends
+        if value is not None and not low <= value <= high
+    ]
+    declared_um = 1e6 * probe_errors(config.machine).runout_m
+    first_um = FIRST_ORDER_SHARE * (spread.runout_max_um or 0.0)
+    if first_um > declared_um * (1.0 + 1e-9):
+        said.append(
+            f"spread.runout_max_um = {spread.runout_max_um:g} um gives probes {first_um:g} um of "
+            f"the first order, declared are {declared_um:g}"
+        )
+    return [f"simulation.toml: {line}; leave the key out to follow the machine" for line in said]
 
 
 def _film(config: Config) -> list[str]:

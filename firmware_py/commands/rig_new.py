@@ -1,7 +1,8 @@
 """``orbitd rig new FOLDER``: a complete rig folder to edit, each key with what it means.
 
 The figures come from a shipped rig or from a folder.  A shipped rig is no machine of yours, and
-is known better than any: its uncertainties become the schema's defaults, which a lab can reach.
+is known better than any: its uncertainties become the schema's defaults, which a lab can reach, and
+its simulation follows the machine as you edit it.
 """
 
 from __future__ import annotations
@@ -23,7 +24,8 @@ from firmware_py.config.written import FolderError, write_rig
 from firmware_py.machine.folder import METAVAR, SIMULATION, find, own_set, shipped_names
 from firmware_py.machine.parts import ACTUATOR, FEED, OTHERS, READINGS
 from firmware_py.machine.probes import PROBES
-from firmware_py.machine.values import NAME_PATTERN, WORDS, MachineTable
+from firmware_py.machine.simulation import Simulation
+from firmware_py.machine.values import NAME_PATTERN, WORDS, MachineTable, Section
 
 UNCERTAIN = "_error_"
 """In the name of every key that says how well another is known."""
@@ -89,7 +91,7 @@ def texts_for(source: str, name: str, *, monitor: bool = False) -> dict[str, str
     simulated = (path / SIMULATION).is_file() or path.is_file()
     simulation = load_simulation(path) if simulated else None
     if source in shipped_names():
-        config = as_known(config)
+        config, simulation = as_known(config), following(simulation)
     if monitor:
         config, simulation = watched(config), None
     config = config.replaced(
@@ -143,6 +145,21 @@ def as_known(config: Config) -> Config:
         if "[" not in name
     }
     return config.replaced(**tables)
+
+
+def following(simulation: Simulation | None) -> Simulation | None:
+    """``simulation`` without what may follow ``machine.toml``: a machine that is edited there is
+    simulated as edited; the duty of a shipped rig is none of another machine."""
+    if simulation is None:
+        return None
+    tables = {
+        name: msgspec.structs.replace(
+            table, **{f.name: None for f in msgspec.structs.fields(table) if f.default is None}
+        )
+        for name, table in msgspec.structs.asdict(simulation).items()
+        if isinstance(table, Section)
+    }
+    return msgspec.structs.replace(simulation, **tables, duty=[])
 
 
 def reachable(table: MachineTable) -> dict[str, float]:

@@ -59,7 +59,11 @@ def test_a_new_rig_is_that_of_its_source_but_for_what_nobody_knows_so_well(
             if value != getattr(before, key)
         }
         assert all("_error_" in key for key in differs), (name, differs)
-    assert load_simulation(folder) == load_simulation(find(source))
+    simulated, theirs = load_simulation(folder), load_simulation(find(source))
+    assert simulated.foundation == theirs.foundation
+    assert simulated.forces == theirs.forces
+    assert (simulated.drive.start_load_N, simulated.spread.runout_max_um) == (None, None)
+    assert simulated.duty == []
 
 
 def test_a_copy_of_a_folder_keeps_every_figure_and_says_what_each_means(tmp_path: Path) -> None:
@@ -115,3 +119,23 @@ def test_what_is_there_stays_and_nothing_is_left_half(
     assert cli.main(["rig", "new", str(tmp_path / "full")]) == 2
     assert "No space left" in capsys.readouterr().err
     assert {path.name for path in tmp_path.iterdir()} == {"mine", "My Rig"}
+
+
+def test_a_simulator_that_would_run_another_machine_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = new(tmp_path / "my_rig")
+    capsys.readouterr()
+    assert check.main([str(folder)]) == 0
+    assert "simulation.toml" not in capsys.readouterr().out
+    (folder / "simulation.toml").write_text(
+        "[drive]\nstart_load_N = 500.0\n[spread]\nrunout_max_um = 20.0\n"
+        "[[duty]]\nspeed_rpm = 40000.0\nload_N = 50.0\nseconds = 0.0\n"
+    )
+    assert check.main([str(folder)]) == 0
+    out = capsys.readouterr().out
+    assert "drive.start_load_N = 500 N is outside what the machine is declared for" in out
+    assert "duty.speed_rpm = 40000 rpm is outside" in out
+    assert "20 um gives probes 12 um of the first order, declared are 6" in out
+    assert check.main(["bench"]) == 0
+    assert "simulation.toml" not in capsys.readouterr().out
