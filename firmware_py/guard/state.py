@@ -271,11 +271,8 @@ class Stages:
 
     def ballot(self, measure: str) -> Ballot:
         """What a measure of a group says."""
-        for vibration in self.vibrations:
-            if vibration.measures(measure):
-                return vibration.ballot(measure)
-        owner = self.added if self.added.owns(measure) else self.oil
-        return owner.ballot(measure)
+        stages = (*self.vibrations, self.added, self.oil)
+        return next(s for s in stages if s.set_points.may_vote(measure)).ballot(measure)
 
     @property
     def measures(self) -> bool:

@@ -105,10 +105,6 @@ class AddedMeasures:
             [],
         )
 
-    def owns(self, measure: str) -> bool:
-        """Whether it is one of its rows."""
-        return any(row.name == measure for row in self.rows)
-
     @property
     def state(self) -> AddedState:
         """The stage's memory (for snapshots)."""

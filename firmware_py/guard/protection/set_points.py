@@ -167,9 +167,14 @@ class SetPointAlarms:
     def ballot(self, measure: str, ok: bool) -> Ballot:
         """The vote of ``measure``, which is OK or not."""
         name = self._dangers[measure]
+        danger = self.states[name].standing
         return Ballot(
-            ok and measure not in self.bypassed, self.states[name].standing, self.said(name)
+            ok and measure not in self.bypassed, danger, self.said(name) if danger else ""
         )
+
+    def may_vote(self, measure: str) -> bool:
+        """Whether ``measure`` is one of its own, and has a danger."""
+        return measure in self._dangers
 
     def said(self, name: str) -> str:
         """What is passed, for people: value, set point, and the place of the key."""

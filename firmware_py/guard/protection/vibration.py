@@ -173,10 +173,6 @@ class Protection:
             if self._stands(name)
         }
 
-    def measures(self, measure: str) -> bool:
-        """Whether it is one of its own measures."""
-        return any(row.name == measure for row in self._rows)
-
     def ballot(self, measure: str) -> Ballot:
         """The vote of a channel: one that saturates in step with the shaft is OK, and votes."""
         return self._set.ballot(measure, not self._state.not_ok[measure].standing)
