@@ -271,8 +271,11 @@ class Stages:
 
     def ballot(self, measure: str) -> Ballot:
         """What a measure of a group says."""
-        stages = (*self.vibrations, self.added, self.oil)
-        return next(s for s in stages if s.set_points.may_vote(measure)).ballot(measure)
+        stages: list[Protection | AddedMeasures] = [*self.vibrations, self.added]
+        for stage in stages:
+            if stage.set_points.may_vote(measure):
+                return stage.ballot(measure)
+        return self.oil.ballot(measure)
 
     @property
     def measures(self) -> bool:
