@@ -67,7 +67,8 @@ def _parser() -> argparse.ArgumentParser:
         "--size",
         choices=("trial", "full"),
         default="full",
-        help="full: up to an hour on two cores, sealed test apart; trial: minutes, provisional",
+        help="full: about half an hour on two cores, sealed test apart; trial: minutes, "
+        "provisional",
     )
     parser.add_argument("--seed", type=seed, default=0, help="every random number follows from it")
     parser.add_argument(
