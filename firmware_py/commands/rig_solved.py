@@ -17,6 +17,7 @@ from firmware_py.commands.rig_figures import (
 )
 from firmware_py.config import Config
 from firmware_py.guard.envelope.cost import Corner, corners
+from firmware_py.machine import Machine
 from firmware_py.machine.feeds import CAPILLARY, RESTRICTED, FeedPort
 from firmware_py.machine.lubricant import viscosity_Pa_s
 from firmware_py.machine.parts import ROTOR, has
@@ -82,7 +83,7 @@ def _film(config: Config, built_um: float, states: list[tuple[str, Any]]) -> Rig
         rows.append([name, *found])
     return RigFigures(
         "film", "Film at rest at the corners",
-        f"by the solver, with its feed at {nominal_bar(machine.feed):g} bar, in {built_um:g} um, "
+        f"by the solver, {_fed(machine)}, in {built_um:g} um, "
         f"oil at {machine.lubricant.inlet_max_C:g} degC; it must stay above limits.min_film_um = "
         f"{config.limits.min_film_um:g} um; -: it does not carry the load",
         ("corner", "film um", "eccentricity", "attitude deg", "power W", "flow L/min"), rows,
@@ -141,3 +142,10 @@ def _whirl(config: Config, solve: Any) -> RigFigures:
         "below each; inf: none whirls, -: the film does not carry the load",
         ("clearance um", *(_named(corner) for corner in corners(config))), rows,
     )  # fmt: skip
+
+
+def _fed(machine: Machine) -> str:
+    """How the film gets its oil."""
+    if machine.feed_port:
+        return f"with its feed at {nominal_bar(machine.feed):g} bar"
+    return "from grooves between its pads at ambient pressure"
