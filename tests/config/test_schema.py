@@ -73,6 +73,7 @@ def table() -> dict[str, Any]:
         tables["machine"]["bearing"] | {"name": "nde", "load_min_N": 1.0, "load_max_N": 2.0}
     ]
     tables["machine"]["feed_port"] = [{"kind": "port", "angle_deg": 90.0, "bore_mm": 2.0}]
+    tables["machine"]["pads"] = {"count": 2, "arc_deg": 150.0, "preload": 0.5}
     tables["machine"]["map"] = [{"signal": "VIB.X", "to": "disp_x", "instant": 0, "every_ms": 100}]
     tables["machine"]["foreign"] = {"dbc": "plant.dbc"}
     tables["limits_at"] = [

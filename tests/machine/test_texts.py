@@ -28,12 +28,12 @@ CHOSEN = {
 
 OF_THE_CHANNEL = {
     "scale", "offset", "ok_low", "ok_high", "range_low", "range_high", "zero_error",
-    "zeroed_zero_error", "noise_rms", "wire_scale",
+    "zeroed_zero_error", "noise_rms", "wire_scale", "alert", "danger", "alert_low", "danger_low",
 }  # fmt: skip
 PURE = {
     "pump_efficiency", "reversals_per_minute_max", "frames_per_block", "good_advices",
     "max_regains_per_hour", "port", "discharge_coefficient", "instant", "friction", "damping_ratio",
-    "teeth",
+    "teeth", "count", "preload", "factor", "disagreement_max", "disagreement_decisions",
 }  # fmt: skip
 """Numbers without a unit: counts and ratios."""
 
