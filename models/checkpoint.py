@@ -36,13 +36,12 @@ def load(path: Path) -> Any:
     if hashlib.sha256(payload).digest() != digest:
         raise CheckpointError(
             f"{path}: checkpoint of {len(data)} bytes is damaged (SHA-256 differs); nothing was "
-            "overwritten: delete that file to repeat its step, or train without --resume"
+            "overwritten: delete that file to repeat its step"
         )
     try:
         return pickle.loads(payload)
     except (AttributeError, ImportError, pickle.UnpicklingError) as error:
         raise CheckpointError(
             f"{path}: checkpoint of another version of the code ({error}); nothing was "
-            f"overwritten: "
-            "delete the folder, or train without --resume"
+            f"overwritten: delete that folder of checkpoints"
         ) from error

@@ -63,17 +63,20 @@ def load_settings(kind: type[S], path: Path | None) -> S:
         raise SettingsError(f"{path}: {error}; known keys: {known}") from error
 
 
-def without_places(settings: object) -> dict[str, Any]:
-    """Settings as they are told: a file or folder by its own name, for runs and cards travel; not
-    how many processes worked, on which nothing depends."""
+def without_places(settings: object, home: Path | None = None) -> dict[str, Any]:
+    """Settings as they are told: a file or folder by its own name, for runs and cards travel, and
+    ``home`` without a name, for it may be copied under another; not how many processes worked, on
+    which nothing depends."""
     told: dict[str, Any] = {}
     for key, value in msgspec.to_builtins(settings).items():
         if key == "workers":
             continue
         if isinstance(value, dict):
-            told[key] = without_places(value)
+            told[key] = without_places(value, home)
+        elif key in PLACES and value:
+            told[key] = "." if Path(str(value)) == home else Path(str(value)).name
         else:
-            told[key] = Path(str(value)).name if key in PLACES and value else value
+            told[key] = value
     return told
 
 
@@ -95,6 +98,8 @@ class TrainingRun:
         The file that the settings came from, for the line that reproduces the run.
     command
         That line itself, where this run is a part of another command.
+    home
+        Folder of the machine, where the run lies in it and travels with it.
     """
 
     def __init__(
@@ -108,6 +113,7 @@ class TrainingRun:
         resume: bool = False,
         config: Path | None = None,
         command: str = "",
+        home: Path | None = None,
     ) -> None:
         self.kind, self.seed, self.settings, self.smoke, self._config = (
             kind,
@@ -122,7 +128,7 @@ class TrainingRun:
         self._board: Any = None
         self._logged = 0
         self._started = time.monotonic()
-        content = {"model": kind, "seed": seed, "smoke": smoke, **without_places(settings)}
+        content = {"model": kind, "seed": seed, "smoke": smoke, **without_places(settings, home)}
         if resume:
             self._check_same(content)
         else:

@@ -19,6 +19,7 @@ from typing import Any, Final, TypeVar
 from firmware_py import __version__
 from firmware_py.errors import OrbitdError
 from models import PHYSICS_VERSION
+from sim_hil.processes import end_with_parent
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -48,7 +49,8 @@ def map_in_order(make: Callable[[T], R], items: Sequence[T], workers: int) -> It
         yield from map(make, items)
         return
     context = multiprocessing.get_context("spawn")
-    with _single_threaded(), ProcessPoolExecutor(workers, mp_context=context) as pool:
+    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=end_with_parent)
+    with _single_threaded(), pool:
         yield from pool.map(make, items)
 
 

@@ -29,6 +29,9 @@ NEEDED: Final = {
 }
 """Packages that a build needs, and the extra that brings each."""
 
+INTERRUPTED: Final = 130
+"""Exit code after Ctrl-C, as of every command."""
+
 WITHOUT: Final = (
     "What this device does without them: it runs the models of FOLDER/models that another computer "
     "built (build there, copy the folder: it carries them), protects, analyses the orbit, and "
@@ -50,9 +53,17 @@ def main(argv: list[str]) -> int:
         raise BuildError(
             f"build: {', '.join(missing)} not installed: pip install 'orbitd[{extras}]'. {WITHOUT}"
         )
-    from models.builder.run import build  # brings torch: only when something is built
+    try:
+        from models.builder.run import build  # brings torch: only when something is built
 
-    return build(options)
+        return build(options)
+    except KeyboardInterrupt:
+        print(
+            f"orbitd build: interrupted; the same command goes on where it was "
+            f"({options.folder}/build)",
+            file=sys.stderr,
+        )
+        return INTERRUPTED
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -60,7 +71,8 @@ def _parser() -> argparse.ArgumentParser:
         prog="orbitd build",
         description="make the models of a machine from its rig folder",
         epilog="What is done stands in FOLDER/build; delete it when the set is there. Exit code 0: "
-        "FOLDER/models is there, or the machine has no use for it; 2: wrong input.",
+        "FOLDER/models is there, or the machine has no use for it; 2: wrong input; 130: "
+        "interrupted, the same command goes on.",
     )
     parser.add_argument("folder", type=Path, metavar="FOLDER", help="rig folder (`orbitd rig new`)")
     parser.add_argument(

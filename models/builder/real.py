@@ -15,6 +15,12 @@ from models.diagnosis.real_figures import REAL_RECORDINGS
 WINDOW_S = 1.0
 
 
+def check_there(folder: Path) -> None:
+    """Refuse what is no folder, which a build does before it spends an hour."""
+    if not folder.is_dir():
+        raise BuildError(f"--data {folder}: no such folder; see docs/recordings.md")
+
+
 def real_figures(folder: Path, asked: bool, seed: int) -> dict[str, Any]:
     """What the method reaches on the recordings in ``folder``, each group left out in turn; without
     any, what it reaches on other people's machines.
@@ -25,9 +31,9 @@ def real_figures(folder: Path, asked: bool, seed: int) -> dict[str, Any]:
         The recordings that were asked for cannot be used.
     """
     others = {"of": "other people's machines", "figures": dict(REAL_RECORDINGS)}
-    if not folder.is_dir():
-        if asked:
-            raise BuildError(f"--data {folder}: no such folder; see docs/recordings.md")
+    if asked:
+        check_there(folder)
+    elif not folder.is_dir():
         return others
     try:
         data = windows_of(read_folder(folder, "group", None), WINDOW_S)

@@ -29,6 +29,7 @@ from firmware_py.records import CHANNELS
 from models import PHYSICS_VERSION
 from models.builder import BuildError
 from models.builder.sizes import Size, Sizes, sizes_of
+from models.checkpoint import CheckpointError
 from models.manifest import write_whole
 from models.runs import TrainerSettings, TrainingRun
 from models.workers import code_digest
@@ -112,19 +113,35 @@ class RigBuild:
         return done, False
 
     def train(self, kind: str, trainer: ModuleType, settings: TrainerSettings) -> Report:
-        """Train ``kind`` in the work folder, going on where it was interrupted."""
+        """Train ``kind`` in the work folder, going on where it was interrupted.
+
+        Raises
+        ------
+        BuildError
+            What lies there was made with other settings, or is damaged.
+        """
         there = self.work / f"{kind}-seed{self.seed}" / "config.json"
-        run = TrainingRun(
-            self.work,
-            kind,
-            self.seed,
-            settings,
-            smoke=False,
-            resume=there.is_file(),
-            command=self.command,
-        )
-        with closing(run):
-            report: Report = trainer.train(run, settings)
+        try:
+            run = TrainingRun(
+                self.work,
+                kind,
+                self.seed,
+                settings,
+                smoke=False,
+                resume=there.is_file(),
+                command=self.command,
+                home=self.folder,
+            )
+        except ValueError as error:  # other settings, or no JSON
+            raise BuildError(
+                f"{there}: not of this build: made with other settings, or damaged; delete "
+                f"{there.parent}, then the same command makes the {kind} anew"
+            ) from error
+        try:
+            with closing(run):
+                report: Report = trainer.train(run, settings)
+        except CheckpointError as error:
+            raise BuildError(f"{error}; then the same command goes on") from error
         return report
 
     def path(self, kind: str, name: str) -> str:

@@ -22,7 +22,7 @@ from firmware_py.machine.folder import own_set, shipped_names
 from firmware_py.model_sets.manifest import KINDS
 from models.builder import BuildError
 from models.builder.finish import move_in
-from models.builder.real import real_figures
+from models.builder.real import check_there, real_figures
 from models.builder.report import report_of
 from models.builder.rig_build import RigBuild, StageResult, alone
 from models.builder.stages import STAGES, sealed
@@ -37,9 +37,11 @@ def build(options: argparse.Namespace) -> int:
     Raises
     ------
     BuildError, ConfigError
-        The folder is none, is the package's, or has faults.
+        The folder is none, is the package's, or has faults; no recordings are where they shall be.
     """
     folder, console = _folder(options.folder), Console(stderr=True)
+    if options.data is not None:
+        check_there(options.data)
     config, _ = configuration.load(folder, (check_carried, check_safe))
     made = RigBuild.of(folder, config, options.size, options.seed, options.workers)
     for reason in dict.fromkeys(made.left_out.values()):
@@ -71,8 +73,10 @@ def _folder(named: Path) -> Path:
     if str(named) in shipped_names():
         raise BuildError(
             f"{named}: ships with its models; `orbitd rig new my_rig --from {named}` makes a "
-            f"folder to build (./{named} is a folder of that name)"
+            "folder to build" + (f" (./{named} is your folder)" if named.is_dir() else "")
         )
+    if named.is_file():
+        raise BuildError(f"{named}: a file; give its folder: `orbitd build {named.parent}`")
     if not named.is_dir():
         raise BuildError(f"{named}: no rig folder; `orbitd rig new {named}` makes one")
     if not os.access(named, os.W_OK):

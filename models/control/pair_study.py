@@ -32,6 +32,7 @@ from firmware_py.records import Block
 from sim_hil.plant.build import Build
 from sim_hil.plant.duty import Duty
 from sim_hil.plant.machine import SimulatedMachine
+from sim_hil.processes import end_with_parent
 from sim_hil.rigs import load_rig
 from sim_hil.rotor.parameters import TRUTH_COLUMNS, Floats
 
@@ -252,7 +253,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--workers", type=int, default=2)
     asked = parser.parse_args()
-    with ProcessPoolExecutor(asked.workers) as pool:
+    with ProcessPoolExecutor(asked.workers, initializer=end_with_parent) as pool:
         if asked.rest:
             for fault in ("none", "gain of both 0.2", "gain of both 0.5", "gain of x 0.2"):
                 seeds = range(asked.seed, asked.seed + asked.builds)

@@ -149,6 +149,7 @@ def _studies(
     from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
     from sim_hil.bound.study import FINE, QUICK, study
+    from sim_hil.processes import end_with_parent
 
     columns = (
         SpinnerColumn(),
@@ -157,7 +158,9 @@ def _studies(
     )
     with (
         Progress(*columns, console=Console(stderr=True), transient=True) as shown,
-        ProcessPoolExecutor(os.cpu_count(), mp_context=get_context("spawn")) as pool,
+        ProcessPoolExecutor(
+            os.cpu_count(), mp_context=get_context("spawn"), initializer=end_with_parent
+        ) as pool,
     ):
         results = {}
         for key, case in cases.items():

@@ -22,6 +22,7 @@ from sim_hil.plant.build import Build
 from sim_hil.plant.duty import Duty
 from sim_hil.plant.machine import SimulatedMachine
 from sim_hil.plant.runs import run
+from sim_hil.processes import end_with_parent
 from sim_hil.rigs import RigData
 from sim_hil.rotor.parameters import TRUTH_COLUMNS, Floats
 
@@ -96,7 +97,7 @@ def rerun_fixed(truth: list[StoryTruth], setting: Setting, seed: int) -> Counter
     nominal_um, low_um = bearing.radial_clearance_nominal_um, bearing.radial_clearance_min_um
     steps = int((bearing.radial_clearance_max_um - low_um) / GRID_STEP_UM)
     grid = sorted({nominal_um, *(low_um + GRID_STEP_UM * step for step in range(steps + 1))})
-    with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
+    with ProcessPoolExecutor(mp_context=get_context("spawn"), initializer=end_with_parent) as pool:
         results = list(pool.map(again.at, grid))
     nominal = next(fixed for fixed in results if fixed.clearance_um == nominal_um)
     best = min((f for f in results if f.feasible), key=lambda f: f.mean_power_W, default=None)

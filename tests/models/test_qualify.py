@@ -224,7 +224,7 @@ def test_a_checkpoint_of_other_code_is_named_and_left_alone(tmp_path, monkeypatc
     path = tmp_path / "films.ckpt"
     checkpoint.save(path, Gone())
     monkeypatch.delattr(f"{__name__}.Gone")
-    with pytest.raises(checkpoint.CheckpointError, match=r"films\.ckpt.*another version.*--resume"):
+    with pytest.raises(checkpoint.CheckpointError, match=r"films\.ckpt.*another version.*delete"):
         checkpoint.load(path)
 
 
@@ -234,7 +234,7 @@ def test_a_damaged_checkpoint_is_named_and_left_alone(tmp_path):
     path = run.folder / "checkpoints" / "films.ckpt"
     damaged = path.read_bytes()[:-1]
     path.write_bytes(damaged)
-    with pytest.raises(checkpoint.CheckpointError, match=r"films\.ckpt.*damaged.*--resume"):
+    with pytest.raises(checkpoint.CheckpointError, match=r"films\.ckpt.*damaged.*delete"):
         TrainingRun(tmp_path, "some", 0, Some(), smoke=False, resume=True).kept(
             "films", lambda: [1, 2, 3]
         )

@@ -12,10 +12,11 @@ import pytest
 
 from firmware_py.config import SHIPPED, load
 from models import ARTIFACTS
-from models.builder import NEEDED, BuildError, main
+from models.builder import NEEDED, BuildError, main, stages
 from models.builder.real import real_figures
 from models.builder.rig_build import RigBuild, StageResult, alone
 from models.builder.run import summary
+from models.runs import TrainingRun
 
 from ..rigs import bench_copy
 
@@ -45,8 +46,43 @@ def test_needed_packages_have_extras_of_the_project() -> None:
     [("bench", "orbitd rig new my_rig --from bench"), ("nowhere", "orbitd rig new nowhere")],
 )
 def test_what_is_no_folder_of_ones_own_is_refused(named: str, said: str) -> None:
-    with pytest.raises(BuildError, match=said):
+    with pytest.raises(BuildError, match=said) as e:
         main([named])
+    assert "your folder" not in str(e.value)
+
+
+def test_a_file_of_a_rig_folder_is_told_its_folder(tmp_path: Path) -> None:
+    folder = bench_copy(tmp_path / "mill")
+    with pytest.raises(BuildError, match=f"a file; give its folder: `orbitd build {folder}`"):
+        main([str(folder / "machine.toml")])
+
+
+def test_a_folder_named_as_a_shipped_rig_is_told_how_to_be_reached(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench_copy(tmp_path / "bench")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(BuildError, match=r"\(\./bench is your folder\)"):
+        main(["bench"])
+
+
+def test_missing_recordings_are_named_before_anything_is_built(tmp_path: Path) -> None:
+    shutil.copytree(SHIPPED / "kit", tmp_path / "kit")  # nothing is built for it
+    with pytest.raises(BuildError, match="--data nosuch: no such folder"):
+        main([str(tmp_path / "kit"), "--data", "nosuch"])
+
+
+def test_ctrl_c_says_that_the_same_command_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(*_: object) -> StageResult:
+        raise KeyboardInterrupt
+
+    folder = bench_copy(tmp_path / "mill")
+    monkeypatch.setitem(stages.STAGES, "surrogate", interrupted)
+    assert main([str(folder), "--size", "trial"]) == 130
+    said = capsys.readouterr().err
+    assert f"interrupted; the same command goes on where it was ({folder}/build)" in said
 
 
 def test_a_machine_that_is_only_watched_is_told_what_stands_in(
@@ -108,6 +144,53 @@ def test_a_stage_is_done_once(tmp_path: Path) -> None:
     again, kept_again = build.kept("stage", do)
     assert (len(calls), kept, kept_again) == (1, False, True)
     assert (again.report, again.files) == (first.report, first.files)
+
+
+@pytest.fixture
+def unfinished(tmp_path: Path) -> RigBuild:
+    """A build whose classifier has begun."""
+    build = build_of(bench_copy(tmp_path / "mill"))
+    settings = stages._classifier(build)
+    TrainingRun(build.work, "classifier", 0, settings, smoke=False, home=build.folder).close()
+    return build
+
+
+class Done:
+    """A trainer whose training has nothing left to do."""
+
+    @staticmethod
+    def train(run: TrainingRun, settings: object) -> dict[str, object]:
+        return {"made_in": run.kept("part", lambda: str(run.folder))}
+
+
+def test_a_half_done_build_travels(unfinished: RigBuild, tmp_path: Path) -> None:
+    made = unfinished.train("classifier", Done, stages._classifier(unfinished))
+    moved = tmp_path / "other place" / "mill2"
+    shutil.copytree(unfinished.folder, moved)
+    there = build_of(moved)
+    assert there.work.name == unfinished.work.name
+    assert there.work.is_dir()
+    assert there.train("classifier", Done, stages._classifier(there)) == made
+
+
+@pytest.mark.parametrize("content", ['{"model": "classifier"}', '{"mod'])
+def test_settings_that_do_not_belong_are_told_as_a_build_does(
+    unfinished: RigBuild, content: str
+) -> None:
+    there = unfinished.work / "classifier-seed0"
+    (there / "config.json").write_text(content)
+    with pytest.raises(BuildError, match=rf"config\.json: .*delete {there}") as e:
+        unfinished.train("classifier", Done, stages._classifier(unfinished))
+    assert "--resume" not in str(e.value)
+
+
+def test_a_damaged_checkpoint_is_told_as_a_build_does(unfinished: RigBuild) -> None:
+    unfinished.train("classifier", Done, stages._classifier(unfinished))
+    (kept,) = unfinished.work.glob("classifier-seed0/checkpoints/*")
+    kept.write_bytes(b"half")
+    with pytest.raises(BuildError, match=r"part\.ckpt.*delete.*the same command goes on") as e:
+        unfinished.train("classifier", Done, stages._classifier(unfinished))
+    assert "--resume" not in str(e.value)
 
 
 def test_a_figure_that_is_none_comes_back_as_none(tmp_path: Path) -> None:
