@@ -146,21 +146,20 @@ def test_a_stage_is_done_once(tmp_path: Path) -> None:
     assert (again.report, again.files) == (first.report, first.files)
 
 
-@pytest.fixture
-def unfinished(tmp_path: Path) -> RigBuild:
-    """A build whose classifier has begun."""
-    build = build_of(bench_copy(tmp_path / "mill"))
-    settings = stages._classifier(build)
-    TrainingRun(build.work, "classifier", 0, settings, smoke=False, home=build.folder).close()
-    return build
-
-
 class Done:
     """A trainer whose training has nothing left to do."""
 
     @staticmethod
     def train(run: TrainingRun, settings: object) -> dict[str, object]:
         return {"made_in": run.kept("part", lambda: str(run.folder))}
+
+
+@pytest.fixture
+def unfinished(tmp_path: Path) -> RigBuild:
+    """A build whose classifier has begun."""
+    build = build_of(bench_copy(tmp_path / "mill"))
+    build.train("classifier", Done, stages._classifier(build))
+    return build
 
 
 def test_a_half_done_build_travels(unfinished: RigBuild, tmp_path: Path) -> None:
@@ -185,7 +184,6 @@ def test_settings_that_do_not_belong_are_told_as_a_build_does(
 
 
 def test_a_damaged_checkpoint_is_told_as_a_build_does(unfinished: RigBuild) -> None:
-    unfinished.train("classifier", Done, stages._classifier(unfinished))
     (kept,) = unfinished.work.glob("classifier-seed0/checkpoints/*")
     kept.write_bytes(b"half")
     with pytest.raises(BuildError, match=r"part\.ckpt.*delete.*the same command goes on") as e:
