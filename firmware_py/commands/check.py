@@ -17,6 +17,7 @@ import msgspec
 
 from firmware_py import launch
 from firmware_py.brain.store import Model, Models
+from firmware_py.commands import set_points
 from firmware_py.commands.building import build, surroundings
 from firmware_py.config import Config, ConfigError, Source, sampling
 from firmware_py.config.limits import LIMITS_OFF
@@ -118,7 +119,9 @@ def _check(path: Path, as_json: bool, whole: bool) -> int:
             "good": True,
             "config": config,
             "admissible_everywhere_um": low_high_um,
+            "film_laws_up_to_um": low_high_um and laminar_up_to_um(machine),
             "monitor_only": why,
+            "cautions": list(set_points.remarks(config)),
             "absent": [absence._asdict() for absence in absences(machine)],
             "samples_per_turn": sampling.samples_per_turn(config),
             "analysis_up_to_rpm": sampling.highest_rpm(config, sampling.ANALYSIS),
@@ -143,7 +146,7 @@ def _check(path: Path, as_json: bool, whole: bool) -> int:
             print(f"  {line}")
         if path.is_file():
             print("  first schema: `orbitd migrate OLD.toml FOLDER` makes a rig folder of it")
-        for line in [*_film(config), sampling.described(config)]:
+        for line in [*set_points.remarks(config), *_film(config), sampling.described(config)]:
             print(f"  {line}")
         for line in [*derived(config), *provenance(config)]:
             print(f"  {line}")
@@ -211,9 +214,14 @@ def _rights(config: Config, admissible_um: tuple[float, float] | None) -> list[s
         return [f"monitor only: {reason}" for reason in monitor_only(config.machine)]
     low_um, high_um = admissible_um
     safe_um = config.machine.actuator.safe_radial_clearance_um
+    laws_um = laminar_up_to_um(config.machine)
+    beyond = (
+        f"; CAUTION: the laws of the film hold up to {laws_um:.1f} um, a wider bearing is judged "
+        "by laws that are not proven there"
+    )
     return [
         f"safe radial clearance {safe_um:g} um; {low_um:.1f} .. {high_um:.1f} um is admissible "
-        "over the whole declared range"
+        f"over the whole declared range{beyond if high_um > laws_um else ''}"
     ]
 
 

@@ -18,10 +18,10 @@ from rich.console import Console
 from rich.table import Table
 
 from firmware_py import launch
+from firmware_py.commands import set_points
 from firmware_py.commands.authority import ask
 from firmware_py.commands.rig_show import WIDTH
 from firmware_py.config import Config
-from firmware_py.config.added_measures import SMAX_SHARE
 from firmware_py.config.measure_schema import MultiplyConfig
 from firmware_py.config.measure_types import Group, Measure, SetPoint
 from firmware_py.config.measures import SPEED_HIGH, groups, may_bypass, measures
@@ -168,7 +168,7 @@ def _row(config: Config, measure: Measure, point: SetPoint, group: Group | None)
         measure.quantity,
         point.alarm,
         point.severity.name.lower(),
-        _set_point(config, measure, point),
+        set_points.said(config, measure, point),
         TURNS_DELAY if measure.name == SPEED_HIGH else f"{point.delay_ns * 1e-9:g} s",
         f"{100 * measure.hysteresis:g} %",
         point.latching,
@@ -178,15 +178,6 @@ def _row(config: Config, measure: Measure, point: SetPoint, group: Group | None)
         measure.name in bypassed and point.severity is Severity.DANGER,
         point.key,
     )
-
-
-def _set_point(config: Config, measure: Measure, point: SetPoint) -> str:
-    share = config.limits.clearance_share * (SMAX_SHARE if measure.kind == "smax" else 1.0)
-    cap = f", at most {share:g} of the radial clearance" if measure.capped else ""
-    if point.low is not None:
-        return f"outside {point.low:.5g} .. {point.limit:.5g} {measure.unit}"
-    side = "above" if measure.sign > 0.0 else "below"
-    return f"{side} {point.limit:.5g} {measure.unit}{cap}"
 
 
 def _when(measure: Measure, point: SetPoint) -> str:

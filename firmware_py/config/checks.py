@@ -63,9 +63,6 @@ CLEARANCE_RATIO_MAX: Final = 0.02
 CLEARANCE_RATIO_MIN: Final = 1e-4
 """Of the journal radius: thin-film theory ends above, and below heat takes up what is left."""
 
-DIAMETRAL_SHARE_MAX: Final = 0.7
-"""Of the diametral clearance: a danger limit above is hardly reached before the shaft touches."""
-
 SPEED_HIGH_SHARES: Final = (1.03, 1.25)
 """Of the greatest declared speed: above where authority ends, and where a rotor is still whole."""
 
@@ -189,22 +186,6 @@ def _oil_node(config: Config) -> Iterator[Found]:
         )
 
 
-def _displacement(config: Config) -> Iterator[Found]:
-    """A danger limit that the shaft reaches before it touches."""
-    limit_um = config.limits.displacement_danger_um
-    diametral_um = 2.0 * config.machine.bearing.radial_clearance_nominal_um
-    if limit_um > DIAMETRAL_SHARE_MAX * diametral_um:
-        yield (
-            "limits.displacement_danger_um",
-            limit_um,
-            (
-                f"above {DIAMETRAL_SHARE_MAX:g} x diametral clearance ({diametral_um:g} um); lower "
-                f"it or set "
-                "machine.bearing.radial_clearance_nominal_um"
-            ),
-        )
-
-
 def _speed_high(config: Config) -> Iterator[Found]:
     """A trip speed above what the machine runs at, and not far above."""
     limit_rpm = config.limits.speed_high_rpm
@@ -312,7 +293,6 @@ RELATED: Final[tuple[Callable[[Any], Iterator[Found]], ...]] = (
     _built,
     _groove,
     _oil_node,
-    _displacement,
     _speed_high,
     _retreat,
     _following,

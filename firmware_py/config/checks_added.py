@@ -159,6 +159,14 @@ def _band(config: Config) -> Iterator[Found]:
         if each.quantity == "velocity_rms" and each.band_low_hz > most:
             cause = f"above {most:g} Hz, {BAND_HIGH_SHARE:g} of sampling.rate_hz; lower it"
             yield f"measure[{i}].band_low_hz", each.band_low_hz, cause
+        elif each.quantity == "velocity_rms" and each.band_low_hz > (
+            first := config.machine.operating.speed_max_rpm / 60.0
+        ):
+            cause = (
+                f"above {first:g} Hz, the first order at machine.operating.speed_max_rpm: "
+                "unbalance is never in the band; lower it"
+            )
+            yield f"measure[{i}].band_low_hz", each.band_low_hz, cause
 
 
 ADDED_CHECKS: Final = (_sources, _levels, _seen, _band)

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterator
 from typing import Any, Final
 
+from firmware_py.config.checks_acting import ACTING_CHECKS
 from firmware_py.config.checks_added import ADDED_CHECKS
 from firmware_py.config.checks_channel import CREST_FACTOR, READABLE_SHARE
 from firmware_py.config.convert import Found
@@ -26,9 +27,6 @@ from firmware_py.records import Severity
 
 WRITTEN: Final = "measure["
 """Keys of limits that a row writes begin so."""
-
-ALERT_ENDS_BEFORE: Final = "trip"
-"""What an alert never does."""
 
 
 def oil_dangers(config: Config) -> dict[str, bool]:
@@ -89,9 +87,6 @@ def _whole(config: Config) -> Iterator[Found]:
             value = getattr(each, key)
             if value is not None and not danger:
                 yield f"measure[{i}].{key}", value, f"{each.name} has no danger; remove it"
-        if each.alert_effect == ALERT_ENDS_BEFORE:
-            cause = "an alert trips nothing; write retreat, or set danger"
-            yield f"measure[{i}].alert_effect", each.alert_effect, cause
         trips = each.danger_effect in (None, "trip")
         if danger and each.latching is False and trips and each.name not in groups:
             cause = f"{each.name} trips alone, and a trip is latched; let it vote in a [[group]]"
@@ -254,6 +249,6 @@ def _multiplied(config: Config) -> Iterator[Found]:
 
 
 MEASURE_CHECKS: Final = (
-    _known, _whole, _vibration_crossed, _oil_crossed, _readable, _votes, _one_vote,
+    _known, *ACTING_CHECKS, _whole, _vibration_crossed, _oil_crossed, _readable, _votes, _one_vote,
     _bypassed, _multiplied, *ADDED_CHECKS,
 )  # fmt: skip

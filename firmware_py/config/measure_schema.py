@@ -36,6 +36,7 @@ QuantityWord = Literal[
     "peak_to_peak", "amplitude_1x", "amplitude_not_1x", "smax", "position", "rms",
     "velocity_rms", "mean", "reading", "speed",
 ]  # fmt: skip
+AlertEffectWord = Literal["event", "alarm", "authority", "retreat"]
 EffectWord = Literal["event", "alarm", "authority", "retreat", "trip"]
 VoteWord = Literal["1oo1", "1oo2", "2oo2", "2oo3", "2oo2_strict"]
 
@@ -59,8 +60,8 @@ class MeasureConfig(Section, frozen=True):
     """Whether the danger alarm stands until `reset`; one that trips alone always does."""
     may_bypass: bool = False
     """Whether a person may bypass it, with owner, reason and end."""
-    alert_effect: EffectWord | None = None
-    """What alert does: event, alarm, authority, retreat."""
+    alert_effect: AlertEffectWord | None = None
+    """What alert does; it trips nothing."""
     danger_effect: EffectWord | None = None
     """What danger does: event, alarm, authority, retreat or trip; each does what those before it
     do."""

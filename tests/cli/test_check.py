@@ -17,8 +17,8 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import NameOID
 
-from firmware_py.commands import building, check
-from firmware_py.config import SHIPPED, ConfigError
+from firmware_py.commands import building, check, set_points
+from firmware_py.config import SHIPPED, ConfigError, load
 from tests.first_schema import BENCH
 
 
@@ -209,6 +209,26 @@ def test_up_to_which_speed_the_samples_suffice_is_told(
         "25 samples a turn at 12000 rpm; protection has its 20 up to 15000 rpm, analysis of the "
         "orbit its 64 up to 4688 rpm"
     ) in capsys.readouterr().out
+
+
+def test_what_is_hardly_meant_is_told_as_a_caution(place: Path) -> None:
+    rig = place / "narrow"
+    shutil.copytree(SHIPPED / "bench", rig)
+    machine, device = rig / "machine.toml", rig / "device.toml"
+    group = '[[group]]\nname = "both"\nmeasures = ["disp_x", "oil_outlet_high"]\nvote = "2oo2"\n'
+    device.write_text(device.read_text() + group)
+    text = machine.read_text()
+    machine.write_text(text.replace("runout_m = 6e-6", "runout_m = 9e-6"))
+    found = list(set_points.remarks(load(rig)[0]))
+    assert any("disp_x_alert: in force above 12.9 um at 40 um" in line for line in found)
+    assert any("group both: disp_x, oil_outlet_high do not see the same" in line for line in found)
+    assert list(set_points.remarks(load(SHIPPED / "bench")[0])) == []
+
+
+def test_widths_beyond_the_laws_of_the_film_are_offered_with_a_caution() -> None:
+    bench = load(SHIPPED / "bench")[0]
+    assert "CAUTION" not in check._rights(bench, (40.0, 129.0))[0]
+    assert "the laws of the film hold up to 130" in check._rights(bench, (40.0, 140.0))[0]
 
 
 def test_folders_that_cannot_be_written_are_named(place: Path) -> None:

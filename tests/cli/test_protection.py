@@ -9,8 +9,9 @@ from pathlib import Path
 import pytest
 
 from firmware_py.commands.protection import CAUTION, NO_PERMIT, main
-from firmware_py.config import SHIPPED
+from firmware_py.config import SHIPPED, load
 from firmware_py.errors import OrbitdError
+from firmware_py.guard.protection.vibration import Protection
 
 MORE = """
 [[measure]]
@@ -53,7 +54,8 @@ def test_the_matrix_has_a_row_for_each_set_point(capsys: pytest.CaptureFixture[s
     assert danger == {
         "measure": "disp_x", "source": "disp_x", "quantity": "displacement, peak-to-peak",
         "alarm": "disp_x_danger", "level": "danger",
-        "set_point": "above 70 um, at most 0.5 of the radial clearance", "delay": "3 s",
+        "set_point": "above 70 um, at most 0.5 of the radial clearance: 20 um at its least, 40 um",
+        "delay": "3 s",
         "hysteresis": "5 %", "latching": True, "judged": "always", "vote": "1oo1",
         "effect": "trip", "bypass": False, "key": "limits.displacement_danger_um",
     }  # fmt: skip
@@ -75,7 +77,8 @@ def test_votes_and_what_a_trip_does_not_do_are_said(
     assert NO_PERMIT in out
     assert main(["matrix", str(rig), "--json"]) == 0
     rows = {row["alarm"]: row for row in json.loads(capsys.readouterr().out)["rows"]}
-    assert rows["roll_alert"]["set_point"] == "above 8 um, at most 0.25 of the radial clearance"
+    capped = "above 8 um, at most 0.25 of the radial clearance: 8 um at its least, 40 um"
+    assert rows["roll_alert"]["set_point"] == capped
     assert rows["roll_alert"]["judged"] == "always, 0 .. 500 rpm"
     assert rows["power_danger"]["set_point"] == "outside 5 .. 900 W"
     assert rows["power_danger"]["judged"] == "while armed, from 1000 rpm"
@@ -83,6 +86,17 @@ def test_votes_and_what_a_trip_does_not_do_are_said(
     assert not rows["acc_motor_alert"]["bypass"]
     assert CAUTION in out
     assert "disp_y_danger" in out
+
+
+def test_the_alert_scales_with_its_danger_as_the_guard_has_it(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["matrix", "bench", "--json"]) == 0
+    rows = {row["alarm"]: row for row in json.loads(capsys.readouterr().out)["rows"]}
+    stage = Protection(load(SHIPPED / "bench")[0], [])
+    alert_um, _ = stage.set_points_um(40.0)
+    assert f"{alert_um:.4g} um at its least, 40 um" in rows["disp_x_alert"]["set_point"]
+    assert "at most 0.321 of the radial clearance" in rows["disp_x_alert"]["set_point"]
 
 
 @pytest.mark.parametrize("end", [["--minutes", "10"], ["--end"]])

@@ -7,11 +7,13 @@ from pathlib import Path
 
 import msgspec
 import pytest
+from msgspec import inspect
 
 from firmware_py import config
 from firmware_py.config.bearings import views
 from firmware_py.config.checks_added import ADDED_CHECKS
 from firmware_py.config.checks_measures import oil_dangers
+from firmware_py.config.meaning import meaning
 from firmware_py.config.measure_schema import MeasureConfig
 from firmware_py.config.measure_types import Effect, JudgedWhile
 from firmware_py.config.measures import groups, measures, oil, probes_at, vibration
@@ -134,7 +136,6 @@ latching = false
 [[measure]]
 name = "oil_outlet_low"
 danger = 10.0
-alert_effect = "trip"
 [[measure]]
 name = "acc_motor"
 danger = 120.0
@@ -164,7 +165,6 @@ vote = "2oo2_strict"
         "measure[4].latching": "a trip is latched",
         "measure[4].danger": "danger 0.45 bar of oil_pressure_low is not below its alert 0.4",
         "measure[5].danger": "has no danger; remove it",
-        "measure[5].alert_effect": "an alert trips nothing",
         "measure[6].danger": "outside 0 .. 97.5 m/s2, what acc_motor can show",
         "group[0].measures": "a vote over an empty group; name 2",
         "group[1].name": "named twice",
@@ -178,6 +178,90 @@ vote = "2oo2_strict"
     }
     assert set(found) == set(words)
     assert {key: text for key, text in words.items() if text not in found[key]} == {}
+
+
+ACTS = """
+[[measure]]
+name = "casing"
+quantity = "velocity_rms"
+source = "acc_motor"
+unit = "mm/s"
+alert = 0.0045
+danger = 0.0071
+[[measure]]
+name = "disp_x"
+alert = 0.045
+[[measure]]
+name = "late"
+quantity = "rms"
+source = "acc_motor"
+unit = "m/s2"
+danger = 20.0
+from_rpm = 12001.0
+[[measure]]
+name = "high"
+quantity = "velocity_rms"
+source = "acc_motor"
+unit = "mm/s"
+alert = 4.5
+band_low_hz = 201.0
+[[measure]]
+name = "disp_y"
+danger = 85.0
+[[measure]]
+name = "orbit"
+quantity = "smax"
+unit = "um"
+danger = 43.0
+[[measure]]
+name = "acc_motor"
+alert_effect = "retreat"
+danger_effect = "alarm"
+[[measure]]
+name = "oil_outlet_high"
+danger_effect = "event"
+latching = false
+[[multiply]]
+name = "beyond"
+measures = ["disp_x"]
+factor = 2.0
+from_rpm = 12001.0
+to_rpm = 13000.0
+max_s = 20.0
+reset_rpm = 3000.0
+"""
+
+
+def test_what_acts_never_or_always_is_refused_all_at_once(tmp_path: Path) -> None:
+    found = faults(tmp_path, ACTS)
+    words = {
+        "measure[0].alert": "write it in mm/s, not in m/s",
+        "measure[0].danger": "not above 0.113 mm/s",
+        "measure[1].alert": "write it in um, not in m or mm",
+        "measure[2].from_rpm": "above operating.speed_max_rpm (12000)",
+        "measure[3].band_low_hz": "above 200 Hz, the first order",
+        "measure[4].danger": "above 0.7 x diametral clearance (120 um)",
+        "measure[5].danger": "above 0.35 x diametral clearance (120 um)",
+        "measure[6].danger_effect": "danger does less (alarm) than alert (retreat)",
+        "measure[7].danger_effect": "danger does less (event) than alert (authority)",
+        "multiply[0].from_rpm": "above operating.speed_max_rpm (12000)",
+    }
+    assert {key: text for key, text in words.items() if text not in found.get(key, "")} == {}
+    assert set(found) == set(words)
+
+
+def test_a_further_bearing_has_its_own_clearance(tmp_path: Path) -> None:
+    text = '[[limits_at]]\nbearing = "nde"\ndisplacement_alert_um = 75.0\n'
+    found = faults(tmp_path, f"{text}displacement_danger_um = 270.0\n", "kit")
+    assert "x diametral clearance (380 um)" in found["limits_at[1].displacement_danger_um"]
+
+
+def test_an_alert_trips_nothing_and_its_remark_says_so(tmp_path: Path) -> None:
+    found = faults(tmp_path, '[[measure]]\nname = "disp_x"\nalert_effect = "trip"\n')
+    assert "alarm, authority, event, retreat" in found["measure[0].alert_effect"]
+    fields = inspect.type_info(MeasureConfig).fields  # type: ignore[attr-defined]
+    field = next(each for each in fields if each.name == "alert_effect")
+    assert '"trip"' not in meaning(MeasureConfig, field)
 
 
 def test_limits_that_cross_are_named_where_they_are_written(tmp_path: Path) -> None:

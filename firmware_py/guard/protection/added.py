@@ -17,7 +17,7 @@ import msgspec
 from firmware_py import signals
 from firmware_py.acquire.slow_pages import doubt_of
 from firmware_py.config import Config
-from firmware_py.config.added_measures import SMAX_SHARE, added
+from firmware_py.config.added_measures import added
 from firmware_py.config.instances import slow_signals
 from firmware_py.config.measure_types import JudgedWhile, Measure, SetPoint
 from firmware_py.config.measures import probes_at, voted
@@ -31,7 +31,7 @@ from firmware_py.guard.measurement.channel_meters import (
     VelocityMeter,
 )
 from firmware_py.guard.measurement.motion import ShaftMotion
-from firmware_py.guard.protection.set_points import Ballot, SetPointAlarms, in_force
+from firmware_py.guard.protection.set_points import Ballot, SetPointAlarms, cap_um, in_force
 from firmware_py.records import Alarm, Block, ChannelCause, RigReading, Severity, cause_of
 
 READING_AGE_NS: Final = 250_000_000
@@ -244,9 +244,8 @@ class AddedMeasures:
         factor = self._set.factor(row)
         if not row.capped:
             return in_force(row, factor=factor)
-        share = SMAX_SHARE if row.kind == "smax" else 1.0
         clearance_um = facts.bearings[self._at[row.name]].clearance_um
-        return in_force(row, factor=factor, cap=share * self._share * clearance_um)
+        return in_force(row, factor=factor, cap=cap_um(row, self._share, clearance_um))
 
     def _note(self, name: str, ok: bool) -> None:
         found = self._state.not_ok

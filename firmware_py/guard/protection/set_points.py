@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from math import inf
 from typing import NamedTuple
 
+from firmware_py.config.added_measures import SMAX_SHARE
 from firmware_py.config.measure_types import Effect, Measure, SetPoint
 from firmware_py.guard.alarms.alarm import QUIET_NS, AlarmState
 from firmware_py.records import Severity
@@ -29,6 +30,12 @@ def in_force(measure: Measure, *, factor: float = 1.0, cap: float = inf) -> list
         return limits
     capped = min(limits[-1], cap)
     return [*(each * (capped / limits[-1]) for each in limits[:-1]), capped]
+
+
+def cap_um(measure: Measure, share: float, clearance_um: float) -> float:
+    """What the highest set point of a capped measure is at most in a radial clearance, with
+    ``limits.clearance_share``."""
+    return (SMAX_SHARE if measure.kind == "smax" else 1.0) * share * clearance_um
 
 
 class SetPointAlarms:
