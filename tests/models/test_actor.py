@@ -297,7 +297,7 @@ def test_one_file_answers_like_the_module_inside_the_rigs_range(tmp_path, pressu
     torch.manual_seed(3)
     reach = Board("bench", 1.0, pressure).reach
     outputs = OUTPUTS[: reach.shape[1]]
-    actor = Actor(scale(), len(outputs), (32, 32))
+    actor = Actor(scale(load_rig("bench")), len(outputs), (32, 32))
     torch.nn.init.normal_(actor.net[-1].weight, std=0.5)
     module = BoundedSettings(actor, reach)
     metadata = export.Metadata("actor", "0", tuple(OBSERVATIONS), outputs, {}, (), "", {}, ())
@@ -310,7 +310,7 @@ def test_one_file_answers_like_the_module_inside_the_rigs_range(tmp_path, pressu
         output_names=outputs,
         metadata=metadata,
     )
-    observations = random_observations(10_000, 4)
+    observations = random_observations(load_rig("bench"), 10_000, 4)
     assert export.parity(columns, path, observations) <= 1e-6
     answers = OfFile(path)(observations)
     assert np.allclose(answers, OfModule(module)(observations), rtol=1e-5)

@@ -15,13 +15,14 @@ from models.control.commissioned import (
     apparent_mass_kg,
 )
 from models.control.episodes import Board, FixedSetting, play
-from models.control.shielded import column, shipped_config
+from models.control.shielded import column
 from sim_hil.film.equilibrium import equilibrium
 from sim_hil.gym.control_task import OBSERVATIONS, Disturbances, Episode
 from sim_hil.plant.build import Build
 from sim_hil.rigs import load_rig
 
-CONFIG, RIG = shipped_config("bench"), load_rig("bench")
+RIG = load_rig("bench")
+CONFIG = RIG.config
 
 
 def episode(seed: int) -> Episode:

@@ -8,7 +8,6 @@ import pytest
 from firmware_py.brain.store import Models, load_models
 from firmware_py.brain.verdict import CLASSES
 from models import nightly
-from models.control.shielded import shipped_config
 from models.nightly import CLASSIFIER, POLICY, WIDEST, flown, key_of, read, scenario, table
 from sim_hil.rigs import load_rig
 
@@ -54,7 +53,7 @@ def test_lines_of_other_models_and_torn_ones_are_left_out(tmp_path):
 
 
 def test_another_model_is_another_table():
-    models = load_models(shipped_config("bench"))
+    models = load_models(RIG.config)
     assert key_of(models, 1) != key_of(Models(None, models.actor, models.surrogate), 1)
     assert key_of(models, 1) != key_of(models, 2)
 
@@ -95,7 +94,7 @@ def test_a_class_is_right_by_share_of_decisions_and_real_figures_stand_beside():
 @pytest.mark.slow
 def test_the_whole_device_flies_a_scenario(monkeypatch):
     monkeypatch.setattr(nightly, "DUTY_S", 2.0)
-    config = shipped_config("bench")
+    config = RIG.config
     found = flown(RIG, config, load_models(config), 0, 1, POLICY)
     assert found["authority_share"] > 0.9
     assert found["violation_s"] == found["tripped"] == found["refused"] == 0.0

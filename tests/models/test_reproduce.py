@@ -80,17 +80,25 @@ def test_equation_2_integrated_apart_follows_the_compiled_rotor():
 
 @pytest.mark.slow
 def test_a_network_that_diverges_is_a_row():
-    """A force that grows with the velocity, in its direction, throws the shaft out of all
-    numbers."""
-    from models.reproduce.trajectories import CASES, LINEAR, OURS, PAPER, REYNOLDS, _rows, apart
+    """A force beyond all numbers; one that only throws the shaft far away is a distance."""
+    from models.reproduce.trajectories import (
+        CASES,
+        LINEAR,
+        OURS,
+        PAPER,
+        REYNOLDS,
+        _rows,
+        apart,
+        unfed,
+    )
     from sim_hil.rigs import load_rig
     from sim_hil.rotor.network_law import Perceptron, RawNetworkLaw
 
     forwards = np.zeros((5, 2))
-    forwards[3:] = 1e200 * np.eye(2)
+    forwards[3:] = np.inf * np.ones((2, 2))
     law = RawNetworkLaw(Perceptron.make(forwards.ravel(), (4, 2)), 1e-4, 1e-3, 1e3)
     truth = np.zeros((1, 2))
-    orbit, _, why = apart(load_rig("seed"), CASES[0], 1, law, truth)
+    orbit, _, why = apart(unfed(load_rig("seed")), CASES[0], 1, law, truth)
     assert orbit is None
     assert "left the finite numbers" in str(why)
     speed = {REYNOLDS: 0.1, PAPER: None, OURS: 2.0, LINEAR: 3.0}
