@@ -34,6 +34,7 @@ KEYS = {
     "film",
     "kills",
     "trips",
+    "not_judged",
     "ok",
     "ok_is",
     "failed_terms",
@@ -71,6 +72,7 @@ def story(seconds: int, seed: int) -> dict[str, Any]:
 def test_the_story_comes_true_and_the_machine_stays_safe(seconds: int, seed: int) -> None:
     result = story(seconds, seed)
     assert set(result) == KEYS
+    assert result["not_judged"] == {}, "on bench everything is judged"
     bus = result["bus"]
     assert bus["frames_expected"] == bus["frames_in"] > 1650 * seconds
     assert (bus["frames_lost"], bus["blocks_lost"], result["trips"]) == (0, 0, [])
