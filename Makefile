@@ -11,7 +11,7 @@ APART  := -n $(WORKERS) --dist worksteal
 # Tests start hundreds of interpreters, which would compile every module again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help demo test coverage lint types layers test-train test-slow test-recipes pair-study nightly test-kill fuzz test-machines test-systemd test-socketcan lock dialect clean golden
+.PHONY: help demo test coverage lint types layers test-train test-build test-slow test-recipes pair-study nightly test-kill fuzz test-machines test-systemd test-socketcan lock dialect clean golden
 
 help:            ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 16
@@ -45,8 +45,11 @@ types: $(VENV)/.dev $(VENV)/.train   ## mypy --strict
 layers: $(VENV)/.dev ## import order
 	@$(BIN)/lint-imports
 
-test-train: $(VENV)/.dev $(VENV)/.train   ## trainers, exports and a smoke training of every model (about 3 minutes)
-	@$(PYTEST) tests/models -m "slow or not slow" $(APART)
+test-train: $(VENV)/.dev $(VENV)/.train   ## trainers, exports and a smoke training of every model (about 4 minutes)
+	@$(PYTEST) tests/models --ignore=tests/models/builder/test_whole_build.py -m "slow or not slow" $(APART)
+
+test-build: $(VENV)/.dev $(VENV)/.train   ## whole small builds: killed and gone on with, spread over workers, sealed (about 4 minutes)
+	@$(PYTEST) tests/models/builder/test_whole_build.py -m "slow or not slow" $(APART)
 
 test-slow: $(VENV)/.dev   ## the heavier suites (about 12 minutes)
 	@$(PYTEST) --ignore=tests/models --ignore=tests/recipes -m slow
