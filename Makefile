@@ -19,7 +19,7 @@ help:            ## this list
 demo: $(VENV)/.sim   ## the whole device against the rotor rig in software; options: make demo DEMO="--seconds 60 --seed 7"
 	@$(BIN)/orbitd demo $(DEMO)
 
-test: $(VENV)/.dev   ## the default tests (about 6 minutes on two cores)
+test: $(VENV)/.dev   ## the default tests (about 8 minutes on two cores)
 	@$(PYTEST) --ignore=tests/models -m "not slow and not timing" $(APART)
 	@$(PYTEST) $$(grep -rl "mark.timing" tests --include="test_*.py" --exclude-dir=models) -m "timing and not slow"
 
