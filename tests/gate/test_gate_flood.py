@@ -9,9 +9,8 @@ from tests.gate.flood import INPUTS, device, measure
 pytestmark = pytest.mark.timing
 
 BAR_S = 0.2
-"""For the worst of a local disarm, and for the median of one through the gate."""
+"""For the worst disarm, locally and through the gate."""
 
-THROUGH_GATE_WORST_S = 1.0
 TRIES = 3
 """A test machine has other work on it: twenty processes for each processor hold up a caller for
 0.2 s once in some thousand calls, on any way. What the way itself costs shows in every try."""
@@ -50,12 +49,7 @@ def test_a_disarm_is_answered_while_another_client_asks_at_its_greatest_rate(run
     found = []
     for _ in range(TRIES):
         took = measure(name, folder, ports, 9)
-        through_gate_s = took.through_gate_s
         found.append(str(took))
-        if (
-            took.local_s[-1] <= BAR_S
-            and through_gate_s[4] <= BAR_S
-            and through_gate_s[-1] <= THROUGH_GATE_WORST_S
-        ):
+        if max(took.local_s[-1], took.through_gate_s[-1]) <= BAR_S:
             return
     pytest.fail(f"beside {name}: {'; '.join(found)}")
