@@ -132,16 +132,15 @@ def table(rows: list[Row], scenarios: int) -> list[str]:
 def _named(rows: list[Row], scenarios: int) -> list[str]:
     """What the classifier said, class by class.
 
-    A machine that the guard tripped coasts and stands: what is said of it then is no word on a
-    running machine, so that these flights are counted apart.
+    All flights count, also of a machine that the guard tripped, which coasts and stands while it is
+    judged; how many did is told beside.
     """
     if not rows:
         return []
-    tripped = [row for row in rows if row["tripped"]]
-    rows = [row for row in rows if not row["tripped"]]
+    tripped = sum(bool(row["tripped"]) for row in rows)
     lines = [
-        f"classifier: {len(rows) + len(tripped)}/{scenarios} flights, {len(tripped)} of them "
-        "tripped by the guard (not counted below); share of decisions"
+        f"classifier: {len(rows)}/{scenarios} flights, {tripped} of them tripped by the guard; "
+        "share of decisions"
     ]
     recall = []
     for name in CLASSES:

@@ -85,9 +85,9 @@ def test_a_class_is_right_by_share_of_decisions_and_real_figures_stand_beside():
             50,
         )
     )
-    assert "4/50 flights, 1 of them tripped" in text
-    assert "0.38 right, confirmed alone in 1 of 2; doubt 0.12, normal 0.50" in text
-    assert f"mean over classes {0.5 * (1.0 + 0.375):.3f}" in text
+    assert "4/50 flights, 1 of them tripped by the guard" in text
+    assert "0.25 right, confirmed alone in 1 of 3; doubt 0.08, normal 0.33, none 0.33" in text
+    assert f"mean over classes {0.5 * (1.0 + 0.25):.3f}" in text
     assert "0.28 over four classes" in text
 
 
