@@ -12,8 +12,9 @@ from typing import Any, Final, cast
 import msgspec
 from msgspec import inspect
 
+from firmware_py.config.convert import not_none
 from firmware_py.config.limits import with_limits
-from firmware_py.config.meaning import meaning, not_none
+from firmware_py.config.meaning import meaning
 from firmware_py.config.schema import Config
 from firmware_py.config.written import toml_value
 from firmware_py.machine import Machine

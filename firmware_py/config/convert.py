@@ -14,7 +14,6 @@ from typing import Any, Final, cast
 import msgspec
 from msgspec import inspect
 
-from firmware_py.config.meaning import missing, not_none
 from firmware_py.config.schema import WORDS, Config
 from firmware_py.machine.texts import unit_of
 from firmware_py.machine.values import Section
@@ -77,6 +76,13 @@ def _keys(cls: type[Section]) -> Mapping[str, _Key]:
     return {each.name: _Key(not_none(each.type), each) for each in described.fields}
 
 
+def not_none(kind: inspect.Type) -> inspect.Type:
+    """What may be written in TOML, which has no None."""
+    if isinstance(kind, inspect.UnionType):
+        return next(each for each in kind.types if not isinstance(each, inspect.NoneType))
+    return kind
+
+
 def _section(
     cls: type[Section], table: dict[str, Any], prefix: str, faults: list[Found]
 ) -> dict[str, Any]:
@@ -98,6 +104,8 @@ def _section(
             if value is not _HOLE:
                 values[name] = value
         elif key.required and name not in meant:
+            from firmware_py.config.meaning import missing  # texts: only where there is a fault
+
             faults.append((prefix + name, None, missing(cls, key.field, prefix + name)))
     return values
 

@@ -7,16 +7,10 @@ from typing import cast
 
 from msgspec import inspect
 
+from firmware_py.config.convert import not_none
 from firmware_py.config.written import toml_value
 from firmware_py.machine.texts import head_of, texts_of, unit_of
 from firmware_py.machine.values import Section
-
-
-def not_none(kind: inspect.Type) -> inspect.Type:
-    """What may be written in TOML, which has no None."""
-    if isinstance(kind, inspect.UnionType):
-        return next(each for each in kind.types if not isinstance(each, inspect.NoneType))
-    return kind
 
 
 def meaning(cls: type[Section], field: inspect.Field) -> str:
